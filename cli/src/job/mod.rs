@@ -16,6 +16,7 @@
 mod add;
 mod build;
 mod content;
+mod encoded;
 mod error;
 mod file_name;
 mod input;

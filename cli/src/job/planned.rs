@@ -71,6 +71,14 @@ impl PlannedJob {
         if part < parts { Ok(()) } else { Err(JobError::NoPart { part, parts }) }
     }
 
+    /// Whether a part is there, by the beginning of its file. Whoever uses it checks the rest.
+    pub(super) fn has_part(&self, part: u32) -> bool {
+        let Some(entry) = self.manifest.parts.get(part as usize) else { return false };
+        let regions = entry.first_region..entry.first_region + entry.regions;
+        PartReader::open(&PartFiles::new(self.directory.folder(), part).path)
+            .is_ok_and(|there| there.job == self.manifest.part_id() && there.head.regions == regions)
+    }
+
     /// Builds a part, unless it exists already, in the job's directory or to `output`.
     ///
     /// # Errors

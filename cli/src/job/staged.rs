@@ -3,6 +3,7 @@
 //! Processes meet in the job's directory alone. A task takes a lock, hands on a sealed file, and can be done again after any end of the
 //! process that had it.
 
+use std::borrow::Cow;
 use std::cell::{Cell, OnceCell, RefCell};
 use std::fs;
 use std::io;
@@ -171,6 +172,24 @@ impl StagedJob {
         TaskFiles::new(self.directory.folder(), stage, task).product.exists()
     }
 
+    /// A rough measure of how long a task takes beside others of its stage: steps of a fifth. 0 where that is not known.
+    pub(super) fn weight(&self, stage: Stage, task: u32) -> u32 {
+        let planned = if stage == Stage::Build { self.planned().ok() } else { None };
+        let triangles = planned.map_or(0, |planned| planned.triangles(task));
+        (triangles.max(1) as f64).log(1.2) as u32
+    }
+
+    /// The parts, once the job is planned.
+    fn planned(&self) -> Result<&PlannedJob, JobError> {
+        match self.planned.get() {
+            Some(planned) => Ok(planned),
+            None => {
+                let planned = PlannedJob::open(self.directory.folder())?;
+                Ok(self.planned.get_or_init(|| planned))
+            }
+        }
+    }
+
     /// Does a task, unless it is done or another process is doing it. The job's directory keeps a report, or the reason of a failure.
     ///
     /// # Errors
@@ -185,6 +204,7 @@ impl StagedJob {
             return self.build(task, memory, progress);
         }
         let files = TaskFiles::new(self.directory.folder(), stage, task);
+        let manifest = self.current(stage)?;
         let lock = match Lock::try_take(&files.lock) {
             Ok(lock) => lock,
             Err(error) if error.source.kind() == io::ErrorKind::WouldBlock => return Ok(Outcome::Taken),
@@ -195,7 +215,7 @@ impl StagedJob {
             return Ok(Outcome::WasDone);
         }
         let watch = Stopwatch::default();
-        let task = Task { directory: &self.directory, manifest: &self.manifest, stages: self.stages, task, memory };
+        let task = Task { directory: &self.directory, manifest: &manifest, stages: self.stages, task, memory };
         let done = self.check_inputs(stage).map_err(BuildError::from);
         let done = done.and_then(|()| task.run(stage, progress));
         // They may have changed while the task read them.
@@ -220,19 +240,25 @@ impl StagedJob {
     }
 
     fn build(&self, part: u32, memory: u64, progress: &dyn Progress) -> Result<Outcome, BuildError> {
-        let planned = match self.planned.get() {
-            Some(planned) => planned,
-            None => {
-                let planned = PlannedJob::open(self.directory.folder())?;
-                self.planned.get_or_init(|| planned)
-            }
-        };
+        let planned = self.planned()?;
+        // A worker that looks for what is left need not read what others have built.
+        if planned.has_part(part) {
+            return Ok(Outcome::WasDone);
+        }
         match planned.build(part, memory, None, progress) {
             Ok(built) => Ok(built.report.map_or(Outcome::WasDone, Outcome::Done)),
             Err(error) if error.work().is_some_and(|work| work.source.kind() == io::ErrorKind::WouldBlock) => {
                 Ok(Outcome::Taken)
             }
             Err(error) => Err(error),
+        }
+    }
+
+    /// The manifest as a stage needs it: the last stage of planning adds the parts.
+    fn current(&self, stage: Stage) -> Result<Cow<'_, Manifest>, JobError> {
+        match stage > Stage::Build && self.manifest.parts.is_empty() {
+            true => Ok(Cow::Owned(Manifest::read(self.directory.folder())?)),
+            false => Ok(Cow::Borrowed(&self.manifest)),
         }
     }
 

@@ -11,6 +11,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::content::{self, Contents};
+use super::encoded::BuiltJob;
 use super::input::read_input;
 use super::plan::{part_entries, write_plan};
 use super::stage::{TaskFiles, even_runs, run_file};
@@ -37,7 +38,7 @@ pub(super) struct Task<'a> {
     pub memory: u64,
 }
 
-const KIND: [u8; 4] = *b"task";
+pub(super) const KIND: [u8; 4] = *b"task";
 const PAIRS_NAME: &str = "pairs";
 const PAIRS_KIND: [u8; 4] = *b"pair";
 
@@ -99,6 +100,8 @@ impl Task<'_> {
             Stage::Seams => self.find_seams(),
             // Parts have files and reports of their own.
             Stage::Build => Ok(0),
+            Stage::Arrange => self.built().arrange(),
+            Stage::Encode => self.built().encode(self.task, progress),
         }
     }
 
@@ -273,6 +276,10 @@ impl Task<'_> {
         (0..self.stages.ranges).for_each(|task| self.directory.remove(&self.runs(task)));
         remove_shared(self.directory);
         self.directory.remove(&self.directory.path(TRIANGLES_NAME));
+    }
+
+    fn built(&self) -> BuiltJob<'_> {
+        BuiltJob { folder: self.directory.folder(), manifest: self.manifest, stages: self.stages }
     }
 
     fn contents(&self) -> Contents<'_> {

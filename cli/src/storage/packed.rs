@@ -62,7 +62,10 @@ pub(crate) fn put_opposites(bytes: &mut Vec<u8>, opposites: &[u32]) {
         } else if opposite > half_edge {
             put_number(bytes, opposite - half_edge);
         }
-        debug_assert!(opposite == NONE || opposites[opposite as usize] == half_edge, "half-edges are opposite each other");
+        debug_assert!(
+            opposite == NONE || opposites[opposite as usize] == half_edge,
+            "half-edges are opposite each other"
+        );
     }
 }
 
@@ -210,7 +213,10 @@ mod tests {
         let before = rest.len();
         let back = get_positions(&mut rest, single.len()).unwrap();
         assert_eq!(before - rest.len(), 1 + 12 * single.len());
-        assert_eq!(back.iter().map(|p| p.to_array().map(f64::to_bits)).collect::<Vec<_>>(), single.iter().map(|p| p.to_array().map(f64::to_bits)).collect::<Vec<_>>());
+        assert_eq!(
+            back.iter().map(|p| p.to_array().map(f64::to_bits)).collect::<Vec<_>>(),
+            single.iter().map(|p| p.to_array().map(f64::to_bits)).collect::<Vec<_>>()
+        );
         assert_eq!(get_positions(&mut rest, 2).as_deref(), Some(&double[..]));
         assert!(rest.is_empty());
     }

@@ -77,7 +77,10 @@ fn pieces(whole: &Model, root_counts: &[usize]) -> Vec<Piece> {
 fn written(head: &Model, pieces: &[Piece]) -> Result<Vec<u8>> {
     let mut assembly = Assembly::new(head)?;
     pieces.iter().try_for_each(|piece| assembly.count(&piece.index))?;
-    let mut output = Output::new(assembly.arrange()?.seal(None), || Ok(Cursor::new(Vec::new())))?;
+    let encoder = assembly.arrange()?.seal(None);
+    #[cfg(feature = "serde")]
+    let elsewhere = written_elsewhere(&encoder, pieces)?;
+    let mut output = Output::new(encoder, || Ok(Cursor::new(Vec::new())))?;
     // They may come in any order now, and so may clusters be encoded.
     pieces.iter().enumerate().rev().try_for_each(|(number, piece)| output.take(number, piece))?;
     let mut encoded = Vec::new();
@@ -88,7 +91,51 @@ fn written(head: &Model, pieces: &[Piece]) -> Result<Vec<u8>> {
     encoded.into_iter().rev().try_for_each(|cluster| output.add(cluster))?;
     let mut bytes = Vec::new();
     output.finish(&mut bytes)?;
+    #[cfg(feature = "serde")]
+    assert!(bytes == elsewhere, "clusters encoded elsewhere make another file");
     Ok(bytes)
+}
+
+/// The same, with clusters that are encoded from shares of one and of two clusters.
+#[cfg(feature = "serde")]
+fn written_elsewhere(encoder: &crate::write::Encoder, pieces: &[Piece]) -> Result<Vec<u8>> {
+    let mut output = Output::new(encoder.head().encoder()?, || Ok(Cursor::new(Vec::new())))?;
+    let (count, mut first) = (encoder.cluster_count(), 0);
+    for size in [1, 2].into_iter().cycle() {
+        let end = count.min(first + size);
+        if first == end {
+            break;
+        }
+        let mut share = encoder.share(first..end)?;
+        for number in share.pieces().into_iter().rev() {
+            share.take(number, &pieces[number as usize])?;
+        }
+        share.encode()?.try_for_each(|cluster| output.add(cluster?))?;
+        first = end;
+    }
+    let mut bytes = Vec::new();
+    output.finish(&mut bytes)?;
+    Ok(bytes)
+}
+
+#[cfg(feature = "serde")]
+#[test]
+fn shares_refuse_other_pieces() {
+    let (whole, _) = model(&cube(3), OPTIONS);
+    let half = whole.roots.len() / 2;
+    let pieces = pieces(&whole, &[half, whole.roots.len() - half]);
+    let mut assembly = Assembly::new(&whole).unwrap();
+    pieces.iter().for_each(|piece| assembly.count(&piece.index).unwrap());
+    let encoder = assembly.arrange().unwrap().seal(None);
+    let count = encoder.cluster_count();
+    assert!(encoder.share(count..count + 1).is_err());
+    let share = || encoder.share(0..count).unwrap();
+    assert_eq!(share().pieces(), [0, 1]);
+    assert!(share().encode().is_err(), "no piece was taken");
+    assert!(share().take(0, &Piece::default()).is_err(), "a piece without roots");
+    let mut lacking = share();
+    lacking.take(0, &pieces[0]).unwrap();
+    assert!(lacking.encode().unwrap().any(|cluster| cluster.is_err()), "a piece is missing");
 }
 
 /// All triangles by their positions, sorted.

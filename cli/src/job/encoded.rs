@@ -1,0 +1,226 @@
+//! The last stages of a job in stages: the order of the file, and clusters as bytes. What is left for a merge is to put these together.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use lodpack::write::{EncodedCluster, EncoderHead, EncoderShare, Piece};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use super::merge::PartProducts;
+use super::part::{PartReader, part_name};
+use super::plan::read_plan;
+use super::planned::PARTS_NAME;
+use super::stage::{TaskFiles, encoder_file};
+use super::tasks::KIND;
+use super::{BuildError, JobError, Manifest, Stage, Stages};
+use crate::pipeline::summary::{BuildSummary, Times};
+use crate::pipeline::{Arranged, PipelineError, Sums, arrange, join_encoded};
+use crate::progress::Progress;
+use crate::storage::{JobId, SealedReader, SealedWriter, WorkError};
+use crate::text::shell;
+
+const ENCODER_KIND: [u8; 4] = *b"encd";
+
+/// What is known of a file once its parts are ordered.
+#[derive(Serialize, Deserialize)]
+struct ArrangeProduct {
+    head: EncoderHead,
+    sums: Sums,
+    /// How many clusters each task of [`Stage::Encode`] has.
+    shares: Vec<u64>,
+}
+
+/// A job whose parts are built.
+pub(super) struct BuiltJob<'a> {
+    pub folder: &'a Path,
+    pub manifest: &'a Manifest,
+    pub stages: Stages,
+}
+
+impl BuiltJob<'_> {
+    /// Orders all parts, and writes for each task of [`Stage::Encode`] what it has to know. Returns the bytes of these files.
+    pub fn arrange(&self) -> Result<u64, BuildError> {
+        let (plan, _) = read_plan(self.folder, self.manifest.id())?;
+        let paths: Vec<PathBuf> = (0..self.manifest.parts.len() as u32).map(|part| self.part(part)).collect();
+        (0..).zip(&paths).try_for_each(|(part, path)| self.open_part(part, path).map(drop))?;
+        let arranged = arrange(&plan, &PartProducts { paths }, Times::default());
+        // A part whose head is damaged is not named by the pipeline.
+        let Arranged { encoder, sums, above } = arranged.map_err(|error| match error {
+            PipelineError::Region(crate::region::RegionError::Work(error)) => self.broken(&error),
+            other => other.into(),
+        })?;
+        let tasks = self.stages.tasks(Stage::Encode);
+        let (mut bytes, mut shares) = (0, vec![]);
+        for task in 0..tasks {
+            let clusters = share_of(task, tasks, encoder.cluster_count());
+            shares.push(clusters.len() as u64);
+            if clusters.is_empty() {
+                continue;
+            }
+            let share = encoder.share(clusters).map_err(PipelineError::from)?;
+            // Few clusters have anything of the groups above regions, and these are small.
+            let above = above.as_ref().filter(|_| share.pieces().contains(&plan.regions));
+            let mut writer =
+                SealedWriter::create(&encoder_file(self.folder, task), ENCODER_KIND, self.manifest.part_id())?;
+            writer.put(&share)?;
+            writer.put(&above)?;
+            bytes += writer.finish(true)?;
+        }
+        Ok(bytes
+            + self.hand_on(Stage::Arrange, 0, |writer| {
+                writer.put(&ArrangeProduct { head: encoder.head(), sums, shares })
+            })?)
+    }
+
+    /// Encodes the clusters of a task.
+    pub fn encode(&self, task: u32, progress: &dyn Progress) -> Result<u64, BuildError> {
+        let path = encoder_file(self.folder, task);
+        let ArrangeProduct { shares, .. } = self.product(Stage::Arrange, 0)?;
+        if shares.get(task as usize).is_none_or(|&clusters| clusters == 0) {
+            return Ok(self.hand_on(Stage::Encode, task, |_| Ok(()))?);
+        }
+        let mut reader = SealedReader::open_of_job(&path, ENCODER_KIND, self.manifest.part_id())?;
+        let (mut share, above): (EncoderShare, Option<Piece>) = (reader.get()?, reader.get()?);
+        reader.finish()?;
+        let pieces = share.pieces();
+        progress.begin("encode", pieces.len() as u64);
+        for (part, entry) in (0..).zip(&self.manifest.parts) {
+            let regions = entry.first_region..entry.first_region + entry.regions;
+            if pieces.iter().any(|piece| regions.contains(piece)) {
+                self.take(part, regions, &pieces, &mut share)?;
+            }
+        }
+        if let (Some(above), Some(&last)) = (&above, pieces.last()) {
+            share.take(last, above).map_err(PipelineError::from)?;
+        }
+        let bytes = self.hand_on(Stage::Encode, task, |writer| {
+            let damaged = |error: lodpack::Error| WorkError::damaged(&path, &error.to_string());
+            share.encode().map_err(damaged)?.try_for_each(|cluster| writer.put(&cluster.map_err(damaged)?))
+        })?;
+        Ok(bytes)
+    }
+
+    /// Takes those regions of a part that a share needs, and checks the whole part.
+    fn take(&self, part: u32, regions: Range<u32>, wanted: &[u32], share: &mut EncoderShare) -> Result<(), BuildError> {
+        let broken = |error: WorkError| self.broken(&error);
+        let mut reader = self.open_part(part, &self.part(part))?;
+        for region in regions {
+            if wanted.binary_search(&region).is_err() {
+                reader.pass().map_err(broken)?;
+                continue;
+            }
+            let piece = reader.piece().map_err(broken)?;
+            share.take(region, &piece).map_err(PipelineError::from)?;
+        }
+        reader.finish().map_err(broken)
+    }
+
+    fn part(&self, part: u32) -> PathBuf {
+        self.folder.join(PARTS_NAME).join(part_name(part))
+    }
+
+    /// Opens a part, which has to be the one that the plan wants.
+    fn open_part(&self, part: u32, path: &Path) -> Result<PartReader, BuildError> {
+        let entry = &self.manifest.parts[part as usize];
+        let regions = entry.first_region..entry.first_region + entry.regions;
+        let opened = PartReader::open(path).map_err(|error| self.broken(&error))?;
+        match opened.job == self.manifest.part_id() && opened.head.part == part && opened.head.regions == regions {
+            true => Ok(opened),
+            false => Err(self.broken(&WorkError::damaged(path, "it belongs to another plan"))),
+        }
+    }
+
+    /// The error for a part that cannot be used, which says how to make it again.
+    fn broken(&self, error: &WorkError) -> BuildError {
+        let (job, path) = (shell(self.folder), error.path.display());
+        let number = (0..self.manifest.parts.len() as u32).find(|&part| self.part(part) == error.path);
+        let again = number.map(|part| format!("; `lodpack build --job {job} --part {part}` makes it"));
+        let problems = vec![format!("{path}: {}{}", error.source, again.unwrap_or_default())];
+        JobError::Parts { parts: self.manifest.parts.len() as u32, problems }.into()
+    }
+
+    /// Whether all clusters are encoded.
+    pub fn is_encoded(&self) -> bool {
+        let tasks = self.stages.tasks(Stage::Encode);
+        let is_done = |task| TaskFiles::new(self.folder, Stage::Encode, task).product.exists();
+        tasks > 0 && TaskFiles::new(self.folder, Stage::Arrange, 0).product.exists() && (0..tasks).all(is_done)
+    }
+
+    /// Puts the file together. An error of [`Self::is_encoded`] files leaves `out` empty.
+    pub fn join(
+        &self,
+        scratch: &Path,
+        out: &mut impl std::io::Write,
+        progress: &dyn Progress,
+    ) -> Result<BuildSummary, PipelineError> {
+        let work = |error: WorkError| PipelineError::from(error);
+        let (plan, _) = read_plan(self.folder, self.manifest.id()).map_err(work)?;
+        let ArrangeProduct { head, sums, shares } = self.product(Stage::Arrange, 0).map_err(work)?;
+        let clusters = (0..).zip(shares).flat_map(|(task, clusters)| Clusters::of(self, task, clusters));
+        join_encoded(&plan, head, sums, clusters, scratch, out, progress)
+    }
+
+    fn product<T: DeserializeOwned>(&self, stage: Stage, task: u32) -> Result<T, WorkError> {
+        let mut reader = self.open(stage, task)?;
+        let value = reader.get()?;
+        reader.finish()?;
+        Ok(value)
+    }
+
+    fn open(&self, stage: Stage, task: u32) -> Result<SealedReader, WorkError> {
+        SealedReader::open_of_job(&TaskFiles::new(self.folder, stage, task).product, KIND, self.id())
+    }
+
+    fn hand_on(
+        &self,
+        stage: Stage,
+        task: u32,
+        write: impl FnOnce(&mut SealedWriter) -> Result<(), WorkError>,
+    ) -> Result<u64, WorkError> {
+        let files = TaskFiles::new(self.folder, stage, task);
+        let mut writer = SealedWriter::create(&files.product, KIND, self.id())?;
+        write(&mut writer)?;
+        writer.finish(true)
+    }
+
+    fn id(&self) -> JobId {
+        self.manifest.part_id()
+    }
+}
+
+/// The clusters of a task: its share of so many, where each task has about as many.
+fn share_of(task: u32, tasks: u32, clusters: usize) -> Range<usize> {
+    let at = |task: u32| (clusters as u64 * u64::from(task) / u64::from(tasks)) as usize;
+    at(task)..at(task + 1)
+}
+
+/// The clusters that a task has encoded.
+struct Clusters {
+    reader: Option<SealedReader>,
+    failure: Option<WorkError>,
+    left: u64,
+}
+
+impl Clusters {
+    fn of(job: &BuiltJob, task: u32, clusters: u64) -> Self {
+        match job.open(Stage::Encode, task) {
+            Ok(reader) => Self { reader: Some(reader), failure: None, left: clusters },
+            Err(error) => Self { reader: None, failure: Some(error), left: 0 },
+        }
+    }
+}
+
+impl Iterator for Clusters {
+    type Item = Result<EncodedCluster, PipelineError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.left > 0 {
+            self.left -= 1;
+            return Some(self.reader.as_mut()?.get().map_err(PipelineError::from));
+        }
+        // The hash follows the last cluster.
+        let failure = self.failure.take().or_else(|| self.reader.take().and_then(|reader| reader.finish().err()));
+        failure.map(|error| Err(error.into()))
+    }
+}
