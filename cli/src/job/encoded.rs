@@ -78,7 +78,8 @@ impl BuiltJob<'_> {
         let path = encoder_file(self.folder, task);
         let ArrangeProduct { shares, .. } = self.product(Stage::Arrange, 0)?;
         if shares.get(task as usize).is_none_or(|&clusters| clusters == 0) {
-            return Ok(self.hand_on(Stage::Encode, task, |_| Ok(()))?);
+            // What can be made again at once need not reach the disk.
+            return Ok(self.create(Stage::Encode, task)?.finish(false)?);
         }
         let mut reader = SealedReader::open_of_job(&path, ENCODER_KIND, self.manifest.part_id())?;
         let (mut share, above): (EncoderShare, Option<Piece>) = (reader.get()?, reader.get()?);
@@ -178,10 +179,13 @@ impl BuiltJob<'_> {
         task: u32,
         write: impl FnOnce(&mut SealedWriter) -> Result<(), WorkError>,
     ) -> Result<u64, WorkError> {
-        let files = TaskFiles::new(self.folder, stage, task);
-        let mut writer = SealedWriter::create(&files.product, KIND, self.id())?;
+        let mut writer = self.create(stage, task)?;
         write(&mut writer)?;
         writer.finish(true)
+    }
+
+    fn create(&self, stage: Stage, task: u32) -> Result<SealedWriter, WorkError> {
+        SealedWriter::create(&TaskFiles::new(self.folder, stage, task).product, KIND, self.id())
     }
 
     fn id(&self) -> JobId {

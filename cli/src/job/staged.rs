@@ -13,7 +13,7 @@ use super::file_name::product_name;
 use super::planned::chain;
 use super::stage::{STAGES_NAME, TaskFiles};
 use super::status::PartReport;
-use super::tasks::Task;
+use super::tasks::{AllRuns, Task};
 use super::{BuildError, BuildOptions, JobError, Manifest, PartOptions, PlannedJob, Stage, Stages};
 use crate::import::RangedMesh;
 use crate::machine::peak_memory_bytes;
@@ -36,6 +36,8 @@ pub struct StagedJob {
     begun: Cell<Option<Stage>>,
     /// The parts, once one is built.
     planned: OnceCell<PlannedJob>,
+    /// What [`Stage::Divide`] has sent to the regions, once a task of this process has needed it.
+    runs: OnceCell<AllRuns>,
     /// Sizes and time stamps with which the inputs were found to be unchanged.
     unchanged: RefCell<Option<Vec<(u64, u64)>>>,
 }
@@ -136,6 +138,7 @@ impl StagedJob {
             stages,
             begun: Cell::new(None),
             planned: OnceCell::new(),
+            runs: OnceCell::new(),
             unchanged: RefCell::default(),
         })
     }
@@ -172,11 +175,20 @@ impl StagedJob {
         TaskFiles::new(self.directory.folder(), stage, task).product.exists()
     }
 
-    /// A rough measure of how long a task takes beside others of its stage: steps of a fifth. 0 where that is not known.
-    pub(super) fn weight(&self, stage: Stage, task: u32) -> u32 {
-        let planned = if stage == Stage::Build { self.planned().ok() } else { None };
-        let triangles = planned.map_or(0, |planned| planned.triangles(task));
-        (triangles.max(1) as f64).log(1.2) as u32
+    /// Rough measures of how long the tasks of a stage take: steps of a fifth. Empty where that is not known.
+    pub(super) fn weights(&self, stage: Stage) -> Vec<u32> {
+        let triangles = match stage {
+            Stage::Build => {
+                self.planned().ok().map(|planned| (0..planned.parts()).map(|part| planned.triangles(part)).collect())
+            }
+            _ => self.task(&self.manifest, 0, u64::MAX).triangles(stage),
+        };
+        let weight = |triangles: u64| (triangles.max(1) as f64).log(1.2) as u32;
+        triangles.unwrap_or_default().into_iter().map(weight).collect()
+    }
+
+    fn task<'a>(&'a self, manifest: &'a Manifest, task: u32, memory: u64) -> Task<'a> {
+        Task { directory: &self.directory, manifest, stages: self.stages, task, memory, runs: &self.runs }
     }
 
     /// The parts, once the job is planned.
@@ -215,7 +227,14 @@ impl StagedJob {
             return Ok(Outcome::WasDone);
         }
         let watch = Stopwatch::default();
-        let task = Task { directory: &self.directory, manifest: &manifest, stages: self.stages, task, memory };
+        let task = Task {
+            directory: &self.directory,
+            manifest: &manifest,
+            stages: self.stages,
+            task,
+            memory,
+            runs: &self.runs,
+        };
         let done = self.check_inputs(stage).map_err(BuildError::from);
         let done = done.and_then(|()| task.run(stage, progress));
         // They may have changed while the task read them.

@@ -2,9 +2,12 @@
 //!
 //! The steps are those of [`super::Job`], which does all of them in one process, so the plan is the same.
 
+use std::cell::OnceCell;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::DVec3;
 use serde::de::DeserializeOwned;
@@ -24,7 +27,7 @@ use crate::pipeline::{Found, Scale, Whole, seams_of};
 use crate::progress::Progress;
 use crate::region::{
     Agreement, BoundarySketch, CellCounts, Counts, Decomposition, DividedMesh, Matching, NumberedMesh, RegionDirectory,
-    RegionStats, RunFile, RunList, at_once, centroid, remove_shared, repair_regions,
+    RegionStats, Reversed, RunFile, RunList, at_once, centroid, remove_shared, repair_regions,
 };
 use crate::storage::memory::region_bytes;
 use crate::storage::{SealedReader, SealedWriter, WorkDirectory, WorkError};
@@ -36,6 +39,16 @@ pub(super) struct Task<'a> {
     pub stages: Stages,
     pub task: u32,
     pub memory: u64,
+    /// The runs of all regions, once this process has needed them.
+    pub runs: &'a OnceCell<AllRuns>,
+}
+
+/// The triangles that all tasks of [`Stage::Divide`] have sent to the regions.
+#[derive(Clone, Debug)]
+pub(super) struct AllRuns {
+    runs: Arc<[RunFile]>,
+    /// Triangles of each region.
+    triangles: Vec<u64>,
 }
 
 pub(super) const KIND: [u8; 4] = *b"task";
@@ -75,7 +88,18 @@ struct MatchProduct {
     whole: Whole,
     /// The regions of each task of [`Stage::Segment`].
     shares: Vec<Range<u32>>,
+    /// Their triangles.
+    triangles: Vec<u64>,
     regions: u32,
+    /// Regions with components that have to be reversed before they are cut into charts, and which these are.
+    reversed: BTreeMap<u32, Reversed>,
+}
+
+impl MatchProduct {
+    /// For each region up to the end of a range what is reversed of it.
+    fn reversed(&self, regions: &Range<usize>) -> Vec<Reversed> {
+        (0..regions.end as u32).map(|region| self.reversed.get(&region).cloned().unwrap_or_default()).collect()
+    }
 }
 
 /// What is only of interest once all regions are cut into charts.
@@ -189,14 +213,7 @@ impl Task<'_> {
     fn repair(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
         let CutProduct { tree, bounds, .. } = self.product(Stage::Cut, 0)?;
         let ImportProduct { attributes, appearance, .. } = self.imported()?;
-        let (mut runs, mut triangles) = (vec![], vec![0; tree.region_count() as usize]);
-        for task in 0..self.stages.ranges {
-            let (list, path): (RunList, _) = (self.product(Stage::Divide, task)?, self.runs(task));
-            if list.add_to(&mut triangles).is_none() {
-                return Err(WorkError::damaged(&path, "it has triangles of other regions").into());
-            }
-            runs.push(RunFile::new(path, list));
-        }
+        let AllRuns { runs, triangles } = self.all_runs(tree.region_count())?.clone();
         let shares = even_runs(triangles.iter().copied(), self.stages.parts);
         let counts = Counts { triangles, bounds, attributes, appearance };
         let job = self.manifest.id();
@@ -210,15 +227,43 @@ impl Task<'_> {
         self.end(Stage::Repair, store.repaired_bytes(range.clone()), range)
     }
 
+    /// The files of all tasks of [`Stage::Divide`].
+    fn all_runs(&self, regions: u32) -> Result<&AllRuns, WorkError> {
+        if let Some(all) = self.runs.get() {
+            return Ok(all);
+        }
+        let (mut runs, mut triangles) = (vec![], vec![0; regions as usize]);
+        for task in 0..self.stages.ranges {
+            let (list, path): (RunList, _) = (self.product(Stage::Divide, task)?, self.run_file(task));
+            if list.add_to(&mut triangles).is_none() {
+                return Err(WorkError::damaged(&path, "it has triangles of other regions"));
+            }
+            runs.push(RunFile::new(path, list));
+        }
+        Ok(self.runs.get_or_init(|| AllRuns { runs: runs.into(), triangles }))
+    }
+
+    /// The triangles of each task of a stage of regions, where that is known.
+    pub fn triangles(&self, stage: Stage) -> Option<Vec<u64>> {
+        match stage {
+            Stage::Repair => {
+                let CutProduct { tree, .. } = self.product(Stage::Cut, 0).ok()?;
+                let triangles = &self.all_runs(tree.region_count()).ok()?.triangles;
+                let shares = even_runs(triangles.iter().copied(), self.stages.parts);
+                Some(shares.iter().map(|share| triangles[as_usize(share)].iter().sum()).collect())
+            }
+            Stage::Segment => Some(self.product::<MatchProduct>(Stage::Match, 0).ok()?.triangles),
+            _ => None,
+        }
+    }
+
     fn find_pairs(&self) -> Result<u64, BuildError> {
         let CutProduct { tree, .. } = self.product(Stage::Cut, 0)?;
         let regions = tree.region_count();
         let store = self.regions(regions, 1);
         let mut stats = store.stats_of(0..regions as usize)?;
         let Agreement { matching, doubled_vertices, repairs, reversed } = Agreement::of(&mut stats);
-        for region in 0..regions as usize {
-            store.put_reversed(region, reversed.get(region).map_or(&[], |reversed| reversed))?;
-        }
+        let reversed = (0..).zip(reversed).filter(|(_, reversed)| reversed.contains(&true)).collect();
         let input_triangles = self.input_triangles()?;
         let whole = Whole::of(&stats, input_triangles, &self.manifest.options).map_err(|error| self.named(error))?;
         let appearance = self.imported()?.appearance;
@@ -226,17 +271,23 @@ impl Task<'_> {
         let pairs = SealedWriter::within(self.directory, PAIRS_NAME, PAIRS_KIND, self.manifest.id());
         let bytes = pairs.and_then(|mut writer| writer.put(&Pairs { matching, found }).and(writer.finish(true)))?;
         let shares = even_runs(stats.iter().map(|stats| stats.extent.triangles), self.stages.parts);
-        let bytes = bytes + self.hand_on(Stage::Match, &MatchProduct { whole, shares, regions })?;
+        let of_share = |share: &Range<u32>| stats[as_usize(share)].iter().map(|stats| stats.extent.triangles).sum();
+        let triangles = shares.iter().map(of_share).collect();
+        let product = MatchProduct { whole, shares, triangles, regions, reversed };
+        let bytes = bytes + self.hand_on(Stage::Match, &product)?;
         self.free_input();
         Ok(bytes)
     }
 
     fn segment(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
-        let MatchProduct { whole, shares, regions } = self.product(Stage::Match, 0)?;
+        let product: MatchProduct = self.product(Stage::Match, 0)?;
+        let MatchProduct { whole, shares, regions, .. } = &product;
         let range = shares.get(self.task as usize).map_or(0..0, as_usize);
-        let mut store = self.regions(regions, 1);
+        let mut store = self.regions(*regions, 1);
         let mut stats = store.stats_of(range.clone())?;
-        reverse(&mut stats, store.load_reversed(range.clone())?);
+        let reversed = product.reversed(&range);
+        reverse(&mut stats, reversed.get(range.clone()).unwrap_or_default());
+        store.set_reversed(reversed);
         let bytes =
             |stats: &RegionStats| region_bytes(stats.extent.vertices, stats.extent.triangles) + stats.attribute_bytes;
         store.set_at_once(at_once(stats.iter().map(bytes).max().unwrap_or(0), self.memory)?);
@@ -249,11 +300,12 @@ impl Task<'_> {
     fn find_seams(&self) -> Result<u64, BuildError> {
         // A process that was killed may have left something.
         self.free_input();
-        let MatchProduct { whole, regions, .. } = self.product(Stage::Match, 0)?;
-        let mut store = self.regions(regions, 1);
-        let all = 0..regions as usize;
+        let product: MatchProduct = self.product(Stage::Match, 0)?;
+        let MatchProduct { whole, regions, .. } = &product;
+        let store = self.regions(*regions, 1);
+        let all = 0..*regions as usize;
         let mut stats = store.stats_of(all.clone())?;
-        reverse(&mut stats, store.load_reversed(all.clone())?);
+        reverse(&mut stats, &product.reversed(&all));
         let known: Vec<(u64, BoundarySketch)> = store.known_of(all)?;
         let (counts, sketches): (Vec<u64>, Vec<BoundarySketch>) = known.into_iter().unzip();
         let pairs = self.directory.path(PAIRS_NAME);
@@ -273,7 +325,7 @@ impl Task<'_> {
 
     /// Removes what the stages until the repair have left.
     fn free_input(&self) {
-        (0..self.stages.ranges).for_each(|task| self.directory.remove(&self.runs(task)));
+        (0..self.stages.ranges).for_each(|task| self.directory.remove(&self.run_file(task)));
         remove_shared(self.directory);
         self.directory.remove(&self.directory.path(TRIANGLES_NAME));
     }
@@ -295,7 +347,7 @@ impl Task<'_> {
         RegionDirectory::shared(self.directory.clone(), self.manifest.id(), count as usize, at_once)
     }
 
-    fn runs(&self, task: u32) -> std::path::PathBuf {
+    fn run_file(&self, task: u32) -> std::path::PathBuf {
         run_file(self.directory.folder(), task)
     }
 

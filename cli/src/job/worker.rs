@@ -7,8 +7,10 @@ use std::time::Duration;
 use super::{BuildError, Outcome, Stage, StagedJob};
 use crate::progress::Progress;
 
-/// How long a worker waits before it looks again for a task that another process has not finished: at first, and at most.
-const WAIT: [Duration; 2] = [Duration::from_millis(20), Duration::from_millis(250)];
+/// How long a worker waits before it looks again for a task that another process has not finished: at least, and at most.
+const WAIT: [Duration; 2] = [Duration::from_millis(10), Duration::from_secs(2)];
+/// In between, so large a part of the time that it has waited already: short stages follow each other fast, and long ones cause few looks.
+const WAITED_PART: u32 = 16;
 
 /// Which tasks a worker does.
 #[derive(Clone, Copy, Debug, Default)]
@@ -43,8 +45,9 @@ pub fn work(
         let own = (u64::from(std::process::id().wrapping_mul(0x9E37_79B9)) * left.len() as u64) >> 32;
         left.rotate_left(own as usize);
         // The longest first, so that no worker begins one when the others are about to end.
-        left.sort_by_key(|&task| Reverse(job.weight(stage, task)));
-        let (mut wait, mut is_waiting) = (WAIT[0], false);
+        let weights = job.weights(stage);
+        left.sort_by_key(|&task| Reverse(weights.get(task as usize)));
+        let (mut waited, mut is_waiting) = (Duration::ZERO, false);
         while !left.is_empty() {
             let (mut failure, mut did, mut stops) = (None, false, false);
             left.retain(|&task| {
@@ -74,8 +77,11 @@ pub fn work(
             }
             is_waiting = !did;
             if !left.is_empty() && is_waiting {
+                let wait = (waited / WAITED_PART).clamp(WAIT[0], WAIT[1]);
                 std::thread::sleep(wait);
-                wait = (2 * wait).min(WAIT[1]);
+                waited += wait;
+            } else {
+                waited = Duration::ZERO;
             }
         }
     }

@@ -13,8 +13,8 @@ use xxhash_rust::xxh3::xxh3_64;
 use super::decompose::Decomposition;
 use super::gather::{Gathered, Gathering};
 use super::numbered::NumberedMesh;
+use super::packed::{get_ascending, get_triangles, put_ascending, put_triangles};
 use crate::import::ImportError;
-use crate::storage::packed::{get_ascending, get_triangles, put_ascending, put_triangles};
 use crate::storage::{DAMAGED, WorkError};
 
 /// A run of triangles of one region.

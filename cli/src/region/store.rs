@@ -9,14 +9,14 @@ use serde::{Deserialize, Serialize};
 
 use super::boundary::{RegionBoundary, components, reverse_components};
 use super::extent::Extent;
+use super::packed::{
+    get_labels, get_opposites, get_positions, get_triangles, put_labels, put_opposites, put_positions, put_triangles,
+};
 use crate::mesh::attributes::RegionAttributes;
 use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
 use crate::stage::arcs::Seams;
 use crate::stage::repair::RepairReport;
-use crate::storage::packed::{
-    get_labels, get_opposites, get_positions, get_triangles, put_labels, put_opposites, put_positions, put_triangles,
-};
 use crate::storage::{DAMAGED, JobId, SealedReader, SealedWriter, WorkDirectory, WorkError};
 
 /// A region after repair.
@@ -291,24 +291,9 @@ impl RegionDirectory {
         regions.map(|region| self.need(region, KNOWN)).collect()
     }
 
-    /// Stores which components of a region are to be reversed before it is cut into charts.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    pub fn put_reversed(&self, region: usize, reversed: &[bool]) -> Result<(), WorkError> {
-        self.put(region, REVERSED, &Some(reversed))
-    }
-
-    /// Loads which components of a range of regions are to be reversed, for [`Self::set_labels`]. Returns them.
-    ///
-    /// # Errors
-    /// If a file is missing or damaged.
-    pub fn load_reversed(&mut self, regions: Range<usize>) -> Result<&[Reversed], WorkError> {
-        self.reversed = vec![Reversed::default(); regions.end];
-        for region in regions.clone() {
-            self.reversed[region] = self.need::<Option<Reversed>>(region, REVERSED)?.unwrap_or_default();
-        }
-        Ok(&self.reversed[regions])
+    /// Sets for each region which of its components are to be reversed before it is cut into charts, for [`Self::set_labels`].
+    pub fn set_reversed(&mut self, reversed: Vec<Reversed>) {
+        self.reversed = reversed;
     }
 
     /// Which components of a region were reversed before it was cut into charts.

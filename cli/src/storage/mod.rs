@@ -2,12 +2,11 @@
 //!
 //! There are two kinds of files. Arrays of little-endian [`Record`]s grow while an input is read; they count only once another file says
 //! that they are complete. A [`SealedWriter`] makes a file that exists completely or not at all, names the job that it belongs to, and
-//! is checked when it is read: a build can be resumed from such files. Meshes lie in them [`packed`].
+//! is checked when it is read: a build can be resumed from such files.
 
 mod lock;
 mod lookup;
 pub mod memory;
-pub(crate) mod packed;
 mod records;
 mod sealed;
 

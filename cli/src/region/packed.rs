@@ -6,11 +6,11 @@
 
 use glam::DVec3;
 
-use super::Record;
 use crate::mesh::NONE;
+use crate::storage::Record;
 
 /// Appends triangles: the first corner less that of the triangle before, the others less the first.
-pub(crate) fn put_triangles(bytes: &mut Vec<u8>, triangles: &[[u32; 3]]) {
+pub(super) fn put_triangles(bytes: &mut Vec<u8>, triangles: &[[u32; 3]]) {
     let mut before = 0;
     for &[a, b, c] in triangles {
         [a.wrapping_sub(before), b.wrapping_sub(a), c.wrapping_sub(a)].into_iter().for_each(|by| put_signed(bytes, by));
@@ -19,7 +19,7 @@ pub(crate) fn put_triangles(bytes: &mut Vec<u8>, triangles: &[[u32; 3]]) {
 }
 
 /// So many triangles. None if there are fewer.
-pub(crate) fn get_triangles(bytes: &mut &[u8], count: usize) -> Option<Vec<[u32; 3]>> {
+pub(super) fn get_triangles(bytes: &mut &[u8], count: usize) -> Option<Vec<[u32; 3]>> {
     // Each takes three bytes at least.
     if count > bytes.len() / 3 {
         return None;
@@ -33,7 +33,7 @@ pub(crate) fn get_triangles(bytes: &mut &[u8], count: usize) -> Option<Vec<[u32;
 }
 
 /// Appends ascending numbers.
-pub(crate) fn put_ascending(bytes: &mut Vec<u8>, numbers: &[u32]) {
+pub(super) fn put_ascending(bytes: &mut Vec<u8>, numbers: &[u32]) {
     let mut before = 0;
     for &number in numbers {
         put_number(bytes, number.wrapping_sub(before));
@@ -42,7 +42,7 @@ pub(crate) fn put_ascending(bytes: &mut Vec<u8>, numbers: &[u32]) {
 }
 
 /// So many ascending numbers. None if there are fewer.
-pub(crate) fn get_ascending(bytes: &mut &[u8], count: usize) -> Option<Vec<u32>> {
+pub(super) fn get_ascending(bytes: &mut &[u8], count: usize) -> Option<Vec<u32>> {
     if count > bytes.len() {
         return None;
     }
@@ -55,7 +55,7 @@ pub(crate) fn get_ascending(bytes: &mut &[u8], count: usize) -> Option<Vec<u32>>
 }
 
 /// Appends which half-edges are opposite each other: for each whose partner is not known yet, how far on that lies, or 0.
-pub(crate) fn put_opposites(bytes: &mut Vec<u8>, opposites: &[u32]) {
+pub(super) fn put_opposites(bytes: &mut Vec<u8>, opposites: &[u32]) {
     for (half_edge, &opposite) in (0..).zip(opposites) {
         if opposite == NONE {
             put_number(bytes, 0);
@@ -70,7 +70,7 @@ pub(crate) fn put_opposites(bytes: &mut Vec<u8>, opposites: &[u32]) {
 }
 
 /// The partners of so many half-edges. None if there are fewer, or two have the same.
-pub(crate) fn get_opposites(bytes: &mut &[u8], count: usize) -> Option<Vec<u32>> {
+pub(super) fn get_opposites(bytes: &mut &[u8], count: usize) -> Option<Vec<u32>> {
     // At most two are said by a byte.
     if count > bytes.len().saturating_mul(2) {
         return None;
@@ -91,7 +91,7 @@ pub(crate) fn get_opposites(bytes: &mut &[u8], count: usize) -> Option<Vec<u32>>
 }
 
 /// Appends labels: runs of equal ones, each with its length and by how much its label is more than the one before.
-pub(crate) fn put_labels(bytes: &mut Vec<u8>, labels: &[u32]) {
+pub(super) fn put_labels(bytes: &mut Vec<u8>, labels: &[u32]) {
     let mut before = 0;
     for run in labels.chunk_by(|a, b| a == b) {
         put_number(bytes, run.len() as u32);
@@ -101,7 +101,7 @@ pub(crate) fn put_labels(bytes: &mut Vec<u8>, labels: &[u32]) {
 }
 
 /// So many labels. None if there are fewer or more.
-pub(crate) fn get_labels(bytes: &mut &[u8], count: usize) -> Option<Vec<u32>> {
+pub(super) fn get_labels(bytes: &mut &[u8], count: usize) -> Option<Vec<u32>> {
     let (mut labels, mut before) = (vec![], 0_u32);
     while labels.len() < count {
         let length = get_number(bytes)? as usize;
@@ -115,7 +115,7 @@ pub(crate) fn get_labels(bytes: &mut &[u8], count: usize) -> Option<Vec<u32>> {
 }
 
 /// Appends positions: with single precision if that is exact for all of them, as it is where an input has no more.
-pub(crate) fn put_positions(bytes: &mut Vec<u8>, positions: &[DVec3]) {
+pub(super) fn put_positions(bytes: &mut Vec<u8>, positions: &[DVec3]) {
     let is_single = |x: f64| f64::from(x as f32).to_bits() == x.to_bits();
     let all_single = positions.iter().all(|position| position.to_array().into_iter().all(is_single));
     bytes.push(u8::from(all_single));
@@ -128,7 +128,7 @@ pub(crate) fn put_positions(bytes: &mut Vec<u8>, positions: &[DVec3]) {
 }
 
 /// So many positions. None if there are fewer.
-pub(crate) fn get_positions(bytes: &mut &[u8], count: usize) -> Option<Vec<DVec3>> {
+pub(super) fn get_positions(bytes: &mut &[u8], count: usize) -> Option<Vec<DVec3>> {
     let (&all_single, rest) = bytes.split_first()?;
     let each = if all_single == 1 { 3 * f32::BYTES } else { DVec3::BYTES };
     let (positions, rest) = rest.split_at_checked(count.checked_mul(each)?)?;
