@@ -4,12 +4,13 @@
 usage: cluster.py measure JOB [-o COSTS.json]
        cluster.py run COSTS.json [--triangles N] [--workers N,N,...] [--parts N] [options of the cluster]
        cluster.py table COSTS.json
+       cluster.py limits COSTS.json
        cluster.py check
 
 `measure` reads the reports that `lodpack work` has left in a job's directory, after `lodpack merge`. `run` simulates jobs of other sizes on any
 number of workers by discrete events: a task reads, computes and writes; all transfers share the bandwidth of the disk evenly; a
 worker takes the next task that is free (of regions the longest), and a stage begins when the one before it is done. `table` prints the Markdown table of
-tests/RESULTS.md. `check` runs the simulator's own tests.
+tests/RESULTS.md, and `limits` from which size of a job and which bandwidth of the disk on so many workers are so many times as fast as one. `check` runs the simulator's own tests.
 
 Costs grow in proportion to the input: ranges and regions keep their size, so there are more of them. Their CPU seconds are drawn from the
 measured tasks, so the skew between regions stays. What one process does grows with the number of ranges (`cut`), of regions
@@ -159,7 +160,7 @@ def run_stage(tasks, workers, cluster, start, dice):
     return now
 
 
-def stage_tasks(costs, stage, triangles, parts, cluster, dice):
+def stage_tasks(costs, stage, triangles, parts, workers, cluster, dice):
     """The tasks of a stage of a job of so many triangles."""
     measured, grow = costs["stages"].get(stage, {"cpu": 0.0, "bytes": 0, "skew": [1.0]}), triangles / costs["triangles"]
     known = {name: costs[f"{name}_bytes"] for name in ("input", "stats", "heads")}
@@ -181,6 +182,9 @@ def stage_tasks(costs, stage, triangles, parts, cluster, dice):
     count = ranges if stage in OF_RANGES else min(parts, regions)
     if stage == "encode":
         count = math.ceil(count / PARTS_PER_ENCODER)
+    if stage == "repair":
+        # Each worker reads the lists of all ranges once.
+        opens *= min(1.0, workers / count)
     skew = measured["skew"]
     # A job of the measured size has the measured tasks; a larger one has more of their kind.
     factors = dice.sample(skew, count) if count == len(skew) else dice.choices(skew, k=count)
@@ -196,7 +200,7 @@ def simulate(costs, triangles, workers, parts, cluster, seed=1):
         start = now
         if stage not in costs["stages"]:
             continue
-        now = run_stage(stage_tasks(costs, stage, triangles, parts, cluster, dice), workers, cluster, now + cluster.latency, dice)
+        now = run_stage(stage_tasks(costs, stage, triangles, parts, workers, cluster, dice), workers, cluster, now + cluster.latency, dice)
         took[stage] = now - start
     return took
 
@@ -232,18 +236,41 @@ def one_worker(costs, triangles, cluster):
     return sum(simulate(costs, triangles, 1, max(64, round(costs["regions"] * triangles / costs["triangles"])), alone).values())
 
 
+def speedup(costs, triangles, workers, cluster):
+    """Elapsed seconds of each stage, and how many times one worker's are theirs."""
+    parts = max(4 * workers, round(costs["regions"] * triangles / costs["triangles"] * cluster.finer))
+    took = simulate(costs, triangles, workers, parts, cluster)
+    return took, one_worker(costs, triangles, cluster) / sum(took.values())
+
+
 def table(costs):
-    print("| triangles | workers | disk, GB/s | elapsed | times one worker | longest stages |\n|---:|---:|---:|---:|---:|---|")
+    print("| triangles | workers | disk, GB/s | elapsed | times one worker | with 1 % stragglers | longest stages |\n|---:|---:|---:|---:|---:|---:|---|")
     for triangles in (1e9, 1e10, 1e11):
         for workers in (35, 1000):
-            for bandwidth in (1e9, 5e9, 50e9):
-                cluster = Cluster(bandwidth=bandwidth, failures=1 / 86400, straggling=0.01)
-                parts = max(4 * workers, round(costs["regions"] * triangles / costs["triangles"]))
-                took = simulate(costs, triangles, workers, parts, cluster)
-                total, whole = sum(took.values()), one_worker(costs, triangles, cluster)
-                longest = sorted(took, key=took.get, reverse=True)[:3]
+            for bandwidth in (5e9, 50e9, 500e9):
+                connection = max(1e9, min(10e9, bandwidth / workers))
+                cluster = Cluster(bandwidth=bandwidth, per_worker=connection, failures=1 / 86400)
+                took, times = speedup(costs, triangles, workers, cluster)
+                cluster.straggling = 0.01
+                straggling = speedup(costs, triangles, workers, cluster)[1]
+                total, longest = sum(took.values()), sorted(took, key=took.get, reverse=True)[:3]
                 words = ", ".join(f"{name} {100 * took[name] / total:.0f} %" for name in longest)
-                print(f"| {triangles:.0e} | {workers} | {bandwidth / 1e9:.0f} | {total:.0f} s | {whole / total:.1f} | {words} |".replace("e+", "e"))
+                print(f"| {triangles:.0e} | {workers} | {bandwidth / 1e9:.0f} | {total:.0f} s | {times:.1f} | {straggling:.1f} | {words} |".replace("e+", "e"))
+
+
+def limits(costs):
+    print("| triangles | workers | aim | with a disk without limits | of that one process alone | aim reached from |\n|---:|---:|---:|---:|---:|---:|")
+    for workers, aim in ((35, 31), (1000, 300)):
+        for triangles in (3e8, 1e9, 3e9, 1e10, 3e10):
+            reached = lambda bandwidth: speedup(costs, triangles, workers, Cluster(bandwidth=bandwidth, per_worker=max(1e9, bandwidth / workers)))
+            took, best = reached(MEMORY)
+            alone = sum(took.get(name, 0.0) for name in ALONE)
+            low, high = 1e8, MEMORY
+            while best >= aim and high / low > 1.05:
+                middle = math.sqrt(low * high)
+                low, high = (low, middle) if reached(middle)[1] >= aim else (middle, high)
+            words = f"{high / 1e9:.0f} GB/s" if best >= aim else "never"
+            print(f"| {triangles:.0e} | {workers} | {aim} | {best:.1f} | {alone:.1f} of {sum(took.values()):.1f} s | {words} |".replace("e+", "e"))
 
 
 def check():
@@ -289,6 +316,7 @@ def main():
     for name in ("bandwidth", "per_worker", "latency", "failures", "straggling", "straggler", "open_seconds", "finer"):
         running.add_argument("--" + name.replace("_", "-"), type=float)
     commands.add_parser("table").add_argument("costs")
+    commands.add_parser("limits").add_argument("costs")
     commands.add_parser("check")
     options = parser.parse_args()
     if options.command == "check":
@@ -301,8 +329,8 @@ def main():
         print(text) if options.output is None else open(options.output, "w").write(text)
         return print(f"serial share {100 * serial(costs):.2f} %", file=sys.stderr)
     costs = json.load(open(options.costs))
-    if options.command == "table":
-        return table(costs)
+    if options.command in ("table", "limits"):
+        return table(costs) if options.command == "table" else limits(costs)
     cluster, triangles = cluster_of(options), options.triangles or costs["triangles"]
     for workers in map(int, options.workers.split(",")):
         parts = options.parts or max(4 * workers, round(costs["regions"] * triangles / costs["triangles"]))

@@ -1,9 +1,11 @@
 //! The last stages of a job in stages: the order of the file, and clusters as bytes. What is left for a merge is to put these together.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use lodpack::write::{EncodedCluster, EncoderHead, EncoderShare, Piece};
+use lodpack::write::{EncodedCluster, Encoder, EncoderHead, EncoderShare, Piece};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -27,8 +29,8 @@ const ENCODER_KIND: [u8; 4] = *b"encd";
 struct ArrangeProduct {
     head: EncoderHead,
     sums: Sums,
-    /// How many clusters each task of [`Stage::Encode`] has.
-    shares: Vec<u64>,
+    /// For each cluster the task of [`Stage::Encode`] that encodes it.
+    tasks: Vec<u32>,
 }
 
 /// A job whose parts are built.
@@ -50,38 +52,52 @@ impl BuiltJob<'_> {
             PipelineError::Region(crate::region::RegionError::Work(error)) => self.broken(&error),
             other => other.into(),
         })?;
-        let tasks = self.stages.tasks(Stage::Encode);
-        let (mut bytes, mut shares) = (0, vec![]);
-        for task in 0..tasks {
-            let clusters = share_of(task, tasks, encoder.cluster_count());
-            shares.push(clusters.len() as u64);
-            if clusters.is_empty() {
+        let tasks = self.tasks_of_clusters(&encoder).map_err(PipelineError::from)?;
+        let mut bytes = 0;
+        for task in 0..self.stages.tasks(Stage::Encode) {
+            let own: Vec<usize> = (0..tasks.len()).filter(|&cluster| tasks[cluster] == task).collect();
+            if own.is_empty() {
                 continue;
             }
-            let share = encoder.share(clusters).map_err(PipelineError::from)?;
+            let share = encoder.share(&own).map_err(PipelineError::from)?;
             // Few clusters have anything of the groups above regions, and these are small.
             let above = above.as_ref().filter(|_| share.pieces().contains(&plan.regions));
-            let mut writer =
-                SealedWriter::create(&encoder_file(self.folder, task), ENCODER_KIND, self.manifest.part_id())?;
+            let path = encoder_file(self.folder, task);
+            let mut writer = SealedWriter::create(&path, ENCODER_KIND, self.id())?;
             writer.put(&share)?;
             writer.put(&above)?;
             bytes += writer.finish(true)?;
         }
-        Ok(bytes
-            + self.hand_on(Stage::Arrange, 0, |writer| {
-                writer.put(&ArrangeProduct { head: encoder.head(), sums, shares })
-            })?)
+        let product = ArrangeProduct { head: encoder.head(), sums, tasks };
+        Ok(bytes + self.hand_on(Stage::Arrange, 0, |writer| writer.put(&product))?)
+    }
+
+    /// Gives each cluster to the task whose parts have a region with most of its roots.
+    fn tasks_of_clusters(&self, encoder: &Encoder) -> lodpack::Result<Vec<u32>> {
+        let (parts, tasks) = (&self.manifest.parts, self.stages.tasks(Stage::Encode));
+        let of_part = |part: usize| (part as u64 * u64::from(tasks) / parts.len() as u64) as u32;
+        let of_regions: Vec<u32> =
+            parts.iter().enumerate().flat_map(|(part, entry)| vec![of_part(part); entry.regions as usize]).collect();
+        let task = |cluster: usize| {
+            // Groups above regions have the piece after those of regions.
+            let mut pieces = encoder.pieces_of(cluster)?;
+            pieces.retain(|&piece, _| (piece as usize) < of_regions.len());
+            // The first of several that have as many.
+            let most = pieces.into_iter().rev().max_by_key(|&(_, count)| count);
+            Ok(most.map_or(cluster as u32 % tasks, |(piece, _)| of_regions[piece as usize]))
+        };
+        (0..encoder.cluster_count()).map(task).collect()
     }
 
     /// Encodes the clusters of a task.
     pub fn encode(&self, task: u32, progress: &dyn Progress) -> Result<u64, BuildError> {
         let path = encoder_file(self.folder, task);
-        let ArrangeProduct { shares, .. } = self.product(Stage::Arrange, 0)?;
-        if shares.get(task as usize).is_none_or(|&clusters| clusters == 0) {
+        let ArrangeProduct { tasks, .. } = self.product(Stage::Arrange, 0)?;
+        if !tasks.contains(&task) {
             // What can be made again at once need not reach the disk.
             return Ok(self.create(Stage::Encode, task)?.finish(false)?);
         }
-        let mut reader = SealedReader::open_of_job(&path, ENCODER_KIND, self.manifest.part_id())?;
+        let mut reader = SealedReader::open_of_job(&path, ENCODER_KIND, self.id())?;
         let (mut share, above): (EncoderShare, Option<Piece>) = (reader.get()?, reader.get()?);
         reader.finish()?;
         let pieces = share.pieces();
@@ -157,8 +173,8 @@ impl BuiltJob<'_> {
     ) -> Result<BuildSummary, PipelineError> {
         let work = |error: WorkError| PipelineError::from(error);
         let (plan, _) = read_plan(self.folder, self.manifest.id()).map_err(work)?;
-        let ArrangeProduct { head, sums, shares } = self.product(Stage::Arrange, 0).map_err(work)?;
-        let clusters = (0..).zip(shares).flat_map(|(task, clusters)| Clusters::of(self, task, clusters));
+        let ArrangeProduct { head, sums, tasks } = self.product(Stage::Arrange, 0).map_err(work)?;
+        let clusters = Clusters { job: self, tasks: tasks.into_iter(), readers: BTreeMap::new() };
         join_encoded(&plan, head, sums, clusters, scratch, out, progress)
     }
 
@@ -193,38 +209,34 @@ impl BuiltJob<'_> {
     }
 }
 
-/// The clusters of a task: its share of so many, where each task has about as many.
-fn share_of(task: u32, tasks: u32, clusters: usize) -> Range<usize> {
-    let at = |task: u32| (clusters as u64 * u64::from(task) / u64::from(tasks)) as usize;
-    at(task)..at(task + 1)
+/// The clusters that all tasks have encoded, in the order of the file, which is that of each task, too.
+struct Clusters<'a> {
+    job: &'a BuiltJob<'a>,
+    /// Of the clusters that are left.
+    tasks: std::vec::IntoIter<u32>,
+    readers: BTreeMap<u32, SealedReader>,
 }
 
-/// The clusters that a task has encoded.
-struct Clusters {
-    reader: Option<SealedReader>,
-    failure: Option<WorkError>,
-    left: u64,
-}
-
-impl Clusters {
-    fn of(job: &BuiltJob, task: u32, clusters: u64) -> Self {
-        match job.open(Stage::Encode, task) {
-            Ok(reader) => Self { reader: Some(reader), failure: None, left: clusters },
-            Err(error) => Self { reader: None, failure: Some(error), left: 0 },
-        }
+impl Clusters<'_> {
+    fn next_of(&mut self, task: u32) -> Result<EncodedCluster, WorkError> {
+        let reader = match self.readers.entry(task) {
+            Entry::Occupied(entry) => entry.into_mut(),
+            Entry::Vacant(entry) => entry.insert(self.job.open(Stage::Encode, task)?),
+        };
+        reader.get()
     }
 }
 
-impl Iterator for Clusters {
+impl Iterator for Clusters<'_> {
     type Item = Result<EncodedCluster, PipelineError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.left > 0 {
-            self.left -= 1;
-            return Some(self.reader.as_mut()?.get().map_err(PipelineError::from));
+        if let Some(task) = self.tasks.next() {
+            return Some(self.next_of(task).map_err(PipelineError::from));
         }
-        // The hash follows the last cluster.
-        let failure = self.failure.take().or_else(|| self.reader.take().and_then(|reader| reader.finish().err()));
+        // The hash follows the last cluster of each task.
+        let readers = std::mem::take(&mut self.readers);
+        let failure = readers.into_values().find_map(|reader| reader.finish().err());
         failure.map(|error| Err(error.into()))
     }
 }

@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 use super::part::part_name;
 use super::planned::PARTS_NAME;
 
-/// Parts for each task of [`Stage::Encode`].
+/// Parts for each task of [`Stage::Encode`], at least, and the most tasks.
 const PARTS_PER_ENCODER: u32 = 4;
+const MAX_ENCODERS: u32 = 500;
 
 /// The folder of tasks within a job's directory.
 pub const STAGES_NAME: &str = "stages";
@@ -128,8 +129,8 @@ impl Stages {
             Stage::Scan | Stage::Count | Stage::Divide => self.ranges,
             Stage::Cut | Stage::Match | Stage::Seams | Stage::Arrange => 1,
             Stage::Repair | Stage::Segment | Stage::Build => self.parts,
-            // Each reads the parts around its clusters, so more tasks would read more than they write.
-            Stage::Encode => self.parts.div_ceil(PARTS_PER_ENCODER),
+            // Each reads the parts around its own, so more tasks would read more. A merge reads the products of all side by side.
+            Stage::Encode => self.parts.div_ceil(self.parts.div_ceil(MAX_ENCODERS).max(PARTS_PER_ENCODER)),
         }
     }
 

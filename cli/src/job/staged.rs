@@ -175,7 +175,7 @@ impl StagedJob {
         TaskFiles::new(self.directory.folder(), stage, task).product.exists()
     }
 
-    /// Rough measures of how long the tasks of a stage take: steps of a fifth. Empty where that is not known.
+    /// Rough measures of how long the tasks of a stage take: four steps for each factor of two. Empty where that is not known.
     pub(super) fn weights(&self, stage: Stage) -> Vec<u32> {
         let triangles = match stage {
             Stage::Build => {
@@ -183,7 +183,11 @@ impl StagedJob {
             }
             _ => self.task(&self.manifest, 0, u64::MAX).triangles(stage),
         };
-        let weight = |triangles: u64| (triangles.max(1) as f64).log(1.2) as u32;
+        // The leading bit and the two after it.
+        let weight = |triangles: u64| {
+            let leading = triangles.max(1).ilog2();
+            4 * leading + ((triangles.unbounded_shl(2) >> leading) & 3) as u32
+        };
         triangles.unwrap_or_default().into_iter().map(weight).collect()
     }
 

@@ -96,22 +96,25 @@ fn written(head: &Model, pieces: &[Piece]) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The same, with clusters that are encoded from shares of one and of two clusters.
+/// The same, with clusters that are encoded piece by piece.
 #[cfg(feature = "serde")]
 fn written_elsewhere(encoder: &crate::write::Encoder, pieces: &[Piece]) -> Result<Vec<u8>> {
     let mut output = Output::new(encoder.head().encoder()?, || Ok(Cursor::new(Vec::new())))?;
-    let (count, mut first) = (encoder.cluster_count(), 0);
-    for size in [1, 2].into_iter().cycle() {
-        let end = count.min(first + size);
-        if first == end {
-            break;
-        }
-        let mut share = encoder.share(first..end)?;
+    let owner = |cluster| encoder.pieces_of(cluster).map(|pieces| *pieces.last_key_value().unwrap().0);
+    let owners = (0..encoder.cluster_count()).map(owner).collect::<Result<Vec<u32>>>()?;
+    let mut of_pieces = Vec::new();
+    for owner in 0..pieces.len() as u32 {
+        let own: Vec<usize> = (0..owners.len()).filter(|&cluster| owners[cluster] == owner).collect();
+        let mut share = encoder.share(&own)?;
         for number in share.pieces().into_iter().rev() {
             share.take(number, &pieces[number as usize])?;
         }
-        share.encode()?.try_for_each(|cluster| output.add(cluster?))?;
-        first = end;
+        let encoded = if own.is_empty() { Vec::new() } else { share.encode()?.collect::<Result<Vec<_>>>()? };
+        of_pieces.push(encoded.into_iter());
+    }
+    // Each has its clusters in the order of the file.
+    for owner in owners {
+        output.add(of_pieces[owner as usize].next().unwrap())?;
     }
     let mut bytes = Vec::new();
     output.finish(&mut bytes)?;
@@ -128,8 +131,9 @@ fn shares_refuse_other_pieces() {
     pieces.iter().for_each(|piece| assembly.count(&piece.index).unwrap());
     let encoder = assembly.arrange().unwrap().seal(None);
     let count = encoder.cluster_count();
-    assert!(encoder.share(count..count + 1).is_err());
-    let share = || encoder.share(0..count).unwrap();
+    assert!(encoder.share(&[count]).is_err() && encoder.pieces_of(count).is_err());
+    let all: Vec<usize> = (0..count).collect();
+    let share = || encoder.share(&all).unwrap();
     assert_eq!(share().pieces(), [0, 1]);
     assert!(share().encode().is_err(), "no piece was taken");
     assert!(share().take(0, &Piece::default()).is_err(), "a piece without roots");

@@ -1,6 +1,6 @@
 //! Clusters that other processes encode: what each of them needs for its share, and what is left for the one that puts the file together.
 
-use std::ops::Range;
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
@@ -19,8 +19,8 @@ use crate::{
     format::{channels::stream_count, clusters::Cluster},
 };
 
-/// Some clusters of a file that follow each other, with all that is needed to encode them but their symbols. It has about half a kilobyte for
-/// each of their roots, however large the file is:
+/// Some clusters of a file, with all that is needed to encode them but their symbols. It has about half a kilobyte for each of their roots,
+/// however large the file is:
 ///
 /// ```text
 /// Encoder::share(clusters)                 ->  EncoderShare, for another process
@@ -59,12 +59,27 @@ pub struct EncoderHead {
 }
 
 impl Encoder {
+    /// The pieces from which the roots of a cluster come, ascending, and how many come from each. Coarse groups come first in a file, so
+    /// clusters that follow each other may need all pieces; those of one piece need that one and a few around it.
+    ///
+    /// # Errors
+    /// [`Error::Model`] if there is no such cluster.
+    pub fn pieces_of(&self, cluster: usize) -> Result<BTreeMap<u32, usize>> {
+        let Arrangement { catalogue, clusters, .. } = &self.arrangement;
+        let cluster = clusters.get(cluster).ok_or_else(|| Error::model("there is no such cluster"))?;
+        let mut counts = BTreeMap::new();
+        for &root in self.arrangement.roots_of(cluster) {
+            *counts.entry(catalogue.place_of_root(root)[0]).or_default() += 1;
+        }
+        Ok(counts)
+    }
+
     /// What another process needs to encode some clusters.
     ///
     /// # Errors
     /// [`Error::Model`] if there are no such clusters.
-    pub fn share(&self, clusters: Range<usize>) -> Result<EncoderShare> {
-        let planned = |number: usize| {
+    pub fn share(&self, clusters: &[usize]) -> Result<EncoderShare> {
+        let planned = |&number: &usize| {
             let Arrangement { catalogue, .. } = &self.arrangement;
             let content = self.arrangement.content(number)?;
             let root = |&root: &u32| catalogue.place_of_root(root);
@@ -73,7 +88,7 @@ impl Encoder {
             let arcs = self.arrangement.arcs_of(&content.cluster).iter().map(arc).collect();
             Ok(Planned { content, roots, arcs })
         };
-        let clusters = clusters.map(planned).collect::<Result<_>>()?;
+        let clusters = clusters.iter().map(planned).collect::<Result<_>>()?;
         Ok(EncoderShare { head: self.head.clone(), tables: self.tables.write(), clusters, symbols: Vec::new() })
     }
 
