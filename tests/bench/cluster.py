@@ -25,9 +25,9 @@ MEMORY = 1e12
 OF_RANGES, OF_REGIONS = ("scan", "count", "divide"), ("repair", "segment", "build", "encode")
 ALONE = ("cut", "match", "seams", "arrange", "merge")
 ORDER = ("scan", "count", "cut", "divide", "repair", "match", "segment", "seams", "build", "arrange", "encode", "merge")
-# Parts for each task of `encode`.
-PARTS_PER_ENCODER = 4
-# How often the tasks of `encode` read a part together: their clusters reach across borders of parts (3.2 times was counted for 16 parts).
+# Parts for each task of `encode`, and the most tasks.
+PARTS_PER_ENCODER, MAX_ENCODERS = 4, 500
+# How often the tasks of `encode` read a part together: their clusters reach across borders of parts (202 reads of 64 parts were counted).
 ENCODER_READS = 3.2
 # Bytes that a stage reads, as multiples of the input and of what an earlier stage has handed on. `repair` looks its vertices up in the input.
 READS = {
@@ -181,7 +181,7 @@ def stage_tasks(costs, stage, triangles, parts, workers, cluster, dice):
         return [(read, cpu + opens, written)]
     count = ranges if stage in OF_RANGES else min(parts, regions)
     if stage == "encode":
-        count = math.ceil(count / PARTS_PER_ENCODER)
+        count = math.ceil(count / max(PARTS_PER_ENCODER, math.ceil(count / MAX_ENCODERS)))
     if stage == "repair":
         # Each worker reads the lists of all ranges once.
         opens *= min(1.0, workers / count)
