@@ -1,6 +1,6 @@
 //! Clusters that other processes encode: what each of them needs for its share, and what is left for the one that puts the file together.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +35,9 @@ pub struct EncoderShare {
     /// The symbols that have been taken, by cluster.
     #[serde(skip)]
     symbols: Vec<ClusterSymbols>,
+    /// The pieces that have been taken.
+    #[serde(skip)]
+    taken: BTreeSet<u32>,
 }
 
 /// A cluster and where its symbols are.
@@ -89,7 +92,8 @@ impl Encoder {
             Ok(Planned { content, roots, arcs })
         };
         let clusters = clusters.iter().map(planned).collect::<Result<_>>()?;
-        Ok(EncoderShare { head: self.head.clone(), tables: self.tables.write(), clusters, symbols: Vec::new() })
+        let (head, tables) = (self.head.clone(), self.tables.write());
+        Ok(EncoderShare { head, tables, clusters, symbols: Vec::new(), taken: BTreeSet::new() })
     }
 
     /// What is needed to put the file together from its clusters.
@@ -166,6 +170,7 @@ impl EncoderShare {
                 });
             }
         }
+        self.taken.insert(number);
         Ok(())
     }
 
@@ -175,8 +180,8 @@ impl EncoderShare {
     /// [`Error::Model`] if a piece is missing, [`Error::Format`] if the tables are damaged.
     pub fn encode(self) -> Result<impl Iterator<Item = Result<EncodedCluster>>> {
         let codes = Tables::parse(&self.tables)?.codes();
-        if self.symbols.len() != self.clusters.len() {
-            return Err(Error::model("no piece has been taken"));
+        if !self.pieces().iter().all(|piece| self.taken.contains(piece)) {
+            return Err(Error::model("a piece is missing"));
         }
         let clusters = self.clusters.into_iter().zip(self.symbols);
         Ok(clusters.map(move |(planned, symbols)| encode_cluster(&self.head, &codes, planned.content, &symbols)))
