@@ -4,31 +4,41 @@
 usage: cluster.py measure JOB [-o COSTS.json]
        cluster.py run COSTS.json [--triangles N] [--workers N,N,...] [--parts N] [options of the cluster]
        cluster.py table COSTS.json
+       cluster.py limits COSTS.json
        cluster.py check
 
 `measure` reads the reports that `lodpack work` has left in a job's directory, after `lodpack merge`. `run` simulates jobs of other sizes on any
 number of workers by discrete events: a task reads, computes and writes; all transfers share the bandwidth of the disk evenly; a
-worker takes the next task that is free, and a stage begins when the one before it is done. `table` prints the Markdown table of
-tests/RESULTS.md. `check` runs the simulator's own tests.
+worker takes the next task that is free (of regions the longest), and a stage begins when the one before it is done. `table` prints the Markdown table of
+tests/RESULTS.md, and `limits` from which size of a job and which bandwidth of the disk on so many workers are so many times as fast as one. `check` runs the simulator's own tests.
 
 Costs grow in proportion to the input: ranges and regions keep their size, so there are more of them. Their CPU seconds are drawn from the
 measured tasks, so the skew between regions stays. What one process does grows with the number of ranges (`cut`), of regions
-(`match`, `seams`) or with the bytes of the file (`merge`)."""
-import argparse, heapq, json, math, os, random, statistics, sys
+(`match`, `seams`, `arrange`) or with the bytes of the file (`merge`). Smaller regions cost more of their borders, which are not simulated."""
+import argparse, heapq, json, math, os, random, statistics, struct, sys
 
 # What a triangle of binary PLY takes: 13 bytes, and half a vertex of 12.
 INPUT_BYTES = 19
 # Bytes a second of files that are in memory.
 MEMORY = 1e12
 # Stages with a task for each range of the input, for each share of the regions, and for one process.
-OF_RANGES, OF_REGIONS, ALONE = ("scan", "count", "divide"), ("repair", "segment", "build"), ("cut", "match", "seams", "merge")
-ORDER = ("hash", "scan", "count", "cut", "divide", "repair", "match", "segment", "seams", "build", "merge")
+OF_RANGES, OF_REGIONS = ("scan", "count", "divide"), ("repair", "segment", "build", "encode")
+ALONE = ("cut", "match", "seams", "arrange", "merge")
+ORDER = ("scan", "count", "cut", "divide", "repair", "match", "segment", "seams", "build", "arrange", "encode", "merge")
+# Parts for each task of `encode`, and the most tasks.
+PARTS_PER_ENCODER, MAX_ENCODERS = 4, 500
+# How often the tasks of `encode` read a part together: their clusters reach across borders of parts (202 reads of 64 parts were counted).
+ENCODER_READS = 3.2
 # Bytes that a stage reads, as multiples of the input and of what an earlier stage has handed on. `repair` looks its vertices up in the input.
 READS = {
-    "hash": {"input": 1.0}, "scan": {"input": 0.32}, "count": {"input": 1.0}, "cut": {"count": 1.0}, "divide": {"input": 1.0},
+    "scan": {"input": 1.0}, "count": {"input": 1.0}, "cut": {"count": 1.0}, "divide": {"input": 1.0},
     "repair": {"divide": 1.0, "input": 0.32}, "match": {"stats": 1.0}, "segment": {"repair": 1.0, "stats": 1.0},
-    "seams": {"stats": 1.0, "match": 1.0}, "build": {"segment": 1.0}, "merge": {"build": 2.0},
+    "seams": {"stats": 1.0, "match": 1.0}, "build": {"repair": 1.0, "segment": 1.0}, "arrange": {"heads": 1.0},
+    "encode": {"build": ENCODER_READS, "arrange": 1.0}, "merge": {"encode": 1.0},
 }
+# Small files of every range that a task reads, and of every region that it reads or writes.
+FILES_OF_RANGES = {"count": 1, "cut": 2, "repair": 1}
+FILES_OF_REGIONS = {"match": 1, "seams": 3, "arrange": 1, "merge": 1 / PARTS_PER_ENCODER}
 
 
 def measure(job):
@@ -50,6 +60,7 @@ def measure(job):
         "regions": regions,
         "input_bytes": sum(file["bytes"] for file in manifest["inputs"]),
         "stats_bytes": stats,
+        "heads_bytes": sum(heads(os.path.join(job, "parts", name)) for name in os.listdir(os.path.join(job, "parts")) if name.endswith(".lodpart")),
         "stages": {
             stage: {
                 "cpu": sum(task[0] for task in tasks),
@@ -61,6 +72,17 @@ def measure(job):
             for stage, tasks in stages.items()
         },
     }
+
+
+def heads(part):
+    """Bytes of a part that are read to arrange it: all but every third value of its regions, which are symbols."""
+    with open(part, "rb") as file:
+        size, at, number, read = os.path.getsize(part) - 8, file.seek(32), 0, 32
+        while at < size:
+            length = 8 + struct.unpack("<Q", file.read(8))[0]
+            read += 8 if number > 0 and number % 3 == 0 else length
+            at, number = file.seek(at + length), number + 1
+    return read
 
 
 def skew(times):
@@ -138,29 +160,37 @@ def run_stage(tasks, workers, cluster, start, dice):
     return now
 
 
-def stage_tasks(costs, stage, triangles, parts, cluster, dice):
+def stage_tasks(costs, stage, triangles, parts, workers, cluster, dice):
     """The tasks of a stage of a job of so many triangles."""
     measured, grow = costs["stages"].get(stage, {"cpu": 0.0, "bytes": 0, "skew": [1.0]}), triangles / costs["triangles"]
-    handed_on = lambda name: {"input": costs["input_bytes"], "stats": costs["stats_bytes"]}.get(name, costs["stages"].get(name, {}).get("bytes", 0))
+    known = {name: costs[f"{name}_bytes"] for name in ("input", "stats", "heads")}
+    handed_on = lambda name: known[name] if name in known else costs["stages"].get(name, {}).get("bytes", 0)
     read = grow * sum(share * handed_on(name) for name, share in READS[stage].items())
-    ranges = max(1, min(parts, math.ceil(grow * costs["input_bytes"] / cluster.range_bytes)))
-    regions = max(1, round(costs["regions"] * grow))
-    if stage == "hash":
-        return [(read, read / cluster.hash_rate, 0.0)]
     cpu, written = grow * measured["cpu"], grow * measured["bytes"]
+    ranges = max(1, min(parts, math.ceil(grow * costs["input_bytes"] / cluster.range_bytes)))
+    # Smaller regions than the measured ones, so more of them.
+    regions = max(1, round(costs["regions"] * grow * cluster.finer))
+    opens = cluster.open_seconds * (FILES_OF_RANGES.get(stage, 0) * ranges + FILES_OF_REGIONS.get(stage, 0) * regions)
     if stage == "cut":
-        # Its counts are added and cut once, whatever the size of the input; each range adds some.
-        cpu = measured["cpu"] + cluster.open_seconds * ranges
+        # Its counts are added and cut once, whatever the size of the input.
+        cpu = measured["cpu"]
+    if stage in ("match", "seams"):
+        # Their work lies along the borders of regions, which halve when a side halves.
+        cpu, read, written = (amount * math.sqrt(cluster.finer) for amount in (cpu, read, written))
     if stage in ALONE:
-        return [(read, cpu + cluster.open_seconds * (regions if stage in ("match", "seams") else 0), written)]
+        return [(read, cpu + opens, written)]
     count = ranges if stage in OF_RANGES else min(parts, regions)
+    if stage == "encode":
+        count = math.ceil(count / max(PARTS_PER_ENCODER, math.ceil(count / MAX_ENCODERS)))
+    if stage == "repair":
+        # Each worker reads the lists of all ranges once.
+        opens *= min(1.0, workers / count)
     skew = measured["skew"]
     # A job of the measured size has the measured tasks; a larger one has more of their kind.
     factors = dice.sample(skew, count) if count == len(skew) else dice.choices(skew, k=count)
     scale = 1.0 / sum(factors)
-    # Each task of these reads a small file of every range.
-    opens = cluster.open_seconds * ranges if stage in ("count", "repair") else 0.0
-    return [(read * f * scale, opens + cpu * f * scale, written * f * scale) for f in factors]
+    tasks = [(read * f * scale, opens + cpu * f * scale, written * f * scale) for f in factors]
+    return sorted(tasks, key=lambda task: -task[1]) if stage in ("repair", "segment", "build") else tasks
 
 
 def simulate(costs, triangles, workers, parts, cluster, seed=1):
@@ -168,9 +198,9 @@ def simulate(costs, triangles, workers, parts, cluster, seed=1):
     dice, now, took = random.Random(seed), 0.0, {}
     for stage in ORDER:
         start = now
-        if stage == "hash" and not cluster.hashes or stage not in costs["stages"] and stage != "hash":
+        if stage not in costs["stages"]:
             continue
-        now = run_stage(stage_tasks(costs, stage, triangles, parts, cluster, dice), workers, cluster, now + cluster.latency, dice)
+        now = run_stage(stage_tasks(costs, stage, triangles, parts, workers, cluster, dice), workers, cluster, now + cluster.latency, dice)
         took[stage] = now - start
     return took
 
@@ -179,17 +209,18 @@ class Cluster:
     def __init__(self, **changes):
         # Bytes a second of the shared disk and of one machine's connection to it.
         self.bandwidth, self.per_worker = 5e9, 1e9
-        # Seconds from the end of a stage to the start of the next one, or to the restart of a worker; and of every task.
-        self.latency, self.overhead = 1.0, 0.01
+        # Seconds from the end of a stage to the start of the next one, or to the restart of a worker (waiting workers look again after
+        # a sixteenth of the time that they have waited); and of every task.
+        self.latency, self.overhead = 0.1, 0.01
         # Deaths of a worker in a second; the share of tasks that straggle, and how much slower these are.
         self.failures, self.straggling, self.straggler = 0.0, 0.0, 3.0
-        # Bytes that a process hashes in a second, least bytes of a range, and seconds to open a small file.
-        self.hash_rate, self.range_bytes, self.open_seconds, self.hashes = 8e9, 64 << 20, 2e-4, True
+        # Least bytes of a range, seconds to open a small file, and how many regions there are for each measured one.
+        self.range_bytes, self.open_seconds, self.finer = 64 << 20, 2e-4, 1.0
         vars(self).update(changes)
 
 
 def cluster_of(options):
-    names = ("bandwidth", "per_worker", "latency", "failures", "straggling", "straggler", "open_seconds")
+    names = ("bandwidth", "per_worker", "latency", "failures", "straggling", "straggler", "open_seconds", "finer")
     return Cluster(**{name: getattr(options, name) for name in names if getattr(options, name) is not None})
 
 
@@ -205,18 +236,41 @@ def one_worker(costs, triangles, cluster):
     return sum(simulate(costs, triangles, 1, max(64, round(costs["regions"] * triangles / costs["triangles"])), alone).values())
 
 
+def speedup(costs, triangles, workers, cluster):
+    """Elapsed seconds of each stage, and how many times one worker's are theirs."""
+    parts = max(4 * workers, round(costs["regions"] * triangles / costs["triangles"] * cluster.finer))
+    took = simulate(costs, triangles, workers, parts, cluster)
+    return took, one_worker(costs, triangles, cluster) / sum(took.values())
+
+
 def table(costs):
-    print("| triangles | workers | disk, GB/s | elapsed | times one worker | longest stages |\n|---:|---:|---:|---:|---:|---|")
+    print("| triangles | workers | disk, GB/s | elapsed | times one worker | with 1 % stragglers | longest stages |\n|---:|---:|---:|---:|---:|---:|---|")
     for triangles in (1e9, 1e10, 1e11):
         for workers in (35, 1000):
-            for bandwidth in (1e9, 5e9, 50e9):
-                cluster = Cluster(bandwidth=bandwidth, failures=1 / 86400, straggling=0.01)
-                parts = max(4 * workers, round(costs["regions"] * triangles / costs["triangles"]))
-                took = simulate(costs, triangles, workers, parts, cluster)
-                total, whole = sum(took.values()), one_worker(costs, triangles, cluster)
-                longest = sorted(took, key=took.get, reverse=True)[:3]
+            for bandwidth in (5e9, 50e9, 500e9):
+                connection = max(1e9, min(10e9, bandwidth / workers))
+                cluster = Cluster(bandwidth=bandwidth, per_worker=connection, failures=1 / 86400)
+                took, times = speedup(costs, triangles, workers, cluster)
+                cluster.straggling = 0.01
+                straggling = speedup(costs, triangles, workers, cluster)[1]
+                total, longest = sum(took.values()), sorted(took, key=took.get, reverse=True)[:3]
                 words = ", ".join(f"{name} {100 * took[name] / total:.0f} %" for name in longest)
-                print(f"| {triangles:.0e} | {workers} | {bandwidth / 1e9:.0f} | {total:.0f} s | {whole / total:.1f} | {words} |".replace("e+", "e"))
+                print(f"| {triangles:.0e} | {workers} | {bandwidth / 1e9:.0f} | {total:.0f} s | {times:.1f} | {straggling:.1f} | {words} |".replace("e+", "e"))
+
+
+def limits(costs):
+    print("| triangles | workers | aim | with a disk without limits | of that one process alone | aim reached from |\n|---:|---:|---:|---:|---:|---:|")
+    for workers, aim in ((35, 31), (1000, 300)):
+        for triangles in (3e8, 1e9, 3e9, 1e10, 3e10):
+            reached = lambda bandwidth: speedup(costs, triangles, workers, Cluster(bandwidth=bandwidth, per_worker=max(1e9, bandwidth / workers)))
+            took, best = reached(MEMORY)
+            alone = sum(took.get(name, 0.0) for name in ALONE)
+            low, high = 1e8, MEMORY
+            while best >= aim and high / low > 1.05:
+                middle = math.sqrt(low * high)
+                low, high = (low, middle) if reached(middle)[1] >= aim else (middle, high)
+            words = f"{high / 1e9:.0f} GB/s" if best >= aim else "never"
+            print(f"| {triangles:.0e} | {workers} | {aim} | {best:.1f} | {alone:.1f} of {sum(took.values()):.1f} s | {words} |".replace("e+", "e"))
 
 
 def check():
@@ -234,8 +288,8 @@ def check():
     dying = Cluster(latency=0.0, overhead=0.0, bandwidth=1e9, failures=0.2)
     assert run_stage([(0, 1, 0)] * 40, 4, dying, 0.0, dice) > 10.0
     stage = lambda cpu, size: {"cpu": cpu, "bytes": size, "memory": 0, "skew": [0.5, 1.0, 1.5]}
-    costs = {"triangles": 10**7, "regions": 8, "input_bytes": 19 * 10**7, "stats_bytes": 10**6,
-             "stages": {name: stage(0.01 if name in ALONE else 3.0, 10**7) for name in ORDER if name != "hash"}}
+    costs = {"triangles": 10**7, "regions": 8, "input_bytes": 19 * 10**7, "stats_bytes": 10**6, "heads_bytes": 10**5,
+             "stages": {name: stage(0.01 if name in ALONE else 3.0, 10**7) for name in ORDER}}
     # More workers are never slower, and never faster than their number allows.
     cluster = Cluster(bandwidth=MEMORY, per_worker=MEMORY, latency=0.0)
     totals = [sum(simulate(costs, 1e9, workers, 4000, cluster).values()) for workers in (1, 2, 10, 100)]
@@ -259,23 +313,24 @@ def main():
     running.add_argument("--triangles", type=float)
     running.add_argument("--workers", default="1,2,35,1000")
     running.add_argument("--parts", type=int)
-    for name in ("bandwidth", "per_worker", "latency", "failures", "straggling", "straggler", "open_seconds"):
+    for name in ("bandwidth", "per_worker", "latency", "failures", "straggling", "straggler", "open_seconds", "finer"):
         running.add_argument("--" + name.replace("_", "-"), type=float)
     commands.add_parser("table").add_argument("costs")
+    commands.add_parser("limits").add_argument("costs")
     commands.add_parser("check")
     options = parser.parse_args()
     if options.command == "check":
         return check()
     if options.command == "measure":
         costs = measure(options.job)
-        size = sum(task["bytes"] for name, task in costs["stages"].items() if name == "build")
+        size = costs["stages"]["encode"]["bytes"]
         costs["stages"]["merge"] = {"cpu": options.merge_cpu, "bytes": size, "memory": 0, "skew": [1.0]}
         text = json.dumps(costs, indent=1)
         print(text) if options.output is None else open(options.output, "w").write(text)
         return print(f"serial share {100 * serial(costs):.2f} %", file=sys.stderr)
     costs = json.load(open(options.costs))
-    if options.command == "table":
-        return table(costs)
+    if options.command in ("table", "limits"):
+        return table(costs) if options.command == "table" else limits(costs)
     cluster, triangles = cluster_of(options), options.triangles or costs["triangles"]
     for workers in map(int, options.workers.split(",")):
         parts = options.parts or max(4 * workers, round(costs["regions"] * triangles / costs["triangles"]))

@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 
-STAGES = {"scan": 0.02, "count": 0.04, "cut": 0.04, "divide": 0.06, "repair": 0.2, "match": 0.03, "segment": 0.2, "seams": 0.03, "build": 0.8}
+STAGES = {"scan": 0.02, "count": 0.04, "cut": 0.04, "divide": 0.06, "repair": 0.2, "match": 0.03, "segment": 0.2, "seams": 0.03, "build": 0.8, "arrange": 0.03, "encode": 0.03}
 # How long a step takes at most, over the time of a build.
 SHARES = {**STAGES, "build": 1.0, "build with workers": 1.0, "plan": 0.5, "part": 0.2, "merge": 0.1, "begin": 0.02}
 ROOT = pathlib.Path(__file__).resolve().parents[2]

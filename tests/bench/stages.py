@@ -146,7 +146,7 @@ class Measurement:
 
     def compare(self, costs, walls):
         """Measured times beside simulated ones. Beginning and merge are in neither."""
-        local = cluster.Cluster(bandwidth=cluster.MEMORY, per_worker=cluster.MEMORY, latency=0.025, hashes=False)
+        local = cluster.Cluster(bandwidth=cluster.MEMORY, per_worker=cluster.MEMORY, latency=0.02)
         spent = sum(stage["cpu"] for name, stage in costs["stages"].items() if name not in ("begin", "merge"))
         head = ["workers", "elapsed s", "without waiting for a processor", "CPU s", "simulated", "simulated, at the CPU s of this run"]
         print("\n| " + " | ".join(head) + " |\n|" + "---:|" * len(head))

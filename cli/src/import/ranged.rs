@@ -115,29 +115,29 @@ impl RangedMesh {
         file.places.position(&file.source(), own).unwrap_or(DVec3::NAN)
     }
 
-    /// Checks a range of vertices, and returns the smallest and largest coordinates.
+    /// Checks the vertices that begin in some bytes of a file, and returns the smallest and largest coordinates.
     ///
     /// # Errors
     /// If a coordinate is not finite.
-    pub fn check_vertices(&self, range: Range<u64>) -> Result<[DVec3; 2], ImportError> {
-        Ok(self.find_bounds(range)?)
+    pub fn check_vertices(&self, file: usize, bytes: Range<u64>) -> Result<[DVec3; 2], ImportError> {
+        Ok(self.find_bounds(file, bytes)?)
     }
 
-    fn find_bounds(&self, range: Range<u64>) -> Parsed<[DVec3; 2]> {
+    fn find_bounds(&self, file: usize, bytes: Range<u64>) -> Parsed<[DVec3; 2]> {
         let mut bounds = Mesh::default().bounds();
-        for file in &self.files {
-            let source = file.source();
-            for vertex in within(&range, file.first_vertex, file.places.counts()[0]) {
-                let at = file.places.offset_of_vertex(vertex);
-                source.passed(at);
-                let position = file.places.position(&source, vertex)?;
-                if !position.is_finite() {
-                    return Err(source.coordinate(super::Location::Byte(at as u64), vertex, position));
-                }
-                bounds = [bounds[0].min(position), bounds[1].max(position)];
+        let Some(file) = self.files.get(file) else { return Ok(bounds) };
+        let source = file.source();
+        let [start, end] = [bytes.start, bytes.end].map(|at| file.places.first_vertex_from(at));
+        for vertex in start..end {
+            let at = file.places.offset_of_vertex(vertex);
+            source.passed(at);
+            let position = file.places.position(&source, vertex)?;
+            if !position.is_finite() {
+                return Err(source.coordinate(super::Location::Byte(at as u64), vertex, position));
             }
-            file.bytes.drop_pages();
+            bounds = [bounds[0].min(position), bounds[1].max(position)];
         }
+        file.bytes.drop_pages();
         Ok(bounds)
     }
 
@@ -189,6 +189,19 @@ impl Places {
             Self::Ply(places) => places.offset_of_vertex(vertex),
             Self::Stl(_) => self.offset_of_triangle(vertex / 3) + stl::CORNER_BYTES * (1 + vertex as usize % 3),
         }
+    }
+
+    /// The first vertex that lies at an offset of the file or after it.
+    fn first_vertex_from(&self, offset: u64) -> u64 {
+        let [mut low, mut high] = [0, self.counts()[0]];
+        while low < high {
+            let middle = low + (high - low) / 2;
+            match (self.offset_of_vertex(middle) as u64) < offset {
+                true => low = middle + 1,
+                false => high = middle,
+            }
+        }
+        low
     }
 
     fn offset_of_triangle(&self, triangle: u64) -> usize {

@@ -90,7 +90,7 @@ impl EarlierJob {
     /// Checks that all its inputs exist unchanged, because they are read again.
     fn check_inputs(&self) -> Result<(), JobError> {
         let refused = |path: &Path, what: &str| Err(JobError::Extend { path: path.to_owned(), what: what.into() });
-        if let Some(changed) = self.manifest.changed_inputs().first() {
+        if let Some(changed) = self.manifest.changed_inputs(self.directory.folder()).first() {
             return refused(
                 changed,
                 "it has changed since the job was planned; plan all inputs again with --extensible",
@@ -135,7 +135,7 @@ impl EarlierJob {
         let own: Vec<usize> = regions_of(entry).collect();
         // The regions of a part that is missing, damaged or of another job are built again.
         let is_sound = PartReader::open(&path).is_ok_and(|part| {
-            let fits = part.job == self.manifest.id() && part.head.plan == self.plan;
+            let fits = part.job == self.manifest.part_id() && part.head.plan == self.plan;
             fits && part.head.regions.clone().map(|region| region as usize).eq(own.iter().copied())
                 && part.finish().is_ok()
         });

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 
-use super::{BuildOptions, JobError, Stages};
+use super::{BuildOptions, JobError, Stages, content};
 use crate::geometry_images::atlas_files;
 use crate::import::files_beside;
 use crate::pipeline::ModelOptions;
@@ -33,6 +33,9 @@ pub struct Manifest {
     pub options: ModelOptions,
     /// The parts, once the job is planned.
     pub parts: Vec<PartEntry>,
+    /// XXH3 hash over the hashes of all ranges of the inputs, 16 hexadecimal digits, once a job is planned in stages.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub content: Option<String>,
     /// How the job is divided into tasks, where its planning is divided, too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stages: Option<Stages>,
@@ -50,7 +53,7 @@ pub struct InputFile {
     /// The time stamp of its last change in nanoseconds since 1970, where the file system has one. A file with the same stamp need not be
     /// read again; the stamp has no other meaning.
     pub modified: Option<u64>,
-    /// XXH3 hash of its content, 16 hexadecimal digits.
+    /// XXH3 hash, 16 hexadecimal digits: of its content; of samples of an input whose job is planned in stages.
     pub xxh3: String,
 }
 
@@ -73,14 +76,23 @@ impl Manifest {
     /// # Errors
     /// If an input cannot be read.
     pub fn of(options: &BuildOptions) -> Result<Self, JobError> {
+        Self::read_by(options, InputFile::of)
+    }
+
+    /// Reads samples of all inputs to make the manifest of a new job whose tasks read the rest.
+    pub(super) fn sampled(options: &BuildOptions) -> Result<Self, JobError> {
+        Self::read_by(options, InputFile::sampled)
+    }
+
+    fn read_by(options: &BuildOptions, read: fn(PathBuf) -> Result<InputFile, WorkError>) -> Result<Self, JobError> {
         let mut inputs = vec![];
         for input in &options.inputs {
             match input.is_dir() {
                 true => {
                     let files = atlas_files(input).map_err(|source| WorkError::new(input, "read", source))?;
-                    files.into_iter().try_for_each(|path| InputFile::of(path).map(|file| inputs.push(file)))?;
+                    files.into_iter().try_for_each(|path| read(path).map(|file| inputs.push(file)))?;
                 }
-                false => inputs.push(InputFile::of(input.clone())?),
+                false => inputs.push(read(input.clone())?),
             }
         }
         let files = options.inputs.iter().filter(|input| !input.is_dir());
@@ -97,6 +109,7 @@ impl Manifest {
             beside,
             options: options.model.clone(),
             parts: vec![],
+            content: None,
             stages: None,
             output: PathBuf::new(),
         };
@@ -120,6 +133,14 @@ impl Manifest {
     /// The job's number.
     pub fn id(&self) -> JobId {
         JobId(u128::from_str_radix(&self.job, 16).unwrap_or_default())
+    }
+
+    /// The number of the job's parts: they belong together only if all of the inputs was the same.
+    pub fn part_id(&self) -> JobId {
+        match &self.content {
+            None => self.id(),
+            Some(content) => JobId(xxh3_128(format!("{} {content}", self.job).as_bytes())),
+        }
     }
 
     /// Reads the manifest of a job's directory.
@@ -179,35 +200,78 @@ impl Manifest {
         })
     }
 
-    /// The inputs whose contents have changed. An input that is not there, as on another machine, counts as unchanged.
-    pub fn changed_inputs(&self) -> Vec<&Path> {
-        let changed = |file: &&InputFile| match fs::metadata(&file.path) {
+    /// The inputs whose contents have changed since the job in a directory was begun. An input that is not there, as on another machine, counts
+    /// as unchanged.
+    pub fn changed_inputs(&self, job: &Path) -> Vec<&Path> {
+        let changed = |&(number, file): &(usize, &InputFile)| match fs::metadata(&file.path) {
             Ok(metadata) if metadata.len() == file.bytes => {
                 let has_same_stamp = file.modified.is_some() && stamp(&metadata) == file.modified;
-                !has_same_stamp && InputFile::of(file.path.clone()).is_ok_and(|now| now.xxh3 != file.xxh3)
+                !has_same_stamp && self.differs(job, number, &file.path)
             }
             Ok(_) => true,
             Err(_) => false,
         };
-        self.files().filter(changed).map(|file| file.path.as_path()).collect()
+        self.files().enumerate().filter(changed).map(|(_, file)| file.path.as_path()).collect()
+    }
+
+    /// The first input of `now`, a manifest without [`Self::difference`], whose content is not what the job in a directory has read.
+    pub(super) fn changed_since<'n>(&self, job: &Path, now: &'n Self) -> Option<&'n Path> {
+        let pairs = self.files().zip(now.files()).enumerate();
+        let mut changed = pairs.filter(|(number, (then, now))| {
+            let has_same_stamp = now.path == then.path && now.modified.is_some() && now.modified == then.modified;
+            !has_same_stamp && self.differs(job, *number, &now.path)
+        });
+        changed.next().map(|(_, (_, now))| now.path.as_path())
+    }
+
+    /// Whether a file has another content than one of [`Self::files`] had, as far as that is known.
+    fn differs(&self, job: &Path, number: usize, path: &Path) -> bool {
+        match self.files().nth(number) {
+            Some(_) if number < self.inputs.len() => content::differs(self, job, number, path),
+            Some(file) => InputFile::of(path.to_owned()).is_ok_and(|now| now.xxh3 != file.xxh3),
+            None => false,
+        }
+    }
+
+    /// Size and time stamp of all files; none where one has no stamp, or is not there.
+    pub(super) fn stamps(&self) -> Option<Vec<(u64, u64)>> {
+        let of_file = |file: &InputFile| {
+            let metadata = fs::metadata(&file.path).ok()?;
+            Some((metadata.len(), stamp(&metadata)?))
+        };
+        self.files().map(of_file).collect()
     }
 }
 
 impl InputFile {
-    fn of(path: PathBuf) -> Result<Self, JobError> {
-        let read = || -> io::Result<(u64, Option<u64>, u64)> {
-            let (mut file, mut hash, mut bytes) = (File::open(&path)?, Xxh3::new(), 0);
-            // Taken before the file is read, so that a file that changes meanwhile gets another stamp.
-            let modified = stamp(&file.metadata()?);
+    pub(super) fn of(path: PathBuf) -> Result<Self, WorkError> {
+        Self::read_by(path, |file, _| {
+            let (mut hash, mut bytes) = (Xxh3::new(), 0);
             let mut buffer = vec![0; 1 << 20];
             loop {
                 let count = file.read(&mut buffer)?;
                 if count == 0 {
-                    return Ok((bytes, modified, hash.digest()));
+                    return Ok((bytes, hash.digest()));
                 }
                 hash.update(&buffer[..count]);
                 bytes += count as u64;
             }
+        })
+    }
+
+    /// A file of which only samples are read.
+    pub(super) fn sampled(path: PathBuf) -> Result<Self, WorkError> {
+        Self::read_by(path, |file, bytes| Ok((bytes, content::sample(file, bytes)?)))
+    }
+
+    /// `read` returns the size and a hash.
+    fn read_by(path: PathBuf, read: impl Fn(&mut File, u64) -> io::Result<(u64, u64)>) -> Result<Self, WorkError> {
+        let read = || -> io::Result<(u64, Option<u64>, u64)> {
+            let mut file = File::open(&path)?;
+            // The stamp is taken before the file is read, so that a file that changes meanwhile gets another one.
+            let metadata = file.metadata()?;
+            let (bytes, hash) = read(&mut file, metadata.len())?;
+            Ok((bytes, stamp(&metadata), hash))
         };
         let (bytes, modified, hash) = read().map_err(|source| WorkError::new(&path, "read", source))?;
         Ok(Self { path, bytes, modified, xxh3: format!("{hash:016x}") })

@@ -6,13 +6,16 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use super::encoded::BuiltJob;
 use super::file_name::job_of;
 use super::part::{PART_EXTENSION, PartReader};
-use super::planned::PARTS_NAME;
+use super::plan::read_plan;
+use super::planned::{PARTS_NAME, chain};
 use super::{BuildError, JobError, Manifest};
 use crate::pipeline::summary::{BuildSummary, Stopwatch, Times};
 use crate::pipeline::{PipelineError, Plan, ProductStats, Products, join};
 use crate::progress::Progress;
+use crate::region::RegionError;
 use crate::storage::{JobId, WorkError};
 use crate::text::shell;
 use lodpack::write::{Piece, PieceIndex};
@@ -22,6 +25,8 @@ pub struct Parts {
     plan: Plan,
     /// By number.
     files: Vec<PathBuf>,
+    /// The job, where all its clusters are encoded. Then nothing but that is read.
+    encoded: Option<(PathBuf, Manifest)>,
     /// Inputs that have changed since the job was planned, as far as they can be seen from here.
     pub changed_inputs: Vec<PathBuf>,
 }
@@ -51,15 +56,25 @@ impl Parts {
             }
         }
         let manifest = job.as_deref().map(Manifest::read).transpose()?;
+        if let ([path], Some(job), Some(manifest)) = (paths, &job, &manifest)
+            && path == job
+            && let Some(stages) = manifest.stages
+            && (BuiltJob { folder: job, manifest, stages }).is_encoded()
+        {
+            let changed_inputs = manifest.changed_inputs(job).into_iter().map(Path::to_owned).collect();
+            let (plan, _) = read_plan(job, manifest.id())?;
+            let encoded = Some((job.clone(), manifest.clone()));
+            return Ok(Self { plan, files, encoded, changed_inputs });
+        }
         let expected = manifest.as_ref().filter(|manifest| !manifest.parts.is_empty());
-        let expected = expected.map(|m| Expected { job: m.id(), parts: m.parts.len() as u32 });
+        let expected = expected.map(|m| Expected { job: m.part_id(), parts: m.parts.len() as u32 });
         if files.is_empty() && expected.is_none() {
             return Err(JobError::NoParts { path: paths.first().cloned().unwrap_or_default() });
         }
-        let changed = manifest.iter().flat_map(|manifest| manifest.changed_inputs());
+        let changed = manifest.iter().zip(&job).flat_map(|(manifest, job)| manifest.changed_inputs(job));
         let changed_inputs = changed.map(Path::to_owned).collect();
         let (plan, files) = checked(files, expected, job.as_deref(), progress)?;
-        Ok(Self { plan, files, changed_inputs })
+        Ok(Self { plan, files, encoded: None, changed_inputs })
     }
 }
 
@@ -162,6 +177,20 @@ pub fn merge(
     out: &mut impl Write,
     progress: &dyn Progress,
 ) -> Result<BuildSummary, BuildError> {
+    if let Some((folder, manifest)) = &parts.encoded
+        && let Some(stages) = manifest.stages
+    {
+        match (BuiltJob { folder, manifest, stages }).join(scratch, out, progress) {
+            // Nothing was written: the parts have everything, too.
+            Err(PipelineError::Region(RegionError::Work(error))) => {
+                progress.note(&format!("{}; the parts are merged instead", chain(&error)));
+                let expected = Expected { job: manifest.part_id(), parts: manifest.parts.len() as u32 };
+                let (plan, files) = checked(parts.files.clone(), Some(expected), Some(folder), progress)?;
+                return merge(&Parts { plan, files, encoded: None, changed_inputs: vec![] }, scratch, out, progress);
+            }
+            done => return Ok(done?),
+        }
+    }
     let files = PartProducts { paths: parts.files.clone() };
     Ok(join(&parts.plan, &files, scratch, out, progress, Stopwatch::default(), Times::default())?)
 }

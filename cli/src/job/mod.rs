@@ -15,6 +15,8 @@
 
 mod add;
 mod build;
+mod content;
+mod encoded;
 mod error;
 mod file_name;
 mod input;

@@ -82,6 +82,11 @@ impl PartReader {
         Ok(head)
     }
 
+    /// Reads past the next region.
+    pub fn pass(&mut self) -> Result<(), WorkError> {
+        (0..3).try_for_each(|_| self.reader.get_bytes().map(drop))
+    }
+
     /// The piece of the next region.
     pub fn piece(&mut self) -> Result<Piece, WorkError> {
         Ok(self.product()?.piece)

@@ -71,6 +71,14 @@ impl PlannedJob {
         if part < parts { Ok(()) } else { Err(JobError::NoPart { part, parts }) }
     }
 
+    /// Whether a part is there, by the beginning of its file. Whoever uses it checks the rest.
+    pub(super) fn has_part(&self, part: u32) -> bool {
+        let Some(entry) = self.manifest.parts.get(part as usize) else { return false };
+        let regions = entry.first_region..entry.first_region + entry.regions;
+        PartReader::open(&PartFiles::new(self.directory.folder(), part).path)
+            .is_ok_and(|there| there.job == self.manifest.part_id() && there.head.regions == regions)
+    }
+
     /// Builds a part, unless it exists already, in the job's directory or to `output`.
     ///
     /// # Errors
@@ -110,13 +118,14 @@ impl PlannedJob {
         if memory < entry.memory {
             return Err(RegionError::Memory { option: MEMORY_OPTION, memory, least: entry.memory }.into());
         }
-        let id = self.manifest.id();
+        let (id, of_part) = (self.manifest.id(), self.manifest.part_id());
         let regions = entry.first_region..entry.first_region + entry.regions;
         let head = PartHead { part, parts: self.parts(), regions: regions.clone(), plan: self.plan.clone() };
         let sizes = self.sizes.get(regions.start as usize..regions.end as usize).unwrap_or_default();
         let charts = sizes.iter().map(|size| size.charts).sum();
         progress.begin("roots", charts);
-        if PartReader::open(path).is_ok_and(|there| there.job == id && there.head == head && there.finish().is_ok()) {
+        let is_same = |there: &PartReader| there.job == of_part && there.head == head;
+        if PartReader::open(path).is_ok_and(|there| is_same(&there) && there.finish().is_ok()) {
             progress.skip(charts);
             return Ok(BuiltPart { path: path.to_owned(), report: None });
         }
@@ -124,7 +133,7 @@ impl PlannedJob {
         let store = RegionDirectory::charted(self.directory.clone(), id, self.sizes.len());
         // An empty part can be made again at once, so it need not reach the disk.
         let sync = !regions.is_empty();
-        let (bytes, _) = write_part(&store, id, &head, path, sync, progress)?;
+        let (bytes, _) = write_part(&store, of_part, &head, path, sync, progress)?;
         let (wall, cpu) = watch.total();
         let report = PartReport {
             bytes,

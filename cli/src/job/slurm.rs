@@ -31,6 +31,8 @@ pub struct SlurmScripts {
     pub stages: Vec<(String, String)>,
     /// Builds the parts that are not done yet; none if all are.
     pub parts: Option<String>,
+    /// Scripts of the stages after the parts, likewise.
+    pub after_parts: Vec<(String, String)>,
     /// Merges.
     pub merge: String,
 }
@@ -43,6 +45,9 @@ pub struct Submitted {
     pub stages: Vec<(String, String)>,
     /// The array of parts.
     pub parts: Option<String>,
+    /// The arrays of the stages after the parts, by name.
+    #[serde(default)]
+    pub after_parts: Vec<(String, String)>,
     /// The merge, which waits for them.
     pub merge: String,
 }
@@ -57,8 +62,8 @@ impl SlurmScripts {
         let (job, output) = (absolute(job)?, absolute(output)?);
         let (status, manifest) = (JobStatus::of(&job)?, Manifest::read(&job)?);
         let stages = match (status.planned, manifest.stages) {
-            (true, _) => Stages { parts: status.parts.len() as u32, ..Stages::default() },
-            (false, Some(stages)) => stages,
+            (_, Some(stages)) => stages,
+            (true, None) => Stages { parts: status.parts.len() as u32, ..Stages::default() },
             (false, None) => return Err(JobError::NotPlanned { path: job }),
         };
         let memory = status.parts.iter().map(|part| part.memory).max().unwrap_or(stages.memory).div_ceil(1 << 20);
@@ -92,15 +97,20 @@ impl SlurmScripts {
             tasks.dedup();
             if tasks.is_empty() { Ok(None) } else { fill(script, stage, count, &tasks).map(Some) }
         };
-        let mut scripts = vec![];
-        for stage in Stage::Build.earlier().filter(|_| !status.planned) {
-            let is_done = |task: u32| TaskFiles::new(&job, stage, task).product.exists();
-            scripts.extend(of_stage(stage, &is_done, STAGE_SCRIPT)?.map(|script| (stage.to_string(), script)));
-        }
+        let scripts = |of_job: &mut dyn Iterator<Item = Stage>| -> Result<Vec<_>, JobError> {
+            let mut scripts = vec![];
+            for stage in of_job {
+                let is_done = |task: u32| TaskFiles::new(&job, stage, task).product.exists();
+                scripts.extend(of_stage(stage, &is_done, STAGE_SCRIPT)?.map(|script| (stage.to_string(), script)));
+            }
+            Ok(scripts)
+        };
+        let after = [Stage::Arrange, Stage::Encode].into_iter().filter(|_| manifest.stages.is_some());
         Ok(Self {
             folder: job.join(SLURM_NAME),
-            stages: scripts,
+            stages: scripts(&mut Stage::Build.earlier().filter(|_| !status.planned))?,
             parts: of_stage(Stage::Build, &done, PARTS_SCRIPT)?,
+            after_parts: scripts(&mut after.into_iter())?,
             merge: fill(MERGE_SCRIPT, Stage::Build, 0, &[])?,
         })
     }
@@ -119,7 +129,7 @@ impl SlurmScripts {
         let before = fs::read(in_folder(SUBMITTED_NAME)).ok();
         if let Some(before) = before.and_then(|text| serde_json::from_slice::<Submitted>(&text).ok()) {
             // They may have ended long ago, or would wait for ever.
-            let stages = before.stages.iter().map(|(_, id)| id);
+            let stages = before.stages.iter().chain(&before.after_parts).map(|(_, id)| id);
             let waiting = stages.chain(before.parts.iter().filter(|_| !before.stages.is_empty()));
             let _ = Command::new("scancel").arg("--state=PENDING").args(waiting).arg(&before.merge).output();
         }
@@ -131,11 +141,16 @@ impl SlurmScripts {
             last = Some(id.clone());
             Ok::<String, JobError>(id)
         };
-        let stages =
-            self.stages.iter().map(|(stage, script)| Ok((stage.clone(), submit(&format!("{stage}.sh"), script)?)));
-        let stages = stages.collect::<Result<_, JobError>>()?;
-        let parts = self.parts.as_ref().map(|script| submit("parts.sh", script)).transpose()?;
-        let submitted = Submitted { stages, parts, merge: submit("merge.sh", &self.merge)? };
+        let mut submit_all = |scripts: &[(String, String)]| -> Result<Vec<_>, JobError> {
+            let submitted =
+                scripts.iter().map(|(stage, script)| Ok((stage.clone(), submit(&format!("{stage}.sh"), script)?)));
+            submitted.collect()
+        };
+        let stages = submit_all(&self.stages)?;
+        let parts = self.parts.iter().map(|script| ("parts".to_owned(), script.clone())).collect::<Vec<_>>();
+        let parts = submit_all(&parts)?.pop().map(|(_, id)| id);
+        let after_parts = submit_all(&self.after_parts)?;
+        let submitted = Submitted { stages, parts, after_parts, merge: submit("merge.sh", &self.merge)? };
         let text = serde_json::to_string_pretty(&submitted).map_err(io::Error::other);
         let text = text.map_err(|source| WorkError::new(&in_folder(SUBMITTED_NAME), "written", source))?;
         write(SUBMITTED_NAME, &text)?;

@@ -8,6 +8,10 @@ use serde::{Deserialize, Serialize};
 use super::part::part_name;
 use super::planned::PARTS_NAME;
 
+/// Parts for each task of [`Stage::Encode`], at least, and the most tasks.
+const PARTS_PER_ENCODER: u32 = 4;
+const MAX_ENCODERS: u32 = 500;
+
 /// The folder of tasks within a job's directory.
 pub const STAGES_NAME: &str = "stages";
 
@@ -36,11 +40,15 @@ pub enum Stage {
     Seams,
     /// Parts are built.
     Build,
+    /// One process orders the roots of all parts, and makes the groups above regions.
+    Arrange,
+    /// Parts become pages of the file.
+    Encode,
 }
 
 impl Stage {
     /// All stages in order.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 12] = [
         Self::Import,
         Self::Scan,
         Self::Count,
@@ -51,6 +59,8 @@ impl Stage {
         Self::Segment,
         Self::Seams,
         Self::Build,
+        Self::Arrange,
+        Self::Encode,
     ];
 
     /// Its name in commands and files.
@@ -66,17 +76,21 @@ impl Stage {
             Self::Segment => "segment",
             Self::Seams => "seams",
             Self::Build => "build",
+            Self::Arrange => "arrange",
+            Self::Encode => "encode",
         }
     }
 
     /// Its share of the processor time of a job, as measured on scans (`tests/RESULTS.md`).
     pub fn share(self) -> f64 {
         match self {
-            Self::Import | Self::Scan | Self::Count | Self::Cut | Self::Match | Self::Seams => 0.01,
-            Self::Divide => 0.03,
-            Self::Repair => 0.12,
-            Self::Segment => 0.17,
-            Self::Build => 0.62,
+            Self::Import | Self::Cut | Self::Match | Self::Seams | Self::Arrange => 0.002,
+            Self::Scan | Self::Encode => 0.005,
+            Self::Count => 0.03,
+            Self::Divide => 0.04,
+            Self::Repair => 0.15,
+            Self::Segment => 0.16,
+            Self::Build => 0.61,
         }
     }
 
@@ -113,8 +127,10 @@ impl Stages {
             // An import checks and measures everything.
             Stage::Scan if self.imports => 0,
             Stage::Scan | Stage::Count | Stage::Divide => self.ranges,
-            Stage::Cut | Stage::Match | Stage::Seams => 1,
+            Stage::Cut | Stage::Match | Stage::Seams | Stage::Arrange => 1,
             Stage::Repair | Stage::Segment | Stage::Build => self.parts,
+            // Each reads the parts around its own, so more tasks would read more. A merge reads the products of all side by side.
+            Stage::Encode => self.parts.div_ceil(self.parts.div_ceil(MAX_ENCODERS).max(PARTS_PER_ENCODER)),
         }
     }
 
@@ -152,6 +168,11 @@ impl TaskFiles {
 /// The triangles that a task of [`Stage::Divide`] has sent to the regions.
 pub(super) fn run_file(job: &Path, task: u32) -> PathBuf {
     job.join(STAGES_NAME).join(format!("{}-{task}.runs", Stage::Divide))
+}
+
+/// What a task of [`Stage::Encode`] has to know, from [`Stage::Arrange`].
+pub(super) fn encoder_file(job: &Path, task: u32) -> PathBuf {
+    job.join(STAGES_NAME).join(format!("{}-{task}.encoder", Stage::Arrange))
 }
 
 /// Divides the numbers of things that follow each other into so many runs of about equal size. Some runs are empty where there are fewer

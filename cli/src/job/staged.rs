@@ -3,7 +3,8 @@
 //! Processes meet in the job's directory alone. A task takes a lock, hands on a sealed file, and can be done again after any end of the
 //! process that had it.
 
-use std::cell::{Cell, OnceCell};
+use std::borrow::Cow;
+use std::cell::{Cell, OnceCell, RefCell};
 use std::fs;
 use std::io;
 use std::path::Path;
@@ -12,7 +13,7 @@ use super::file_name::product_name;
 use super::planned::chain;
 use super::stage::{STAGES_NAME, TaskFiles};
 use super::status::PartReport;
-use super::tasks::Task;
+use super::tasks::{AllRuns, Task};
 use super::{BuildError, BuildOptions, JobError, Manifest, PartOptions, PlannedJob, Stage, Stages};
 use crate::import::RangedMesh;
 use crate::machine::peak_memory_bytes;
@@ -35,6 +36,10 @@ pub struct StagedJob {
     begun: Cell<Option<Stage>>,
     /// The parts, once one is built.
     planned: OnceCell<PlannedJob>,
+    /// What [`Stage::Divide`] has sent to the regions, once a task of this process has needed it.
+    runs: OnceCell<AllRuns>,
+    /// Sizes and time stamps with which the inputs were found to be unchanged.
+    unchanged: RefCell<Option<Vec<(u64, u64)>>>,
 }
 
 /// What became of a task.
@@ -58,7 +63,7 @@ fn region_memory(mesh: Option<&RangedMesh>, region_triangles: u64) -> u64 {
 }
 
 impl StagedJob {
-    /// Begins a job in a new directory, or finds it there. Its inputs are hashed, but not read otherwise.
+    /// Begins a job in a new directory, or finds it there. Of its inputs only samples are read.
     ///
     /// # Errors
     /// As for plans, and where the inputs cannot be divided.
@@ -78,7 +83,7 @@ impl StagedJob {
             let what = format!("{} is an atlas, which cannot be divided; omit --stages", atlas.display());
             return Err(PipelineError::Tolerance { what }.into());
         }
-        let mut manifest = Manifest::of(&options)?;
+        let mut manifest = Manifest::sampled(&options)?;
         let mesh = RangedMesh::open(&options.inputs, &options.model.channels)?;
         let bytes: u64 = manifest.inputs.iter().map(|file| file.bytes).sum();
         let count =
@@ -92,7 +97,10 @@ impl StagedJob {
             match Manifest::read(path) {
                 Ok(there) => {
                     let what = match there.difference(&manifest) {
-                        None if there.stages == manifest.stages => return Ok(there),
+                        None if there.stages == manifest.stages => match there.changed_since(path, &manifest) {
+                            None => return Ok(there),
+                            Some(input) => format!("{} has changed since it was begun", input.display()),
+                        },
                         None => "it was begun with other parts or without --stages".into(),
                         Some(what) => what,
                     };
@@ -130,6 +138,8 @@ impl StagedJob {
             stages,
             begun: Cell::new(None),
             planned: OnceCell::new(),
+            runs: OnceCell::new(),
+            unchanged: RefCell::default(),
         })
     }
 
@@ -165,6 +175,37 @@ impl StagedJob {
         TaskFiles::new(self.directory.folder(), stage, task).product.exists()
     }
 
+    /// Rough measures of how long the tasks of a stage take: four steps for each factor of two. Empty where that is not known.
+    pub(super) fn weights(&self, stage: Stage) -> Vec<u32> {
+        let triangles = match stage {
+            Stage::Build => {
+                self.planned().ok().map(|planned| (0..planned.parts()).map(|part| planned.triangles(part)).collect())
+            }
+            _ => self.task(&self.manifest, 0, u64::MAX).triangles(stage),
+        };
+        // The leading bit and the two after it.
+        let weight = |triangles: u64| {
+            let leading = triangles.max(1).ilog2();
+            4 * leading + ((triangles.unbounded_shl(2) >> leading) & 3) as u32
+        };
+        triangles.unwrap_or_default().into_iter().map(weight).collect()
+    }
+
+    fn task<'a>(&'a self, manifest: &'a Manifest, task: u32, memory: u64) -> Task<'a> {
+        Task { directory: &self.directory, manifest, stages: self.stages, task, memory, runs: &self.runs }
+    }
+
+    /// The parts, once the job is planned.
+    fn planned(&self) -> Result<&PlannedJob, JobError> {
+        match self.planned.get() {
+            Some(planned) => Ok(planned),
+            None => {
+                let planned = PlannedJob::open(self.directory.folder())?;
+                Ok(self.planned.get_or_init(|| planned))
+            }
+        }
+    }
+
     /// Does a task, unless it is done or another process is doing it. The job's directory keeps a report, or the reason of a failure.
     ///
     /// # Errors
@@ -179,6 +220,7 @@ impl StagedJob {
             return self.build(task, memory, progress);
         }
         let files = TaskFiles::new(self.directory.folder(), stage, task);
+        let manifest = self.current(stage)?;
         let lock = match Lock::try_take(&files.lock) {
             Ok(lock) => lock,
             Err(error) if error.source.kind() == io::ErrorKind::WouldBlock => return Ok(Outcome::Taken),
@@ -189,8 +231,18 @@ impl StagedJob {
             return Ok(Outcome::WasDone);
         }
         let watch = Stopwatch::default();
-        let task = Task { directory: &self.directory, manifest: &self.manifest, stages: self.stages, task, memory };
-        let done = task.run(stage, progress);
+        let task = Task {
+            directory: &self.directory,
+            manifest: &manifest,
+            stages: self.stages,
+            task,
+            memory,
+            runs: &self.runs,
+        };
+        let done = self.check_inputs(stage).map_err(BuildError::from);
+        let done = done.and_then(|()| task.run(stage, progress));
+        // They may have changed while the task read them.
+        let done = done.and_then(|bytes| Ok(self.check_inputs(stage).map(|()| bytes)?));
         let (wall, cpu) = watch.total();
         let outcome = done.map(|bytes| PartReport {
             bytes,
@@ -211,13 +263,11 @@ impl StagedJob {
     }
 
     fn build(&self, part: u32, memory: u64, progress: &dyn Progress) -> Result<Outcome, BuildError> {
-        let planned = match self.planned.get() {
-            Some(planned) => planned,
-            None => {
-                let planned = PlannedJob::open(self.directory.folder())?;
-                self.planned.get_or_init(|| planned)
-            }
-        };
+        let planned = self.planned()?;
+        // A worker that looks for what is left need not read what others have built.
+        if planned.has_part(part) {
+            return Ok(Outcome::WasDone);
+        }
         match planned.build(part, memory, None, progress) {
             Ok(built) => Ok(built.report.map_or(Outcome::WasDone, Outcome::Done)),
             Err(error) if error.work().is_some_and(|work| work.source.kind() == io::ErrorKind::WouldBlock) => {
@@ -225,6 +275,28 @@ impl StagedJob {
             }
             Err(error) => Err(error),
         }
+    }
+
+    /// The manifest as a stage needs it: the last stage of planning adds the parts.
+    fn current(&self, stage: Stage) -> Result<Cow<'_, Manifest>, JobError> {
+        match stage > Stage::Build && self.manifest.parts.is_empty() {
+            true => Ok(Cow::Owned(Manifest::read(self.directory.folder())?)),
+            false => Ok(Cow::Borrowed(&self.manifest)),
+        }
+    }
+
+    /// Refuses to go on with a stage that reads inputs where one has changed.
+    fn check_inputs(&self, stage: Stage) -> Result<(), JobError> {
+        let stamps = self.manifest.stamps();
+        if stage > Stage::Repair || stamps.is_some() && *self.unchanged.borrow() == stamps {
+            return Ok(());
+        }
+        let folder = self.directory.folder();
+        if let Some(&input) = self.manifest.changed_inputs(folder).first() {
+            return Err(JobError::Stale { path: folder.to_owned(), input: input.to_owned() });
+        }
+        *self.unchanged.borrow_mut() = stamps;
+        Ok(())
     }
 
     /// Checks that all tasks of earlier stages are done.

@@ -113,7 +113,7 @@ impl JobStatus {
             stages: stages.into_iter().filter(|stage| stage.tasks > 0).collect(),
             job: manifest.job.clone(),
             planned: !manifest.parts.is_empty(),
-            changed_inputs: manifest.changed_inputs().iter().map(|path| path.display().to_string()).collect(),
+            changed_inputs: manifest.changed_inputs(job).iter().map(|path| path.display().to_string()).collect(),
             parts: parts.collect(),
         })
     }
@@ -135,7 +135,7 @@ fn state_of(job: &Path, manifest: &Manifest, part: u32) -> PartState {
             Ok(reason) => PartState::Failed { reason },
             Err(_) => PartState::Missing,
         },
-        Ok(there) if there.job != manifest.id() || there.head.parts as usize != manifest.parts.len() => {
+        Ok(there) if there.job != manifest.part_id() || there.head.parts as usize != manifest.parts.len() => {
             PartState::Broken { reason: "it belongs to another plan".into() }
         }
         Ok(there) => match there.finish() {

@@ -2,14 +2,19 @@
 //!
 //! The steps are those of [`super::Job`], which does all of them in one process, so the plan is the same.
 
+use std::cell::OnceCell;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::DVec3;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use super::content::{self, Contents};
+use super::encoded::BuiltJob;
 use super::input::read_input;
 use super::plan::{part_entries, write_plan};
 use super::stage::{TaskFiles, even_runs, run_file};
@@ -22,7 +27,7 @@ use crate::pipeline::{Found, Scale, Whole, seams_of};
 use crate::progress::Progress;
 use crate::region::{
     Agreement, BoundarySketch, CellCounts, Counts, Decomposition, DividedMesh, Matching, NumberedMesh, RegionDirectory,
-    RegionStats, RunFile, RunList, at_once, centroid, remove_shared, repair_regions,
+    RegionStats, Reversed, RunFile, RunList, at_once, centroid, remove_shared, repair_regions,
 };
 use crate::storage::memory::region_bytes;
 use crate::storage::{SealedReader, SealedWriter, WorkDirectory, WorkError};
@@ -34,9 +39,19 @@ pub(super) struct Task<'a> {
     pub stages: Stages,
     pub task: u32,
     pub memory: u64,
+    /// The runs of all regions, once this process has needed them.
+    pub runs: &'a OnceCell<AllRuns>,
 }
 
-const KIND: [u8; 4] = *b"task";
+/// The triangles that all tasks of [`Stage::Divide`] have sent to the regions.
+#[derive(Clone, Debug)]
+pub(super) struct AllRuns {
+    runs: Arc<[RunFile]>,
+    /// Triangles of each region.
+    triangles: Vec<u64>,
+}
+
+pub(super) const KIND: [u8; 4] = *b"task";
 const PAIRS_NAME: &str = "pairs";
 const PAIRS_KIND: [u8; 4] = *b"pair";
 
@@ -47,6 +62,15 @@ struct ImportProduct {
     appearance: Appearance,
     bounds: [DVec3; 2],
     triangles: u64,
+    /// The hashes of all ranges of the inputs.
+    hashes: Vec<Vec<u64>>,
+}
+
+/// What a range of the inputs has.
+#[derive(Serialize, Deserialize)]
+struct ScanProduct {
+    bounds: [DVec3; 2],
+    hashes: Vec<u64>,
 }
 
 /// How space is cut into regions.
@@ -54,6 +78,8 @@ struct ImportProduct {
 struct CutProduct {
     bounds: [DVec3; 2],
     tree: Decomposition,
+    /// Of all inputs.
+    content: u64,
 }
 
 /// What the regions are as a whole.
@@ -62,7 +88,18 @@ struct MatchProduct {
     whole: Whole,
     /// The regions of each task of [`Stage::Segment`].
     shares: Vec<Range<u32>>,
+    /// Their triangles.
+    triangles: Vec<u64>,
     regions: u32,
+    /// Regions with components that have to be reversed before they are cut into charts, and which these are.
+    reversed: BTreeMap<u32, Reversed>,
+}
+
+impl MatchProduct {
+    /// For each region up to the end of a range what is reversed of it.
+    fn reversed(&self, regions: &Range<usize>) -> Vec<Reversed> {
+        (0..regions.end as u32).map(|region| self.reversed.get(&region).cloned().unwrap_or_default()).collect()
+    }
 }
 
 /// What is only of interest once all regions are cut into charts.
@@ -75,9 +112,6 @@ struct Pairs {
 impl Task<'_> {
     /// Does a task of a stage. Returns the number of bytes that it hands on.
     pub fn run(&self, stage: Stage, progress: &dyn Progress) -> Result<u64, BuildError> {
-        if stage <= Stage::Repair {
-            self.check_inputs()?;
-        }
         match stage {
             Stage::Import => self.import(progress),
             Stage::Scan => self.scan(),
@@ -90,6 +124,8 @@ impl Task<'_> {
             Stage::Seams => self.find_seams(),
             // Parts have files and reports of their own.
             Stage::Build => Ok(0),
+            Stage::Arrange => self.built().arrange(),
+            Stage::Encode => self.built().encode(self.task, progress),
         }
     }
 
@@ -110,16 +146,21 @@ impl Task<'_> {
             appearance: mesh.appearance,
             bounds: mesh.bounds,
             triangles: mesh.triangle_count,
+            hashes: (0..self.stages.ranges).map(|task| self.contents().hashes(task)).collect::<Result<_, _>>()?,
         };
         Ok(bytes + self.hand_on(Stage::Import, &product)?)
     }
 
-    /// The extent of a range of vertices.
+    /// Hashes a range of the inputs, and measures the vertices that begin in it.
     fn scan(&self) -> Result<u64, BuildError> {
-        let mesh = self.ranged()?;
-        let bounds = mesh.check_vertices(self.stages.range(self.task, mesh.vertex_count()))?;
+        let (mesh, contents) = (self.ranged()?, self.contents());
+        let hashes = contents.hashes(self.task)?;
+        let mut bounds = Mesh::default().bounds();
+        for (file, bytes) in contents.pieces(self.task) {
+            bounds = union(bounds, mesh.check_vertices(file, bytes)?);
+        }
         // A triangle that names a vertex that is not there is found when triangles are counted or divided.
-        self.hand_on(Stage::Scan, &bounds)
+        self.hand_on(Stage::Scan, &ScanProduct { bounds, hashes })
     }
 
     fn count(&self) -> Result<u64, BuildError> {
@@ -127,7 +168,7 @@ impl Task<'_> {
         let counts = match input.triangle_count() <= self.manifest.options.region_triangles {
             true => CellCounts::default(),
             false => {
-                let cutting = self.manifest.options.division().begin(self.bounds()?);
+                let cutting = self.manifest.options.division().begin(self.scanned()?.0);
                 let range = self.stages.range(self.task, input.triangle_count());
                 cutting.count(&mut |visit| for_each_centroid(&input, range.clone(), visit))?
             }
@@ -136,7 +177,7 @@ impl Task<'_> {
     }
 
     fn cut(&self) -> Result<u64, BuildError> {
-        let (input, bounds) = (self.input()?, self.bounds()?);
+        let (input, (bounds, hashes)) = (self.input()?, self.scanned()?);
         Scale::check_size(bounds)?;
         let count = input.triangle_count();
         let tree = match count <= self.manifest.options.region_triangles {
@@ -156,7 +197,7 @@ impl Task<'_> {
                 cutting.finish(&mut |visit| for_each_centroid(&input, 0..count, visit))?
             }
         };
-        self.hand_on(Stage::Cut, &CutProduct { bounds, tree })
+        self.hand_on(Stage::Cut, &CutProduct { bounds, tree, content: content::root(hashes) })
     }
 
     fn divide(&self) -> Result<u64, BuildError> {
@@ -170,16 +211,9 @@ impl Task<'_> {
     }
 
     fn repair(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
-        let CutProduct { tree, bounds } = self.product(Stage::Cut, 0)?;
+        let CutProduct { tree, bounds, .. } = self.product(Stage::Cut, 0)?;
         let ImportProduct { attributes, appearance, .. } = self.imported()?;
-        let (mut runs, mut triangles) = (vec![], vec![0; tree.region_count() as usize]);
-        for task in 0..self.stages.ranges {
-            let (list, path): (RunList, _) = (self.product(Stage::Divide, task)?, self.runs(task));
-            if list.add_to(&mut triangles).is_none() {
-                return Err(WorkError::damaged(&path, "it has triangles of other regions").into());
-            }
-            runs.push(RunFile::new(path, list));
-        }
+        let AllRuns { runs, triangles } = self.all_runs(tree.region_count())?.clone();
         let shares = even_runs(triangles.iter().copied(), self.stages.parts);
         let counts = Counts { triangles, bounds, attributes, appearance };
         let job = self.manifest.id();
@@ -190,7 +224,37 @@ impl Task<'_> {
         progress.begin("repair", range.clone().map(|region| divided.triangles_of(region)).sum());
         let for_later = self.manifest.options.extensible;
         repair_regions(&store, &divided, range.clone(), for_later, None, progress)?;
-        self.end(Stage::Repair, &store, range)
+        self.end(Stage::Repair, store.repaired_bytes(range.clone()), range)
+    }
+
+    /// The files of all tasks of [`Stage::Divide`].
+    fn all_runs(&self, regions: u32) -> Result<&AllRuns, WorkError> {
+        if let Some(all) = self.runs.get() {
+            return Ok(all);
+        }
+        let (mut runs, mut triangles) = (vec![], vec![0; regions as usize]);
+        for task in 0..self.stages.ranges {
+            let (list, path): (RunList, _) = (self.product(Stage::Divide, task)?, self.run_file(task));
+            if list.add_to(&mut triangles).is_none() {
+                return Err(WorkError::damaged(&path, "it has triangles of other regions"));
+            }
+            runs.push(RunFile::new(path, list));
+        }
+        Ok(self.runs.get_or_init(|| AllRuns { runs: runs.into(), triangles }))
+    }
+
+    /// The triangles of each task of a stage of regions, where that is known.
+    pub fn triangles(&self, stage: Stage) -> Option<Vec<u64>> {
+        match stage {
+            Stage::Repair => {
+                let CutProduct { tree, .. } = self.product(Stage::Cut, 0).ok()?;
+                let triangles = &self.all_runs(tree.region_count()).ok()?.triangles;
+                let shares = even_runs(triangles.iter().copied(), self.stages.parts);
+                Some(shares.iter().map(|share| triangles[as_usize(share)].iter().sum()).collect())
+            }
+            Stage::Segment => Some(self.product::<MatchProduct>(Stage::Match, 0).ok()?.triangles),
+            _ => None,
+        }
     }
 
     fn find_pairs(&self) -> Result<u64, BuildError> {
@@ -199,9 +263,7 @@ impl Task<'_> {
         let store = self.regions(regions, 1);
         let mut stats = store.stats_of(0..regions as usize)?;
         let Agreement { matching, doubled_vertices, repairs, reversed } = Agreement::of(&mut stats);
-        for region in 0..regions as usize {
-            store.put_reversed(region, reversed.get(region).map_or(&[], |reversed| reversed))?;
-        }
+        let reversed = (0..).zip(reversed).filter(|(_, reversed)| reversed.contains(&true)).collect();
         let input_triangles = self.input_triangles()?;
         let whole = Whole::of(&stats, input_triangles, &self.manifest.options).map_err(|error| self.named(error))?;
         let appearance = self.imported()?.appearance;
@@ -209,34 +271,41 @@ impl Task<'_> {
         let pairs = SealedWriter::within(self.directory, PAIRS_NAME, PAIRS_KIND, self.manifest.id());
         let bytes = pairs.and_then(|mut writer| writer.put(&Pairs { matching, found }).and(writer.finish(true)))?;
         let shares = even_runs(stats.iter().map(|stats| stats.extent.triangles), self.stages.parts);
-        let bytes = bytes + self.hand_on(Stage::Match, &MatchProduct { whole, shares, regions })?;
+        let of_share = |share: &Range<u32>| stats[as_usize(share)].iter().map(|stats| stats.extent.triangles).sum();
+        let triangles = shares.iter().map(of_share).collect();
+        let product = MatchProduct { whole, shares, triangles, regions, reversed };
+        let bytes = bytes + self.hand_on(Stage::Match, &product)?;
         self.free_input();
         Ok(bytes)
     }
 
     fn segment(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
-        let MatchProduct { whole, shares, regions } = self.product(Stage::Match, 0)?;
+        let product: MatchProduct = self.product(Stage::Match, 0)?;
+        let MatchProduct { whole, shares, regions, .. } = &product;
         let range = shares.get(self.task as usize).map_or(0..0, as_usize);
-        let mut store = self.regions(regions, 1);
+        let mut store = self.regions(*regions, 1);
         let mut stats = store.stats_of(range.clone())?;
-        reverse(&mut stats, store.load_reversed(range.clone())?);
+        let reversed = product.reversed(&range);
+        reverse(&mut stats, reversed.get(range.clone()).unwrap_or_default());
+        store.set_reversed(reversed);
         let bytes =
             |stats: &RegionStats| region_bytes(stats.extent.vertices, stats.extent.triangles) + stats.attribute_bytes;
         store.set_at_once(at_once(stats.iter().map(bytes).max().unwrap_or(0), self.memory)?);
         progress.begin("segment", stats.iter().map(|stats| stats.extent.triangles).sum());
         let cutter = whole.cutter(&self.manifest.options);
         store.set_labels(range.clone(), &stats, progress, |region, stats| cutter.cut(region, None, &stats.boundary))?;
-        self.end(Stage::Segment, &store, range)
+        self.end(Stage::Segment, store.charted_bytes(range.clone()), range)
     }
 
     fn find_seams(&self) -> Result<u64, BuildError> {
         // A process that was killed may have left something.
         self.free_input();
-        let MatchProduct { whole, regions, .. } = self.product(Stage::Match, 0)?;
-        let mut store = self.regions(regions, 1);
-        let all = 0..regions as usize;
+        let product: MatchProduct = self.product(Stage::Match, 0)?;
+        let MatchProduct { whole, regions, .. } = &product;
+        let store = self.regions(*regions, 1);
+        let all = 0..*regions as usize;
         let mut stats = store.stats_of(all.clone())?;
-        reverse(&mut stats, store.load_reversed(all.clone())?);
+        reverse(&mut stats, &product.reversed(&all));
         let known: Vec<(u64, BoundarySketch)> = store.known_of(all)?;
         let (counts, sketches): (Vec<u64>, Vec<BoundarySketch>) = known.into_iter().unzip();
         let pairs = self.directory.path(PAIRS_NAME);
@@ -246,7 +315,9 @@ impl Task<'_> {
         let (plan, sizes) = whole.plan(&stats, &counts, found, &self.manifest.options);
         let bytes = write_plan(self.directory, self.manifest.id(), &plan, &sizes)?;
         let parts = part_entries(&sizes, self.stages.parts);
-        Manifest { parts, ..self.manifest.clone() }.write(self.directory.folder())?;
+        let CutProduct { content, .. } = self.product(Stage::Cut, 0)?;
+        let content = Some(format!("{content:016x}"));
+        Manifest { parts, content, ..self.manifest.clone() }.write(self.directory.folder())?;
         let bytes = bytes + self.hand_on(Stage::Seams, &())?;
         self.directory.remove(&pairs);
         Ok(bytes)
@@ -254,17 +325,17 @@ impl Task<'_> {
 
     /// Removes what the stages until the repair have left.
     fn free_input(&self) {
-        (0..self.stages.ranges).for_each(|task| self.directory.remove(&self.runs(task)));
+        (0..self.stages.ranges).for_each(|task| self.directory.remove(&self.run_file(task)));
         remove_shared(self.directory);
         self.directory.remove(&self.directory.path(TRIANGLES_NAME));
     }
 
-    /// Refuses to go on where an input has changed.
-    fn check_inputs(&self) -> Result<(), JobError> {
-        match self.manifest.changed_inputs().first() {
-            None => Ok(()),
-            Some(&input) => Err(JobError::Stale { path: self.directory.folder().to_owned(), input: input.to_owned() }),
-        }
+    fn built(&self) -> BuiltJob<'_> {
+        BuiltJob { folder: self.directory.folder(), manifest: self.manifest, stages: self.stages }
+    }
+
+    fn contents(&self) -> Contents<'_> {
+        Contents::new(&self.manifest.inputs, self.stages)
     }
 
     fn named(&self, error: crate::pipeline::PipelineError) -> BuildError {
@@ -276,7 +347,7 @@ impl Task<'_> {
         RegionDirectory::shared(self.directory.clone(), self.manifest.id(), count as usize, at_once)
     }
 
-    fn runs(&self, task: u32) -> std::path::PathBuf {
+    fn run_file(&self, task: u32) -> std::path::PathBuf {
         run_file(self.directory.folder(), task)
     }
 
@@ -310,14 +381,19 @@ impl Task<'_> {
         if self.stages.imports { self.product(Stage::Import, 0) } else { Ok(ImportProduct::default()) }
     }
 
-    fn bounds(&self) -> Result<[DVec3; 2], WorkError> {
+    /// The extent of the input, and the hashes of its ranges.
+    fn scanned(&self) -> Result<([DVec3; 2], Vec<Vec<u64>>), WorkError> {
         if self.stages.imports {
-            return Ok(self.imported()?.bounds);
+            let ImportProduct { bounds, hashes, .. } = self.imported()?;
+            return Ok((bounds, hashes));
         }
-        (0..self.stages.ranges).try_fold(Mesh::default().bounds(), |[low, high], task| {
-            let [other_low, other_high]: [DVec3; 2] = self.product(Stage::Scan, task)?;
-            Ok([low.min(other_low), high.max(other_high)])
-        })
+        let (mut all, mut hashes) = (Mesh::default().bounds(), vec![]);
+        for task in 0..self.stages.ranges {
+            let scanned: ScanProduct = self.product(Stage::Scan, task)?;
+            all = union(all, scanned.bounds);
+            hashes.push(scanned.hashes);
+        }
+        Ok((all, hashes))
     }
 
     fn product<T: DeserializeOwned>(&self, stage: Stage, task: u32) -> Result<T, WorkError> {
@@ -325,8 +401,7 @@ impl Task<'_> {
     }
 
     /// Declares a task done that has worked on some regions.
-    fn end(&self, stage: Stage, store: &RegionDirectory, regions: Range<usize>) -> Result<u64, BuildError> {
-        let bytes = store.bytes(regions.clone());
+    fn end(&self, stage: Stage, bytes: u64, regions: Range<usize>) -> Result<u64, BuildError> {
         // What can be made again at once need not reach the disk.
         Ok(bytes + self.write(stage, &(), !regions.is_empty())?)
     }
@@ -342,6 +417,22 @@ impl Task<'_> {
         writer.put(product)?;
         writer.finish(sync)
     }
+}
+
+/// For each range of a job's inputs the hashes of its pieces, where some task has read it.
+pub(super) fn known_hashes(job: &Path, manifest: &Manifest) -> Vec<Option<Vec<u64>>> {
+    let stages = manifest.stages.unwrap_or_default();
+    let product = |stage, task| TaskFiles::new(job, stage, task).product;
+    if stages.imports {
+        let imported: Option<ImportProduct> = read(&product(Stage::Import, 0), KIND, manifest).ok();
+        return imported.into_iter().flat_map(|imported| imported.hashes).map(Some).collect();
+    }
+    let scanned = |task| read::<ScanProduct>(&product(Stage::Scan, task), KIND, manifest).ok();
+    (0..stages.ranges).map(|task| scanned(task).map(|scanned| scanned.hashes)).collect()
+}
+
+fn union([low, high]: [DVec3; 2], [other_low, other_high]: [DVec3; 2]) -> [DVec3; 2] {
+    [low.min(other_low), high.max(other_high)]
 }
 
 fn read<T: DeserializeOwned>(path: &Path, kind: [u8; 4], manifest: &Manifest) -> Result<T, WorkError> {

@@ -1,13 +1,16 @@
 //! A worker: a process that does the tasks of a job, one after the other, beside any number of others.
 
+use std::cmp::Reverse;
 use std::path::Path;
 use std::time::Duration;
 
 use super::{BuildError, Outcome, Stage, StagedJob};
 use crate::progress::Progress;
 
-/// How long a worker waits before it looks again for a task that another process has not finished: at first, and at most.
-const WAIT: [Duration; 2] = [Duration::from_millis(50), Duration::from_secs(2)];
+/// How long a worker waits before it looks again for a task that another process has not finished: at least, and at most.
+const WAIT: [Duration; 2] = [Duration::from_millis(10), Duration::from_secs(2)];
+/// In between, so large a part of the time that it has waited already: short stages follow each other fast, and long ones cause few looks.
+const WAITED_PART: u32 = 16;
 
 /// Which tasks a worker does.
 #[derive(Clone, Copy, Debug, Default)]
@@ -41,15 +44,23 @@ pub fn work(
         // Workers that begin at different tasks seldom meet at a lock.
         let own = (u64::from(std::process::id().wrapping_mul(0x9E37_79B9)) * left.len() as u64) >> 32;
         left.rotate_left(own as usize);
-        let mut wait = WAIT[0];
+        // The longest first, so that no worker begins one when the others are about to end.
+        let weights = job.weights(stage);
+        left.sort_by_key(|&task| Reverse(weights.get(task as usize)));
+        let (mut waited, mut is_waiting) = (Duration::ZERO, false);
         while !left.is_empty() {
-            let (mut failure, mut did) = (None, false);
+            let (mut failure, mut did, mut stops) = (None, false, false);
             left.retain(|&task| {
-                if failure.is_some() {
+                if failure.is_some() || stops {
                     return true;
                 }
                 match job.run(stage, task, memory, progress) {
-                    Ok(Outcome::Taken) => true,
+                    // Who waits asks for one task only, which all others end before or which is left behind. A thousand workers that
+                    // asked for a thousand tasks would keep the file system busy.
+                    Ok(Outcome::Taken) => {
+                        stops = is_waiting;
+                        true
+                    }
                     Ok(outcome) => {
                         did |= matches!(outcome, Outcome::Done(_));
                         done(stage, task, &outcome);
@@ -64,9 +75,13 @@ pub fn work(
             if let Some(error) = failure {
                 return Err(error);
             }
-            if !left.is_empty() && !did {
+            is_waiting = !did;
+            if !left.is_empty() && is_waiting {
+                let wait = (waited / WAITED_PART).clamp(WAIT[0], WAIT[1]);
                 std::thread::sleep(wait);
-                wait = (2 * wait).min(WAIT[1]);
+                waited += wait;
+            } else {
+                waited = Duration::ZERO;
             }
         }
     }

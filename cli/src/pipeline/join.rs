@@ -11,9 +11,12 @@ use crate::progress::Progress;
 use lodpack::{
     LatticePoint,
     index::{Filling, FillingCounts},
-    write::{Assembly, Encoder, Model, Output, OverviewRecord, Piece, PieceIndex, WriteReport},
+    write::{
+        Assembly, EncodedCluster, Encoder, EncoderHead, Model, Output, OverviewRecord, Piece, PieceIndex, WriteReport,
+    },
 };
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -59,13 +62,40 @@ pub(crate) fn join(
     times: Times,
 ) -> Result<BuildSummary, PipelineError> {
     progress.begin("pack", u64::from(plan.regions));
-    let (encoder, joined, above) = count(plan, products, times)?;
+    let Arranged { encoder, sums, above } = arrange(plan, products, times)?;
     watch.lap("roots");
-    watch.stages.extend(joined.times.stages());
+    watch.stages.extend(sums.times.stages());
     let report = encode(encoder, products, above, scratch, out, progress)?;
     watch.lap("pack");
+    Ok(summary(plan, sums, &report, watch, progress))
+}
 
-    let levels = joined.level_summaries(&report);
+/// Puts a file together from clusters that are encoded, as [`join`] does. They come in the order of the file.
+pub(crate) fn join_encoded(
+    plan: &Plan,
+    head: EncoderHead,
+    sums: Sums,
+    clusters: impl Iterator<Item = Result<EncodedCluster, PipelineError>>,
+    scratch: &Path,
+    out: &mut impl Write,
+    progress: &dyn Progress,
+) -> Result<BuildSummary, PipelineError> {
+    let mut watch = Stopwatch::default();
+    progress.begin("pack", head.cluster_count() as u64);
+    let waiting = || Ok(tempfile::spooled_tempfile_in(WAITING_BYTES, scratch));
+    let mut output = Output::new(head.encoder()?, waiting)?;
+    for cluster in clusters {
+        output.add(cluster?)?;
+        progress.advance(1);
+    }
+    let report = output.finish(out)?;
+    watch.lap("pack");
+    Ok(summary(plan, sums, &report, watch, progress))
+}
+
+/// What is said of a file that has been written.
+fn summary(plan: &Plan, sums: Sums, report: &WriteReport, watch: Stopwatch, progress: &dyn Progress) -> BuildSummary {
+    let levels = sums.level_summaries(report);
     let (scale, vertices) = (&plan.scale, plan.source.vertex_count);
     let certified_error = levels.last().map_or(0.0, |l| l.certified_error);
     if certified_error > scale.tolerance {
@@ -74,37 +104,57 @@ pub(crate) fn join(
             "the tolerance of {tolerance:.3e} is not reached: the certified error is {certified_error:.3e}"
         ));
     }
-    Ok(BuildSummary {
+    BuildSummary {
         input_triangles: plan.input_triangles,
         input_vertices: vertices,
         triangles: plan.source.triangle_count,
         mean_edge_length: scale.mean_edge_length,
         repairs: plan.repairs.clone(),
         charts: plan.charts,
-        roots: joined.roots,
-        samples_per_input_vertex: joined.samples as f64 / vertices as f64,
+        roots: sums.roots,
+        samples_per_input_vertex: sums.samples as f64 / vertices as f64,
         bytes: report.total_bytes,
         bits_per_input_vertex: report.total_bytes as f64 * 8.0 / vertices as f64,
         tolerance: scale.tolerance,
         certified_error,
         levels,
-        fallbacks: joined.fallbacks,
+        fallbacks: sums.fallbacks,
         wall_seconds: watch.total().0.as_secs_f64(),
         cpu_seconds: watch.total().1.as_secs_f64(),
         stages: watch.stages,
         peak_memory_bytes: peak_memory_bytes(),
         temporary_bytes: 0,
-    })
+    }
 }
 
-/// What all regions have in sum.
-#[derive(Default)]
-struct Joined {
+/// Sums over all regions.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Sums {
     drawn: Vec<DrawnLevel>,
     samples: u64,
     roots: FillingCounts,
     fallbacks: Fallbacks,
     times: Times,
+}
+
+impl Sums {
+    /// Triangles, errors and bytes by level, every root drawn at that level.
+    fn level_summaries(&self, report: &WriteReport) -> Vec<LevelSummary> {
+        let levels = (0..).zip(&self.drawn).zip(&report.levels);
+        let summary = |((level, drawn), bytes): ((u8, &DrawnLevel), &[u64; 2])| LevelSummary {
+            level,
+            triangles: drawn.triangles,
+            certified_error: drawn.error,
+            bytes: bytes.iter().sum(),
+        };
+        levels.map(summary).collect()
+    }
+}
+
+/// What all regions have together.
+#[derive(Default)]
+struct Joined {
+    sums: Sums,
     /// The surfaces of all regions so far by coarse level, for the levels that all of them have.
     coarse: Vec<Vec<CoarseSurface>>,
     /// By region.
@@ -122,15 +172,16 @@ impl Joined {
     fn add(&mut self, stats: ProductStats) -> lodpack::Result<()> {
         agree(&mut self.corners, stats.corners, "the position of a corner")?;
         agree(&mut self.seams, stats.seams, "the samples of an arc")?;
-        self.drawn.resize(stats.drawn.len(), DrawnLevel::default());
-        for (sum, drawn) in self.drawn.iter_mut().zip(stats.drawn) {
+        let Sums { drawn, samples, roots, fallbacks, times } = &mut self.sums;
+        drawn.resize(stats.drawn.len(), DrawnLevel::default());
+        for (sum, drawn) in drawn.iter_mut().zip(stats.drawn) {
             sum.triangles += drawn.triangles;
             sum.error = sum.error.max(drawn.error);
         }
-        self.samples += stats.samples;
-        self.roots.add(&stats.roots);
-        self.fallbacks = std::mem::take(&mut self.fallbacks).plus(stats.fallbacks);
-        self.times.add(&stats.times);
+        *samples += stats.samples;
+        roots.add(&stats.roots);
+        *fallbacks = std::mem::take(fallbacks).plus(stats.fallbacks);
+        times.add(&stats.times);
         self.tops.push(stats.tops);
         self.coarse.resize(stats.coarse.len(), vec![]);
         self.coarse.iter_mut().zip(stats.coarse).for_each(|(all, surface)| all.push(surface));
@@ -139,9 +190,9 @@ impl Joined {
 
     /// Adds the groups above regions; returns their piece.
     fn add_above(&mut self, above: AboveRegions) -> Piece {
-        self.drawn.iter_mut().zip(above.drawn).for_each(|(sum, drawn)| *sum = drawn);
-        self.samples += above.interior_vertices;
-        self.roots.add(&(0..above.groups).map(|_| Filling::Irregular).collect());
+        self.sums.drawn.iter_mut().zip(above.drawn).for_each(|(sum, drawn)| *sum = drawn);
+        self.sums.samples += above.interior_vertices;
+        self.sums.roots.add(&(0..above.groups).map(|_| Filling::Irregular).collect());
         self.coarse = above.coarsest.into_iter().map(|surface| vec![surface]).collect();
         above.piece
     }
@@ -150,18 +201,6 @@ impl Joined {
     fn overview(&mut self, plan: &Plan) -> Option<OverviewRecord> {
         let mut levels = std::mem::take(&mut self.coarse).into_iter();
         levels.find_map(|surfaces| overview(&CoarseSurface::joined(surfaces), &plan.scale))
-    }
-
-    /// Triangles, errors and bytes by level, every root drawn at that level.
-    fn level_summaries(&self, report: &WriteReport) -> Vec<LevelSummary> {
-        let levels = (0..).zip(&self.drawn).zip(&report.levels);
-        let summary = |((level, drawn), bytes): ((u8, &DrawnLevel), &[u64; 2])| LevelSummary {
-            level,
-            triangles: drawn.triangles,
-            certified_error: drawn.error,
-            bytes: bytes.iter().sum(),
-        };
-        levels.map(summary).collect()
     }
 }
 
@@ -180,13 +219,17 @@ fn agree<T: PartialEq>(known: &mut BTreeMap<u32, T>, of_region: Vec<(u32, T)>, w
     Ok(())
 }
 
+/// What is known of a file before anything is encoded.
+pub(crate) struct Arranged {
+    pub encoder: Encoder,
+    pub sums: Sums,
+    /// The piece with the groups above regions, which follows those of the regions.
+    pub above: Option<Piece>,
+}
+
 /// The first pass collects everything that has to be known before anything is encoded.
-fn count(
-    plan: &Plan,
-    products: &impl Products,
-    times: Times,
-) -> Result<(Encoder, Joined, Option<Piece>), PipelineError> {
-    let mut joined = Joined { times, ..Joined::default() };
+pub(crate) fn arrange(plan: &Plan, products: &impl Products, times: Times) -> Result<Arranged, PipelineError> {
+    let mut joined = Joined { sums: Sums { times, ..Sums::default() }, ..Joined::default() };
     let mut assembly: Option<(Assembly, Model)> = None;
     for (region, product) in products.heads().enumerate() {
         let (stats, index) = product?;
@@ -213,13 +256,13 @@ fn count(
         Some(assembly) => assembly,
         None => return Err(lodpack::Error::Model { what: "there is no region".into() }.into()),
     };
-    let above = count_above(plan, &head, &mut assembly, std::mem::take(&mut joined.tops), &mut joined.times)?;
-    let piece = above.map(|above| joined.add_above(above));
+    let above = count_above(plan, &head, &mut assembly, std::mem::take(&mut joined.tops), &mut joined.sums.times)?;
+    let above = above.map(|above| joined.add_above(above));
     // Where header, index and coarsest level are small, they arrive as fast as an overview would.
     let arranged = assembly.arrange()?;
     let is_large = plan.has_overview() && arranged.first_picture_bytes() > OVERVIEW_FROM_BYTES;
     let overview = if is_large { joined.overview(plan) } else { None };
-    Ok((arranged.seal(overview), joined, piece))
+    Ok(Arranged { encoder: arranged.seal(overview), sums: joined.sums, above })
 }
 
 /// The second pass brings the symbols of all regions into the order of the file and encodes them.

@@ -43,7 +43,7 @@ pub mod summary;
 mod texels;
 
 pub use finish::{Finished, cut_triangles, finish};
-pub(crate) use join::{Products, join};
+pub(crate) use join::{Arranged, Products, Sums, arrange, join, join_encoded};
 pub use options::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError};
 pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 pub use painted_cut::painted;

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::decompose::{Decomposition, Division};
 use super::gather::{Gathered, Gathering};
@@ -40,7 +41,7 @@ enum Triangles {
     /// In a file for each region.
     Files,
     /// In a file of each process that divided a share of the input.
-    Runs(Vec<RunFile>),
+    Runs(Arc<[RunFile]>),
 }
 
 /// The values of vertices and of corners.
@@ -159,7 +160,7 @@ impl DividedMesh {
         directory: &WorkDirectory,
         job: JobId,
         input: NumberedMesh,
-        runs: Vec<RunFile>,
+        runs: Arc<[RunFile]>,
         counts: Counts,
     ) -> Result<Self, WorkError> {
         let values = ValueFiles::open(directory)?;

@@ -48,6 +48,11 @@ pub fn match_boundaries(boundaries: &[&RegionBoundary]) -> Matching {
             matching.nonmanifold_edges += u64::from(counts);
             continue;
         }
+        // Nearly all edges: one triangle on each side.
+        if let [(_, a), (_, b)] = run {
+            pairs.push([*a, *b]);
+            continue;
+        }
         matching.nonmanifold_edges += u64::from(run.len() > 2);
         let run: Vec<EdgeId> = run.iter().map(|entry| entry.1).take(MAX_MATCHED).collect();
         let fit = |i: usize, j: usize| {

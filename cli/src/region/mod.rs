@@ -14,6 +14,7 @@ mod extent;
 mod gather;
 mod matching;
 mod numbered;
+mod packed;
 mod runs;
 mod seams;
 mod sketch;

@@ -13,8 +13,9 @@ use xxhash_rust::xxh3::xxh3_64;
 use super::decompose::Decomposition;
 use super::gather::{Gathered, Gathering};
 use super::numbered::NumberedMesh;
+use super::packed::{get_ascending, get_triangles, put_ascending, put_triangles};
 use crate::import::ImportError;
-use crate::storage::{DAMAGED, Record, WorkError};
+use crate::storage::{DAMAGED, WorkError};
 
 /// A run of triangles of one region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -22,6 +23,7 @@ struct Run {
     region: u32,
     /// Offset in the file.
     offset: u64,
+    bytes: u32,
     triangles: u32,
     /// XXH3 hash of its bytes.
     hash: u64,
@@ -70,11 +72,11 @@ impl RunList {
         let mut write = |gathered: &mut [Gathered]| {
             for (region, some) in (0..).zip(gathered).filter(|(_, some)| !some.triangles.is_empty()) {
                 bytes.clear();
-                some.triangles.iter().for_each(|triangle| triangle.put(&mut bytes));
-                some.numbers.iter().for_each(|number| number.put(&mut bytes));
+                put_triangles(&mut bytes, &some.triangles);
+                put_ascending(&mut bytes, &some.numbers);
                 file.write_all(&bytes).map_err(failed)?;
-                let triangles = some.triangles.len() as u32;
-                list.runs.push(Run { region, offset, triangles, hash: xxh3_64(&bytes) });
+                let [triangles, length] = [some.triangles.len(), bytes.len()].map(|count| count as u32);
+                list.runs.push(Run { region, offset, bytes: length, triangles, hash: xxh3_64(&bytes) });
                 offset += bytes.len() as u64;
                 some.triangles.clear();
                 some.numbers.clear();
@@ -111,19 +113,20 @@ impl RunFile {
         let length = file.metadata().map_err(failed)?.len();
         for run in runs {
             let count = run.triangles as usize;
-            let corners = count * <[u32; 3]>::BYTES;
-            let size = corners + if self.list.is_numbered { count * u32::BYTES } else { 0 };
-            if run.offset.checked_add(size as u64).is_none_or(|end| end > length) {
+            if run.offset.checked_add(run.bytes.into()).is_none_or(|end| end > length) {
                 return Err(WorkError::damaged(&self.path, DAMAGED));
             }
-            let mut bytes = vec![0; size];
+            let mut bytes = vec![0; run.bytes as usize];
             file.seek(SeekFrom::Start(run.offset)).and_then(|_| file.read_exact(&mut bytes)).map_err(failed)?;
-            if xxh3_64(&bytes) != run.hash {
+            let numbers = if self.list.is_numbered { count } else { 0 };
+            let mut rest = &bytes[..];
+            let is_sound = xxh3_64(&bytes) == run.hash;
+            let read = is_sound.then(|| Some((get_triangles(&mut rest, count)?, get_ascending(&mut rest, numbers)?)));
+            let Some((triangles, numbers)) = read.flatten() else {
                 return Err(WorkError::damaged(&self.path, DAMAGED));
-            }
-            let (triangles, numbers) = bytes.split_at(corners);
-            to.triangles.extend(triangles.chunks_exact(<[u32; 3]>::BYTES).map(<[u32; 3]>::get));
-            to.numbers.extend(numbers.chunks_exact(u32::BYTES).map(u32::get));
+            };
+            to.triangles.extend(triangles);
+            to.numbers.extend(numbers);
         }
         Ok(())
     }

@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use super::boundary::{RegionBoundary, components, reverse_components};
 use super::extent::Extent;
+use super::packed::{
+    get_labels, get_opposites, get_positions, get_triangles, put_labels, put_opposites, put_positions, put_triangles,
+};
 use crate::mesh::attributes::RegionAttributes;
 use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
@@ -170,7 +173,7 @@ impl RegionDirectory {
             let meshes = range.clone().map(&take).collect::<Result<Vec<_>, _>>()?;
             let repaired: Vec<(Region, RegionStats)> = meshes.into_par_iter().map(&repair).collect();
             let saved = range.zip(repaired).map(|(index, (region, stats))| {
-                self.save(index, REPAIRED, &region)?;
+                self.save(index, &region)?;
                 Ok(stats)
             });
             saved.collect()
@@ -192,7 +195,7 @@ impl RegionDirectory {
         let set = labelled(&charts, progress);
         let work = |range: Range<usize>| {
             let loaded = range.clone().map(|index| {
-                let mut region = self.load(index, REPAIRED)?;
+                let mut region = self.load(index)?;
                 self.reversed.get(index).inspect(|reversed| region.reverse(reversed));
                 Ok(region)
             });
@@ -200,12 +203,12 @@ impl RegionDirectory {
             let of_range = &stats[range.start - all.start..range.end - all.start];
             let known: Vec<T> = held.par_iter_mut().zip(of_range).map(&set).collect();
             for (index, region) in range.zip(&held) {
-                self.save(index, CHARTED, region)?;
+                self.save_labels(index, &region.labels)?;
                 self.put(index, REVERSED, &self.reversed.get(index))?;
             }
             Ok(known)
         };
-        self.in_turn(KNOWN, all.clone(), work, |region| self.remove(region, REPAIRED))
+        self.in_turn(KNOWN, all.clone(), work, |_| {})
     }
 
     /// Runs a stage on those regions of a range for which it is not done yet, some at a time. `work` writes files of its own and returns what has to be
@@ -247,10 +250,19 @@ impl RegionDirectory {
         self.at_once = at_once.max(1);
     }
 
-    /// Bytes of the repaired or charted regions of a range on disk.
-    pub fn bytes(&self, regions: Range<usize>) -> u64 {
-        let files = regions.flat_map(|region| [REPAIRED, CHARTED].map(|kind| self.path(region, kind.0)));
-        files.filter_map(|path| path.metadata().ok()).map(|metadata| metadata.len()).sum()
+    /// Bytes of the repaired regions of a range on disk.
+    pub fn repaired_bytes(&self, regions: Range<usize>) -> u64 {
+        self.bytes(regions, REPAIRED)
+    }
+
+    /// Bytes of their charts on disk.
+    pub fn charted_bytes(&self, regions: Range<usize>) -> u64 {
+        self.bytes(regions, CHARTED)
+    }
+
+    fn bytes(&self, regions: Range<usize>, kind: (&str, [u8; 4])) -> u64 {
+        let sizes = regions.filter_map(|region| self.path(region, kind.0).metadata().ok());
+        sizes.map(|metadata| metadata.len()).sum()
     }
 
     /// The folder of the files.
@@ -279,24 +291,9 @@ impl RegionDirectory {
         regions.map(|region| self.need(region, KNOWN)).collect()
     }
 
-    /// Stores which components of a region are to be reversed before it is cut into charts.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    pub fn put_reversed(&self, region: usize, reversed: &[bool]) -> Result<(), WorkError> {
-        self.put(region, REVERSED, &Some(reversed))
-    }
-
-    /// Loads which components of a range of regions are to be reversed, for [`Self::set_labels`]. Returns them.
-    ///
-    /// # Errors
-    /// If a file is missing or damaged.
-    pub fn load_reversed(&mut self, regions: Range<usize>) -> Result<&[Reversed], WorkError> {
-        self.reversed = vec![Reversed::default(); regions.end];
-        for region in regions.clone() {
-            self.reversed[region] = self.need::<Option<Reversed>>(region, REVERSED)?.unwrap_or_default();
-        }
-        Ok(&self.reversed[regions])
+    /// Sets for each region which of its components are to be reversed before it is cut into charts, for [`Self::set_labels`].
+    pub fn set_reversed(&mut self, reversed: Vec<Reversed>) {
+        self.reversed = reversed;
     }
 
     /// Which components of a region were reversed before it was cut into charts.
@@ -338,24 +335,29 @@ impl RegionDirectory {
         let mut reader = self.open(region, SEAMS)?;
         let seams = reader.get()?;
         reader.finish()?;
-        Ok((self.load(region, CHARTED)?, seams))
+        Ok((self.load_labelled(region)?, seams))
     }
 
     /// Removes a region that is no longer needed.
     pub fn remove_charted(&self, region: usize) {
         self.remove(region, CHARTED);
+        self.remove(region, REPAIRED);
     }
 
     fn remove(&self, region: usize, kind: (&str, [u8; 4])) {
         self.directory.remove(&self.path(region, kind.0));
     }
 
-    fn save(&self, region: usize, kind: (&str, [u8; 4]), what: &Region) -> Result<(), WorkError> {
-        let mut writer = SealedWriter::within(&self.directory, &name(region, kind.0), kind.1, self.job)?;
-        writer.put_records(&what.mesh.positions)?;
-        writer.put_records(&what.mesh.triangles)?;
-        writer.put_records(&what.adjacency.opposite)?;
-        writer.put_records(&what.labels)?;
+    /// Stores a repaired region.
+    fn save(&self, region: usize, what: &Region) -> Result<(), WorkError> {
+        let mut writer = self.create(region, REPAIRED)?;
+        let (positions, triangles) = (&what.mesh.positions, &what.mesh.triangles);
+        writer.put(&[positions.len() as u64, triangles.len() as u64])?;
+        let mut bytes = vec![];
+        put_positions(&mut bytes, positions);
+        put_triangles(&mut bytes, triangles);
+        put_opposites(&mut bytes, &what.adjacency.opposite);
+        writer.put_bytes(&bytes)?;
         let RegionAttributes { corners, records, materials } = &what.attributes;
         if !(corners.is_empty() && materials.is_empty()) {
             writer.put_records(corners)?;
@@ -365,11 +367,22 @@ impl RegionDirectory {
         writer.finish(self.sync).map(drop)
     }
 
-    fn load(&self, region: usize, kind: (&str, [u8; 4])) -> Result<Region, WorkError> {
-        let mut reader = self.open(region, kind)?;
-        let mesh = Mesh { positions: reader.get_records()?, triangles: reader.get_records()? };
-        let adjacency = Adjacency { opposite: reader.get_records()? };
-        let labels = reader.get_records()?;
+    /// Loads a repaired region.
+    fn load(&self, region: usize) -> Result<Region, WorkError> {
+        let damaged = || WorkError::damaged(&self.path(region, REPAIRED.0), DAMAGED);
+        let mut reader = self.open(region, REPAIRED)?;
+        let [vertices, triangles]: [u64; 2] = reader.get()?;
+        let [vertices, triangles] = [vertices, triangles].map(|count| count as usize);
+        let bytes = reader.get_bytes()?;
+        let unpack = |mut rest: &[u8]| {
+            let mesh = Mesh {
+                positions: get_positions(&mut rest, vertices)?,
+                triangles: get_triangles(&mut rest, triangles)?,
+            };
+            let opposite = get_opposites(&mut rest, triangles.checked_mul(3)?)?;
+            rest.is_empty().then_some((mesh, Adjacency { opposite }))
+        };
+        let (mesh, adjacency) = unpack(&bytes).ok_or_else(damaged)?;
         let mut attributes = RegionAttributes::default();
         if !reader.is_at_end() {
             attributes.corners = reader.get_records()?;
@@ -378,15 +391,41 @@ impl RegionDirectory {
         }
         reader.finish()?;
         match attributes.fits(mesh.triangles.len()) {
-            true => Ok(Region { mesh, adjacency, labels, attributes }),
-            false => Err(WorkError::damaged(&self.path(region, kind.0), DAMAGED)),
+            true => Ok(Region { mesh, adjacency, labels: vec![], attributes }),
+            false => Err(damaged()),
         }
     }
 
+    /// Stores the charts of a region. The region itself stays where it was put when it was repaired.
+    fn save_labels(&self, region: usize, labels: &[u32]) -> Result<(), WorkError> {
+        let mut writer = self.create(region, CHARTED)?;
+        writer.put(&self.reversed.get(region))?;
+        let mut bytes = vec![];
+        put_labels(&mut bytes, labels);
+        writer.put_bytes(&bytes)?;
+        writer.finish(self.sync).map(drop)
+    }
+
+    /// Loads a region with its charts.
+    fn load_labelled(&self, region: usize) -> Result<Region, WorkError> {
+        let mut reader = self.open(region, CHARTED)?;
+        let (reversed, bytes): (Option<Reversed>, Vec<u8>) = (reader.get()?, reader.get_bytes()?);
+        reader.finish()?;
+        let mut loaded = self.load(region)?;
+        loaded.reverse(&reversed.unwrap_or_default());
+        let labels = get_labels(&mut &bytes[..], loaded.mesh.triangles.len());
+        loaded.labels = labels.ok_or_else(|| WorkError::damaged(&self.path(region, CHARTED.0), DAMAGED))?;
+        Ok(loaded)
+    }
+
     fn put<T: Serialize>(&self, region: usize, kind: (&str, [u8; 4]), value: &T) -> Result<(), WorkError> {
-        let mut writer = SealedWriter::within(&self.directory, &name(region, kind.0), kind.1, self.job)?;
+        let mut writer = self.create(region, kind)?;
         writer.put(value)?;
         writer.finish(self.sync).map(drop)
+    }
+
+    fn create(&self, region: usize, kind: (&str, [u8; 4])) -> Result<SealedWriter, WorkError> {
+        SealedWriter::within(&self.directory, &name(region, kind.0), kind.1, self.job)
     }
 
     /// A stored value, if it exists and is undamaged.

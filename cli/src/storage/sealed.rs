@@ -1,7 +1,7 @@
 //! Files that exist completely or not at all.
 //!
 //! A file holds: a magic number, the version of all such files, its kind, the job's number; then values (length, then the value as
-//! `postcard` writes it) and arrays of [`Record`]s (length in bytes, then the records); then the XXH3 hash of everything before. It
+//! `postcard` writes it), bytes (length, then these) and arrays of [`Record`]s (length in bytes, then the records); then the XXH3 hash of everything before. It
 //! is written under a temporary name and renamed when it is complete.
 
 use std::fs::{self, File};
@@ -17,7 +17,7 @@ use super::{Record, WorkDirectory, WorkError};
 const MAGIC: [u8; 8] = *b"\x8fLODWRK\n";
 /// Increases when the content of any kind of file changes: with each further filling, since parts hold the steps of all of them, with what
 /// pieces, regions and tasks hold, and with what plans say.
-const VERSION: u32 = 12;
+const VERSION: u32 = 13;
 /// The message for files that cannot be what was written.
 pub(crate) const DAMAGED: &str = "it is damaged or truncated";
 const HASH_BYTES: u64 = 8;
@@ -102,6 +102,15 @@ impl SealedWriter {
             self.write(&bytes)?;
         }
         Ok(())
+    }
+
+    /// Appends bytes, before them their number.
+    ///
+    /// # Errors
+    /// As [`Self::put`].
+    pub fn put_bytes(&mut self, bytes: &[u8]) -> Result<(), WorkError> {
+        self.write(&(bytes.len() as u64).to_le_bytes())?;
+        bytes.chunks(BUFFER_BYTES).try_for_each(|bytes| self.write(bytes))
     }
 
     /// Renames the file to its own name, with `sync` only after it has reached the disk. Returns its size.
@@ -230,6 +239,15 @@ impl SealedReader {
             left -= size;
         }
         Ok(records)
+    }
+
+    /// The next bytes.
+    ///
+    /// # Errors
+    /// If the file ends.
+    pub fn get_bytes(&mut self) -> Result<Vec<u8>, WorkError> {
+        let length = self.length()?;
+        self.bytes(length)
     }
 
     /// Whether everything was read that is to be read before [`Self::finish`].

@@ -28,6 +28,7 @@ pub(crate) const MAX_BOX: i64 = 1 << 41;
 
 /// A cluster at one level. Its index block has the sizes and checksums of the single pages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct ClusterLevel {
     /// The arc pages; empty where the index block holds the samples.
     pub arcs: Extent,
@@ -41,6 +42,7 @@ pub(crate) struct ClusterLevel {
 
 /// Consecutive roots, and the arcs and corners that they are the first to use.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Cluster {
     pub first_root: u32,
     pub root_count: u32,

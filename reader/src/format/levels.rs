@@ -12,6 +12,7 @@ use crate::{
 
 /// What the section says about one level, in 40 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct LevelRecord {
     /// f64: the error that the builder aimed at.
     pub tolerance: f64,
@@ -28,6 +29,7 @@ pub(crate) struct LevelRecord {
 /// A filling in the file's list: its code and the size of its parameters (u16 each), then the parameters, which are two shifts per
 /// level (u8 each).
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct FillingSteps {
     /// Which filling.
     pub filling: Filling,
@@ -38,6 +40,7 @@ pub(crate) struct FillingSteps {
 /// The whole section: level count, arc tangent shift, index arc levels, filling count (u8 each), arc run samples (u16), two zero
 /// bytes; then the levels, then the fillings.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Levels {
     pub arc_tangent_shift: u8,
     /// The number of levels whose arc samples lie in the index blocks, next to the corners, instead of in pages; at least 1.

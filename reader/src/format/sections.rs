@@ -30,6 +30,7 @@ pub(crate) fn parse_source(bytes: &[u8]) -> Result<SourceInfo> {
 
 /// A part (an index block, a cluster list or a page): its place within its section, and its CRC-32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Part {
     pub offset: u64,
     pub length: u64,
@@ -64,6 +65,7 @@ impl Extent {
 
 /// A run of bytes within a section.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Extent {
     pub offset: u64,
     pub length: u64,

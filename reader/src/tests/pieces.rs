@@ -77,7 +77,10 @@ fn pieces(whole: &Model, root_counts: &[usize]) -> Vec<Piece> {
 fn written(head: &Model, pieces: &[Piece]) -> Result<Vec<u8>> {
     let mut assembly = Assembly::new(head)?;
     pieces.iter().try_for_each(|piece| assembly.count(&piece.index))?;
-    let mut output = Output::new(assembly.arrange()?.seal(None), || Ok(Cursor::new(Vec::new())))?;
+    let encoder = assembly.arrange()?.seal(None);
+    #[cfg(feature = "serde")]
+    let elsewhere = written_elsewhere(&encoder, pieces)?;
+    let mut output = Output::new(encoder, || Ok(Cursor::new(Vec::new())))?;
     // They may come in any order now, and so may clusters be encoded.
     pieces.iter().enumerate().rev().try_for_each(|(number, piece)| output.take(number, piece))?;
     let mut encoded = Vec::new();
@@ -88,7 +91,55 @@ fn written(head: &Model, pieces: &[Piece]) -> Result<Vec<u8>> {
     encoded.into_iter().rev().try_for_each(|cluster| output.add(cluster))?;
     let mut bytes = Vec::new();
     output.finish(&mut bytes)?;
+    #[cfg(feature = "serde")]
+    assert!(bytes == elsewhere, "clusters encoded elsewhere make another file");
     Ok(bytes)
+}
+
+/// The same, with clusters that are encoded piece by piece.
+#[cfg(feature = "serde")]
+fn written_elsewhere(encoder: &crate::write::Encoder, pieces: &[Piece]) -> Result<Vec<u8>> {
+    let mut output = Output::new(encoder.head().encoder()?, || Ok(Cursor::new(Vec::new())))?;
+    let owner = |cluster| encoder.pieces_of(cluster).map(|pieces| *pieces.last_key_value().unwrap().0);
+    let owners = (0..encoder.cluster_count()).map(owner).collect::<Result<Vec<u32>>>()?;
+    let mut of_pieces = Vec::new();
+    for owner in 0..pieces.len() as u32 {
+        let own: Vec<usize> = (0..owners.len()).filter(|&cluster| owners[cluster] == owner).collect();
+        let mut share = encoder.share(&own)?;
+        for number in share.pieces().into_iter().rev() {
+            share.take(number, &pieces[number as usize])?;
+        }
+        let encoded = if own.is_empty() { Vec::new() } else { share.encode()?.collect::<Result<Vec<_>>>()? };
+        of_pieces.push(encoded.into_iter());
+    }
+    // Each has its clusters in the order of the file.
+    for owner in owners {
+        output.add(of_pieces[owner as usize].next().unwrap())?;
+    }
+    let mut bytes = Vec::new();
+    output.finish(&mut bytes)?;
+    Ok(bytes)
+}
+
+#[cfg(feature = "serde")]
+#[test]
+fn shares_refuse_other_pieces() {
+    let (whole, _) = model(&cube(3), OPTIONS);
+    let half = whole.roots.len() / 2;
+    let pieces = pieces(&whole, &[half, whole.roots.len() - half]);
+    let mut assembly = Assembly::new(&whole).unwrap();
+    pieces.iter().for_each(|piece| assembly.count(&piece.index).unwrap());
+    let encoder = assembly.arrange().unwrap().seal(None);
+    let count = encoder.cluster_count();
+    assert!(encoder.share(&[count]).is_err() && encoder.pieces_of(count).is_err());
+    let all: Vec<usize> = (0..count).collect();
+    let share = || encoder.share(&all).unwrap();
+    assert_eq!(share().pieces(), [0, 1]);
+    assert!(share().encode().is_err(), "no piece was taken");
+    assert!(share().take(0, &Piece::default()).is_err(), "a piece without roots");
+    let mut lacking = share();
+    lacking.take(0, &pieces[0]).unwrap();
+    assert!(lacking.encode().is_err(), "a piece is missing");
 }
 
 /// All triangles by their positions, sorted.

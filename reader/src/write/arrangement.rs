@@ -26,12 +26,12 @@ const CLUSTER_HALF_ARCS: usize = 1024;
 
 /// A catalogue in the order of the file. Roots that are near each other in space are near each other in the file, whatever pieces they
 /// come from: pieces are divided for the builder, and the order is for readers.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Arrangement {
     pub catalogue: Catalogue,
     pub roots: Numbers,
     pub arcs: Numbers,
-    corners: Numbers,
+    pub corners: Numbers,
     /// The clusters, as far as they are known before they are encoded.
     pub clusters: Vec<Cluster>,
     pub level_count: usize,
@@ -142,9 +142,9 @@ impl Arrangement {
         }
     }
 
-    /// A cluster and the content of its index block, in the numbers of the file. The parts in pages are still unknown.
-    pub fn cluster(&self, number: usize, lattice: &Lattice) -> Result<(Cluster, ClusterIndex)> {
-        let mut cluster = self.clusters.get(number).cloned().ok_or_else(|| Error::model("there is no such cluster"))?;
+    /// What is known of a cluster before it is encoded, in the numbers of the file.
+    pub fn content(&self, number: usize) -> Result<ClusterContent> {
+        let cluster = self.clusters.get(number).cloned().ok_or_else(|| Error::model("there is no such cluster"))?;
         let Catalogue { roots, arc_ends, new_samples, .. } = &self.catalogue;
         let placed = |&root: &u32| {
             let mut root = roots[root as usize].clone();
@@ -152,20 +152,19 @@ impl Arrangement {
             half_arcs.for_each(|half_arc| half_arc.arc = self.arcs.numbers[half_arc.arc as usize]);
             root
         };
-        let entries = self.roots_of(&cluster).iter().map(placed).collect();
         let ends = |&arc: &u32| arc_ends[arc as usize].map(|corner| self.corners.numbers[corner as usize]);
         let arcs = self.arcs_of(&cluster);
         let samples = |&arc: &u32| new_samples.iter().skip(arc as usize * self.level_count).take(self.level_count);
-        let samples: Vec<u32> = arcs.iter().flat_map(samples).copied().collect();
-        let mut index = ClusterIndex::new(entries, arcs.iter().map(ends).collect(), &samples, self.level_count);
-        index.corner_levels = self.corner_levels_of(&cluster);
-        index.find_streams()?;
-        let top_count = cluster.top_count(self.clusters.first().map_or(0, |first| first.first_child));
-        for level in 0..self.level_count as u8 {
-            let (triangle_count, max_error) = index.summary(level, top_count, lattice)?;
-            cluster.levels.push(ClusterLevel { triangle_count, max_error, ..ClusterLevel::default() });
-        }
-        Ok((cluster, index))
+        Ok(ClusterContent {
+            entries: self.roots_of(&cluster).iter().map(placed).collect(),
+            arc_ends: arcs.iter().map(ends).collect(),
+            new_samples: arcs.iter().flat_map(samples).copied().collect(),
+            corners: self.corners_of(&cluster).collect(),
+            corner_levels: self.corner_levels_of(&cluster),
+            top_count: cluster.top_count(self.clusters.first().map_or(0, |first| first.first_child)),
+            level_count: self.level_count,
+            cluster,
+        })
     }
 
     /// The roots of a cluster, in the order of the file and the numbers of the catalogue.
@@ -179,7 +178,7 @@ impl Arrangement {
     }
 
     /// The positions of its corners.
-    pub fn corners_of(&self, cluster: &Cluster) -> impl Iterator<Item = LatticePoint> {
+    fn corners_of(&self, cluster: &Cluster) -> impl Iterator<Item = LatticePoint> {
         let corners = &self.corners.order[cluster.first_corner as usize..][..cluster.corner_count as usize];
         corners.iter().map(|&corner| self.catalogue.corners[corner as usize])
     }
@@ -199,6 +198,37 @@ impl Arrangement {
     /// where the next one does.
     pub fn cluster_of_arc(&self, number: u32) -> usize {
         self.clusters.partition_point(|cluster| cluster.first_arc <= number).saturating_sub(1)
+    }
+}
+
+/// A cluster, in the numbers of the file. The parts in pages are still unknown.
+#[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct ClusterContent {
+    pub cluster: Cluster,
+    pub entries: Vec<RootEntry>,
+    arc_ends: Vec<[u32; 2]>,
+    /// Per arc and level.
+    new_samples: Vec<u32>,
+    pub corners: Vec<LatticePoint>,
+    corner_levels: Vec<u8>,
+    /// How many of its roots are tops.
+    top_count: u32,
+    level_count: usize,
+}
+
+impl ClusterContent {
+    /// The cluster with the numbers of its levels, the content of its index block, and its corners.
+    pub fn index(self, lattice: &Lattice) -> Result<(Cluster, ClusterIndex, Vec<LatticePoint>)> {
+        let Self { mut cluster, entries, arc_ends, new_samples, corners, corner_levels, top_count, level_count } = self;
+        let mut index = ClusterIndex::new(entries, arc_ends, &new_samples, level_count);
+        index.corner_levels = corner_levels;
+        index.find_streams()?;
+        for level in 0..level_count as u8 {
+            let (triangle_count, max_error) = index.summary(level, top_count, lattice)?;
+            cluster.levels.push(ClusterLevel { triangle_count, max_error, ..ClusterLevel::default() });
+        }
+        Ok((cluster, index, corners))
     }
 }
 

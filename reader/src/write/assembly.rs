@@ -56,6 +56,7 @@ pub struct Assembly {
 
 /// The parts of a file that do not come with pieces.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct FileHead {
     pub lattice: Lattice,
     pub source: SourceInfo,
@@ -124,11 +125,11 @@ impl Assembly {
         let arrangement = Arrangement::new(self.catalogue, self.head.levels.levels.len())?;
         let (mut records, mut corners, mut stream_count) = (Tally::default(), Tally::default(), 0);
         for number in 0..arrangement.clusters.len() {
-            let (cluster, index) = arrangement.cluster(number, &self.head.lattice)?;
+            let (cluster, index, corners_of_cluster) = arrangement.content(number)?.index(&self.head.lattice)?;
             stream_count += index.streams.len() as u64;
             records
                 .add(&Tally::of([index.records(&cluster, &self.head.levels.fillings, &self.head.tolerances)?.iter()]));
-            let symbols = corner_symbols(arrangement.corners_of(&cluster), cluster.bounds[0]);
+            let symbols = corner_symbols(corners_of_cluster, cluster.bounds[0]);
             corners.add(&Tally::of([symbols.iter()]));
         }
         [&records, &corners].into_iter().for_each(|tally| self.all.add(tally));
@@ -138,7 +139,7 @@ impl Assembly {
 }
 
 /// The corners of a cluster as symbols; `before` is the low end of its box.
-pub(super) fn corner_symbols(corners: impl Iterator<Item = LatticePoint>, mut before: LatticePoint) -> SymbolBuffer {
+pub(super) fn corner_symbols(corners: Vec<LatticePoint>, mut before: LatticePoint) -> SymbolBuffer {
     let mut symbols = SymbolBuffer::default();
     for position in corners {
         encode_corner(position, before, &mut symbols);

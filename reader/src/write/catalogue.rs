@@ -140,6 +140,20 @@ impl Catalogue {
         self.firsts.partition_point(|first| first[1] <= arc).saturating_sub(1)
     }
 
+    /// The piece that a root comes from, and its number in it.
+    #[cfg(feature = "serde")]
+    pub fn place_of_root(&self, root: u32) -> [u32; 2] {
+        let piece = self.piece_of_root(root);
+        [piece as u32, root - self.firsts[piece][0]]
+    }
+
+    /// The piece that an arc comes from, and its number among those that the piece is the first to have.
+    #[cfg(feature = "serde")]
+    pub fn place_of_arc(&self, arc: u32) -> [u32; 2] {
+        let piece = self.piece_of_arc(arc);
+        [piece as u32, arc - self.firsts[piece][1]]
+    }
+
     /// Frees what is no longer needed once the order is known.
     pub fn shrink(&mut self) {
         self.centres = Vec::new();

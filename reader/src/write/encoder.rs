@@ -1,7 +1,7 @@
 //! The second pass over a file: encodes clusters.
 
 use super::{
-    arrangement::Arrangement,
+    arrangement::{Arrangement, ClusterContent},
     assembly::{FileHead, corner_symbols},
     sorting::ClusterSymbols,
     texels::EncodedTexels,
@@ -25,6 +25,7 @@ pub struct Encoder {
 
 /// A cluster as bytes.
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct EncodedCluster {
     pub(super) cluster: Cluster,
     /// Its index block.
@@ -64,37 +65,7 @@ impl Encoder {
     /// # Errors
     /// [`crate::Error::Model`] if its symbols are not the ones that were counted.
     pub fn encode(&self, symbols: &ClusterSymbols) -> Result<EncodedCluster> {
-        let (mut cluster, mut index) = self.arrangement.cluster(symbols.cluster, &self.head.lattice)?;
-        let level_count = cluster.levels.len();
-        let mut pages = vec![<[Vec<u8>; 2]>::default(); level_count];
-        let in_index = usize::from(self.head.levels.index_arc_levels);
-        index.find_arc_runs(&self.head.levels);
-        let mut arc_parts = Vec::new();
-        for (level, ([page, _], place)) in pages.iter_mut().zip(&mut cluster.levels).enumerate().skip(in_index) {
-            let runs = index.arc_runs.iter();
-            let runs = runs.map(|run| self.append(page, symbols.arcs(run.clone(), level, level_count)));
-            arc_parts.push(runs.collect::<Result<Vec<_>>>()?);
-            place.arcs.length = page.len() as u64;
-        }
-        // The first block of each level begins a stream.
-        let mut blocks: Vec<_> = index.roots.iter().flat_map(|root| root.blocks.iter().copied()).enumerate().collect();
-        blocks.sort_by_key(|(_, block)| block.level);
-        let streams = blocks.chunk_by(|_, (_, block)| !block.begins_stream);
-        for (stream, blocks) in index.streams.iter_mut().zip(streams) {
-            let level = usize::from(stream.level);
-            let runs: Vec<_> = blocks.iter().map(|&(block, _)| symbols.block(block)).collect();
-            stream.part = self.append(&mut pages[level][1], runs)?;
-            cluster.levels[level].blocks.length += stream.part.length;
-        }
-        let texels = EncodedTexels::new(symbols, blocks.iter().map(|&(block, _)| block), self.stream_count());
-        let records =
-            encode(&self.codes, [index.records(&cluster, &self.head.levels.fillings, &self.head.tolerances)?.iter()])?;
-        let corners = corner_symbols(self.arrangement.corners_of(&cluster), cluster.bounds[0]);
-        let coarse = (0..in_index).flat_map(|level| symbols.arcs(0..cluster.arc_count, level, level_count));
-        let arc_stream = encode(&self.codes, [corners.iter()].into_iter().chain(coarse))?;
-        let mut block = Vec::new();
-        cluster.index = append(&mut block, &index.write(&records, &arc_stream, &arc_parts));
-        Ok(EncodedCluster { cluster, index: block, pages, texels })
+        encode_cluster(&self.head, &self.codes, self.arrangement.content(symbols.cluster)?, symbols)
     }
 
     /// What the file says of its levels; each has these bytes of arc pages and of block pages.
@@ -111,14 +82,53 @@ impl Encoder {
         }
         levels
     }
+}
 
-    /// Appends a stream.
-    fn append<'a, I>(&self, section: &mut Vec<u8>, runs: I) -> Result<Part>
-    where
-        I: IntoIterator<Item = Symbols<'a>, IntoIter: DoubleEndedIterator>,
-    {
-        Ok(append(section, &encode(&self.codes, runs)?))
+/// Encodes a cluster of a file.
+pub(super) fn encode_cluster(
+    head: &FileHead,
+    codes: &Codes,
+    content: ClusterContent,
+    symbols: &ClusterSymbols,
+) -> Result<EncodedCluster> {
+    let (mut cluster, mut index, corners) = content.index(&head.lattice)?;
+    let level_count = cluster.levels.len();
+    let mut pages = vec![<[Vec<u8>; 2]>::default(); level_count];
+    let in_index = usize::from(head.levels.index_arc_levels);
+    index.find_arc_runs(&head.levels);
+    let mut arc_parts = Vec::new();
+    for (level, ([page, _], place)) in pages.iter_mut().zip(&mut cluster.levels).enumerate().skip(in_index) {
+        let runs = index.arc_runs.iter();
+        let runs = runs.map(|run| append_stream(codes, page, symbols.arcs(run.clone(), level, level_count)));
+        arc_parts.push(runs.collect::<Result<Vec<_>>>()?);
+        place.arcs.length = page.len() as u64;
     }
+    // The first block of each level begins a stream.
+    let mut blocks: Vec<_> = index.roots.iter().flat_map(|root| root.blocks.iter().copied()).enumerate().collect();
+    blocks.sort_by_key(|(_, block)| block.level);
+    let streams = blocks.chunk_by(|_, (_, block)| !block.begins_stream);
+    for (stream, blocks) in index.streams.iter_mut().zip(streams) {
+        let level = usize::from(stream.level);
+        let runs: Vec<_> = blocks.iter().map(|&(block, _)| symbols.block(block)).collect();
+        stream.part = append_stream(codes, &mut pages[level][1], runs)?;
+        cluster.levels[level].blocks.length += stream.part.length;
+    }
+    let texels = EncodedTexels::new(symbols, blocks.iter().map(|&(block, _)| block), stream_count(&head.channels));
+    let records = encode(codes, [index.records(&cluster, &head.levels.fillings, &head.tolerances)?.iter()])?;
+    let corners = corner_symbols(corners, cluster.bounds[0]);
+    let coarse = (0..in_index).flat_map(|level| symbols.arcs(0..cluster.arc_count, level, level_count));
+    let arc_stream = encode(codes, [corners.iter()].into_iter().chain(coarse))?;
+    let mut block = Vec::new();
+    cluster.index = append(&mut block, &index.write(&records, &arc_stream, &arc_parts));
+    Ok(EncodedCluster { cluster, index: block, pages, texels })
+}
+
+/// Appends a stream.
+fn append_stream<'a, I>(codes: &Codes, section: &mut Vec<u8>, runs: I) -> Result<Part>
+where
+    I: IntoIterator<Item = Symbols<'a>, IntoIter: DoubleEndedIterator>,
+{
+    Ok(append(section, &encode(codes, runs)?))
 }
 
 /// Appends a part of a section.

@@ -11,7 +11,8 @@
 //!
 //! A model that is larger than memory comes in [`Piece`]s, each a [`PieceIndex`] and [`PieceSymbols`], whose [`Shares`] name what other
 //! pieces have too ([`Share`]). An [`Assembly`] counts and orders them ([`Arranged`]), an [`Output`] sorts their symbols by cluster
-//! ([`ClusterSymbols`]), and an [`Encoder`] makes each an [`EncodedCluster`]. Groups of roots of several pieces stand [`Above`] them.
+//! ([`ClusterSymbols`]), and an [`Encoder`] makes each an [`EncodedCluster`]. With the feature `serde`, other processes can do that: each has an
+//! `EncoderShare`, and an `EncoderHead` puts the file together. Groups of roots of several pieces stand [`Above`] them.
 //! [`ListSizes`] say how clusters are listed.
 //!
 //! Its files, in the order of use:
@@ -24,6 +25,7 @@
 //! - `assembly`: the first pass over all pieces, which ends with the order, and with tables of all symbols,
 //! - `sorting`: the second pass, in which symbols wait until those of a cluster are complete,
 //! - `encoder`: clusters as bytes,
+//! - `elsewhere`: clusters that other processes encode,
 //! - `texels`: the values of channels, which are bytes to all of these,
 //! - `lists`: the lists of clusters,
 //! - `output`: the sections of the file.
@@ -33,6 +35,8 @@ mod arrangement;
 mod assembly;
 mod catalogue;
 mod check;
+#[cfg(feature = "serde")]
+mod elsewhere;
 mod encoder;
 mod lists;
 mod model;
@@ -59,6 +63,8 @@ pub use crate::format::{
 };
 pub use above::Above;
 pub use assembly::{Arranged, Assembly};
+#[cfg(feature = "serde")]
+pub use elsewhere::{EncoderHead, EncoderShare};
 pub use encoder::{EncodedCluster, Encoder};
 pub use lists::ListSizes;
 pub use model::{ArcRecord, BlockRecord, LevelInfo, Model, OverviewRecord, RootRecord};

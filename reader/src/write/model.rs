@@ -70,6 +70,7 @@ pub struct RootRecord {
 
 /// One small mesh of the whole surface, for the first picture of a large file.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct OverviewRecord {
     /// Certified bound of the two-sided distance to the input, world units.
     pub error: f64,

@@ -185,6 +185,28 @@ impl Piece {
         Ok(piece)
     }
 
+    /// Checks that there are symbols for each block and arc, because a piece may come from a damaged file.
+    ///
+    /// # Errors
+    /// [`Error::Model`].
+    #[cfg(feature = "serde")]
+    pub(super) fn check_symbols(&self, level_count: usize, stream_count: usize) -> Result<()> {
+        let Self { index, symbols } = self;
+        let blocks: usize = index.roots.iter().map(|root| root.blocks.len()).sum();
+        let is_sound = symbols.blocks.count() == blocks
+            && symbols.arcs.count() == index.arc_ends.len() * level_count
+            && symbols.texels.is_sound(blocks * stream_count);
+        if is_sound { Ok(()) } else { Err(Error::model("a piece is not the one that was counted")) }
+    }
+
+    /// The number of each root's first block, and that of all blocks.
+    #[cfg(feature = "serde")]
+    pub(super) fn first_blocks(&self) -> Vec<usize> {
+        let mut firsts = super::catalogue::first_blocks(&self.index.roots);
+        firsts.push(self.symbols.blocks.count());
+        firsts
+    }
+
     /// A piece without roots.
     pub(super) fn of_channels(channels: &[ChannelInfo]) -> Self {
         let mut piece = Self::default();

@@ -140,6 +140,40 @@ impl<S: Read + Write + Seek> Sorting<S> {
 }
 
 impl ClusterSymbols {
+    /// Makes room for so many blocks, runs of arcs and texel streams, all empty yet.
+    #[cfg(feature = "serde")]
+    pub(super) fn make_room(&mut self, blocks: usize, arcs: usize, texels: usize) {
+        self.blocks.resize(blocks, [const { 0..0 }; 2]);
+        self.arcs.resize(arcs, [const { 0..0 }; 2]);
+        self.texels.resize(texels, 0..0);
+    }
+
+    /// Puts the symbols and texels of a piece's block in the place of a block here.
+    #[cfg(feature = "serde")]
+    pub(super) fn put_block(&mut self, place: usize, piece: &Piece, block: usize, stream_count: usize) {
+        self.blocks[place] = self.put(piece.symbols.blocks.get(block));
+        for stream in 0..stream_count {
+            let start = self.bytes.len();
+            self.bytes.extend(piece.symbols.texels.get(block * stream_count + stream));
+            self.texels[place * stream_count + stream] = start..self.bytes.len();
+        }
+    }
+
+    /// Puts a run of a piece's arcs in the place of one here.
+    #[cfg(feature = "serde")]
+    pub(super) fn put_arc(&mut self, place: usize, piece: &Piece, run: usize) {
+        self.arcs[place] = self.put(piece.symbols.arcs.get(run));
+    }
+
+    #[cfg(feature = "serde")]
+    fn put(&mut self, symbols: Symbols<'_>) -> [Range<usize>; 2] {
+        symbols.bytes().map(|part| {
+            let start = self.bytes.len();
+            self.bytes.extend(part);
+            start..self.bytes.len()
+        })
+    }
+
     /// The symbols of a block, counted over the blocks of all roots.
     pub(super) fn block(&self, block: usize) -> Symbols<'_> {
         self.run(self.blocks.get(block))

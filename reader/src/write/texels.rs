@@ -46,6 +46,7 @@ impl TexelRuns {
 
 /// The texels of a cluster as they stand in the file.
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct EncodedTexels {
     /// Empty if there are no streams.
     pub directory: Vec<u8>,

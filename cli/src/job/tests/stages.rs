@@ -63,7 +63,7 @@ fn tasks_in_any_order_give_the_bytes_of_one_build() {
             let names = fs::read_dir(folder).unwrap().flatten().map(|entry| entry.file_name());
             names.filter(|name| name.to_str().unwrap().ends_with(ending)).count()
         };
-        assert_eq!(left(&job.join(STAGES_NAME), ".runs") + left(&job, ".repaired") + left(&job, "pairs"), 0);
+        assert_eq!(left(&job.join(STAGES_NAME), ".runs") + left(&job, "pairs"), 0);
         let status = JobStatus::of(&job).unwrap();
         assert!(status.stages.iter().all(|stage| stage.done == stage.tasks && stage.failed.is_empty()));
         assert_eq!(status.remaining_seconds, Some(0.0));
@@ -196,6 +196,90 @@ fn an_input_that_changes_between_scan_and_divide_is_named() {
     fs::write(input, &sound).unwrap();
     work_all(&job).unwrap();
     assert!(merged(&job).unwrap() == scene.expected());
+}
+
+#[test]
+fn a_change_between_samples_is_found_by_hashes_of_ranges() {
+    let scene = scene_of(&[("large.ply", MeshFormat::Ply, &torus(500, 400))]);
+    let job = begin(&scene, "job", 8, 1 << 20);
+    let input = &scene.options.inputs[0];
+    let sound = fs::read(input).unwrap();
+    // Samples of 64 KiB begin at multiples of this.
+    let step = (sound.len() - (64 << 10)) / 63;
+    assert!(step > 100 << 10, "the whole file is sampled");
+    let mut changed = sound.clone();
+    changed[40 * step + (80 << 10)] ^= 1;
+    let again = || {
+        let parts = PartOptions { count: Some(8), memory: None, range_bytes: Some(1 << 20) };
+        StagedJob::begin(&job, parts, &BuildOptions { resume: true, ..scene.options.clone() }, &Silent).map(drop)
+    };
+    // Nobody has read the byte yet.
+    fs::write(input, &changed).unwrap();
+    again().unwrap();
+    fs::write(input, &sound).unwrap();
+    run_backwards(&job, [Stage::Scan].into_iter());
+    again().unwrap();
+    run(&job, Stage::Count, 0).unwrap();
+    fs::write(input, &changed).unwrap();
+    for error in [again().unwrap_err(), run(&job, Stage::Count, 1).unwrap_err()] {
+        assert!(error.to_string().contains("large.ply has changed since"), "{error}");
+    }
+    assert_eq!(JobStatus::of(&job).unwrap().changed_inputs.len(), 1);
+    fs::write(input, &sound).unwrap();
+    run(&job, Stage::Count, 1).unwrap();
+}
+
+#[test]
+fn a_merge_reads_encoded_clusters_or_else_the_parts() {
+    let scene = Scene::new();
+    let expected = scene.expected();
+    let job = begin(&scene, "job", 9, 20_000);
+    run_backwards(&job, Stage::Arrange.earlier());
+    assert!(merged(&job).unwrap() == expected, "of parts alone");
+    run_backwards(&job, [Stage::Arrange, Stage::Encode].into_iter());
+    assert_eq!(StagedJob::open(&job).unwrap().tasks(Stage::Encode), 3);
+    let encoded = job.join(STAGES_NAME).join("encode-1.done");
+    let sound = fs::read(&encoded).unwrap();
+    let mut damaged = sound.clone();
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 0x10;
+    for content in [&damaged[..], &sound[..middle], &[]] {
+        fs::write(&encoded, content).unwrap();
+        assert!(merged(&job).unwrap() == expected, "its clusters are taken from the parts");
+    }
+    fs::write(&encoded, &sound).unwrap();
+    // Nothing else is needed any more.
+    let part = job.join(PARTS_NAME).join(part_name(2));
+    let content = fs::read(&part).unwrap();
+    fs::remove_file(&part).unwrap();
+    assert!(merged(&job).unwrap() == expected, "no part is read");
+    // The stages before name the part, and what makes it again.
+    let mut broken = content.clone();
+    let middle = broken.len() / 2;
+    broken[middle] ^= 0x10;
+    fs::write(&part, &broken).unwrap();
+    let mut failures = vec![];
+    for task in 0..3 {
+        fs::remove_file(job.join(STAGES_NAME).join(format!("encode-{task}.done"))).unwrap();
+        failures.extend(run(&job, Stage::Encode, task).err().map(|error| chain(&error)));
+    }
+    let is_named = |failure: &String| failure.contains("part-2.lodpart") && failure.contains("--part 2` makes it");
+    assert!(!failures.is_empty() && failures.iter().all(is_named), "{failures:?}");
+    PlannedJob::open(&job).unwrap().build(2, u64::MAX, None, &Silent).unwrap();
+    assert!(fs::read(&part).unwrap() == content);
+    work_all(&job).unwrap();
+    assert!(merged(&job).unwrap() == expected);
+}
+
+#[test]
+fn parts_belong_to_the_content_of_all_inputs() {
+    let scene = Scene::new();
+    let job = begin(&scene, "job", 2, 20_000);
+    work_all(&job).unwrap();
+    let manifest = Manifest::read(&job).unwrap();
+    let other = Manifest { content: Some("0123456789abcdef".into()), ..manifest.clone() };
+    assert!(manifest.content.is_some() && manifest.part_id() != manifest.id());
+    assert!(other.id() == manifest.id() && other.part_id() != manifest.part_id());
 }
 
 #[test]

@@ -110,6 +110,10 @@ pub enum StageName {
     Seams,
     /// Build parts.
     Build,
+    /// Order what all parts have: one task.
+    Arrange,
+    /// Make pages of the file.
+    Encode,
 }
 
 impl From<StageName> for Stage {
@@ -125,6 +129,8 @@ impl From<StageName> for Stage {
             StageName::Segment => Self::Segment,
             StageName::Seams => Self::Seams,
             StageName::Build => Self::Build,
+            StageName::Arrange => Self::Arrange,
+            StageName::Encode => Self::Encode,
         }
     }
 }

@@ -32,10 +32,14 @@ pub fn run(args: &SubmitArgs) -> Result<ExitCode> {
         if let Some(parts) = &scripts.parts {
             print_script(&named("parts.sh"), parts)?;
         }
+        for (stage, script) in &scripts.after_parts {
+            print_script(&named(&format!("{stage}.sh")), script)?;
+        }
         print_script(&named("merge.sh"), &scripts.merge)?;
-        let stages = scripts.stages.iter().map(|(stage, _)| format!("{stage}.sh"));
+        let script = |(stage, _): &(String, String)| format!("{stage}.sh");
         let parts = scripts.parts.iter().map(|_| "parts.sh".to_owned());
-        for (place, name) in stages.chain(parts).chain(["merge.sh".to_owned()]).enumerate() {
+        let names = scripts.stages.iter().map(script).chain(parts).chain(scripts.after_parts.iter().map(script));
+        for (place, name) in names.chain(["merge.sh".to_owned()]).enumerate() {
             let wait = if place > 0 { "--dependency=afterok:<the number printed by the command above> " } else { "" };
             say!("# sbatch --parsable {wait}{}", shell(&named(&name)));
         }
@@ -52,6 +56,9 @@ pub fn run(args: &SubmitArgs) -> Result<ExitCode> {
     match &submitted.parts {
         Some(parts) => say!("parts      {parts}"),
         None => say!("parts      all are done"),
+    }
+    for (stage, id) in &submitted.after_parts {
+        say!("{stage:<10} {id}");
     }
     say!("merge      {}, which waits for the parts", submitted.merge);
     say!("logs       {}", scripts.folder.display());
