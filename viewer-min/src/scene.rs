@@ -15,7 +15,7 @@ use lodpack::{
 use crate::{
     args::{Args, Tile},
     camera::{Bounds, Extent},
-    channel::{ShownChannel, after, find, normals},
+    channel::{ShownChannel, after, channels_of_heights, find, normals},
 };
 
 /// The bytes of a file.
@@ -109,6 +109,7 @@ pub(crate) struct MeshContent {
 pub(crate) struct HeightsContent {
     pub streamer: HeightsStreamer,
     pub file: Heights<Source>,
+    pub channels: Vec<ChannelInfo>,
 }
 
 /// No dependence on previous frames, so pictures do not depend on their division into tiles.
@@ -180,7 +181,11 @@ impl Scene {
                 let source = Arc::new(Arc::clone(file.source()));
                 let options = StreamerOptions { session: session(mode), ..StreamerOptions::default() };
                 let streamer = HeightsStreamer::new(Arc::clone(file.index()), source, options)?;
-                let content = Content::Heights(Box::new(HeightsContent { streamer, file }));
+                let content = Content::Heights(Box::new(HeightsContent {
+                    streamer,
+                    channels: channels_of_heights(file.ramp().is_some()),
+                    file,
+                }));
                 Ok(Self { bounds, query: Query::default(), depths: Arc::default(), channel: None, content })
             }
         }
@@ -316,13 +321,22 @@ impl Scene {
         self.show_channel(after(self.channels(), self.channel.as_ref().map(|channel| channel.number)))
     }
 
-    /// Heights have none.
     fn channels(&self) -> &[ChannelInfo] {
-        self.mesh().map_or(&[], |mesh| mesh.file.channels())
+        match &self.content {
+            Content::Mesh(mesh) => mesh.file.channels(),
+            Content::Heights(heights) => &heights.channels,
+        }
     }
 
     fn show_channel(&mut self, number: Option<u8>) -> Result<()> {
-        let Content::Mesh(mesh) = &mut self.content else { return Ok(()) };
+        let mesh = match &mut self.content {
+            Content::Mesh(mesh) => mesh,
+            Content::Heights(heights) => {
+                let shown = number.map(|number| ShownChannel::of_heights(&heights.channels, number));
+                self.channel = shown.transpose()?;
+                return Ok(());
+            }
+        };
         self.channel = number.map(|number| ShownChannel::new(&mesh.file, number)).transpose()?;
         // Normals light whatever is shown.
         let normals = normals(mesh.file.channels()).filter(|_| number.is_some());

@@ -5,6 +5,7 @@ pub mod attributes;
 pub mod export;
 pub mod layers;
 pub mod pages;
+pub mod shaded;
 pub mod srgb;
 pub mod textured;
 pub mod tolerance;

@@ -200,14 +200,14 @@ pub(crate) fn material(layers: &[(Layer, usize, bool)]) -> Value {
 
 /// The binary part of a GLB.
 #[derive(Default)]
-struct Binary {
-    bytes: Vec<u8>,
-    views: Vec<Value>,
+pub(super) struct Binary {
+    pub bytes: Vec<u8>,
+    pub views: Vec<Value>,
 }
 
 impl Binary {
     /// Adds a view; returns its number.
-    fn add(&mut self, bytes: impl Iterator<Item = u8>, target: Option<u32>) -> usize {
+    pub fn add(&mut self, bytes: impl Iterator<Item = u8>, target: Option<u32>) -> usize {
         let first = self.bytes.len();
         self.bytes.extend(bytes);
         let mut view = json!({"buffer": 0, "byteOffset": first, "byteLength": self.bytes.len() - first});

@@ -82,9 +82,9 @@ pub use counters::{Counters, LatencyHistogram};
 pub use drawn_surface::{BorderEdge, DrawnSurface, Strip};
 pub use follower::Follower;
 pub use frame::{Frame, Shows};
-pub use heights::HeightsSession;
 #[cfg(feature = "threads")]
 pub use heights::HeightsStreamer;
+pub use heights::{HeightsSession, TileImages};
 pub use job::Read;
 pub use loader::Problem;
 #[cfg(feature = "threads")]

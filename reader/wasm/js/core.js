@@ -68,7 +68,7 @@ export class Core {
     return this.#ask((question) => {
       this.write(nodes);
       this.call('extract', question);
-      return this.#mesh();
+      return this.#isOfHeights ? this.#meshOfHeights() : this.#mesh();
     }, signal);
   }
 
@@ -241,6 +241,16 @@ export class Core {
       triangles: new Uint32Array(buffer, 24 * vertexCount, 3 * triangleCount),
       triangleNodes: new Uint32Array(buffer, 24 * vertexCount + 12 * triangleCount, triangleCount),
     };
+  }
+
+  /** Of heights: also the normal of each vertex and, with a ramp, its colour: red, green, blue and opacity, as screens show them. */
+  #meshOfHeights() {
+    const [vertexCount, triangleCount] = this.floats(0, 2);
+    const at = 24 * vertexCount + 16 * triangleCount;
+    const buffer = this.take(16 + at);
+    const normals = new Float32Array(buffer, 0, 3 * vertexCount);
+    const colors = buffer.byteLength > normals.byteLength ? new Uint8Array(buffer, normals.byteLength, 4 * vertexCount) : null;
+    return { ...this.#mesh(), normals, colors };
   }
 
   /** Calls until nothing is missing. Bytes that were fetched for one answer are dropped after it; what the index says stays. */

@@ -242,7 +242,7 @@ impl Check {
 
     /// The mesh of what is drawn, as the file extracts it.
     fn extracted(&self) -> Result<Mesh> {
-        if let Some(HeightsContent { file, streamer }) = self.scene.heights() {
+        if let Some(HeightsContent { file, streamer, .. }) = self.scene.heights() {
             return Ok(mesh_of(file.mesh(&streamer.session().cut())?));
         }
         let nodes = self.scene.picture().nodes();

@@ -207,7 +207,8 @@ impl HeightsSession {
             counters.stall_time += now.saturating_sub(self.begun);
         }
         drop(loading);
-        let changes = self.seams.update(self.content.index(), &tiles, &mut self.picture);
+        let peek = |id: TileId| self.shared.lock().geometry.peek(id);
+        let changes = self.seams.update((self.content.index(), &peek), &tiles, &mut self.picture);
         self.count_borders(&changes);
         self.error_px =
             if self.query.as_ref().is_some_and(|(query, _)| query.view.is_some()) { drawable.error } else { 0.0 };

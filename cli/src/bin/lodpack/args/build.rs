@@ -130,7 +130,7 @@ pub struct BuildArgs {
     /// faster. `extract`, `export`, `info`, `verify`, the viewers and JavaScript read such files; Python and C do not yet. The
     /// tolerance is how far a height may be off: 0 keeps integers as they are, and auto is half of what a sample is off the middle of its
     /// neighbours, on average.
-    #[arg(long, conflicts_with_all = ["job", "workers", "resume", "extensible", "drape", "ramp", "channels", "color_quality", "effort", "levels", "fillings", "up"])]
+    #[arg(long, conflicts_with_all = ["job", "workers", "resume", "extensible", "drape", "channels", "color_quality", "effort", "levels", "fillings", "up"])]
     pub heights: bool,
     /// Directory for temporary files. By default that of the output.
     #[arg(long, value_name = "DIR")]

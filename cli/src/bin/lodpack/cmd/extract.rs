@@ -14,6 +14,7 @@ use lodpack::{Cut, Error, Lattice, Limiter, Outside, Query};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh};
 use lodpack_cli::mesh::layers::{Layer, Look};
 use lodpack_cli::mesh::pages::PagedMesh;
+use lodpack_cli::mesh::shaded::{Shading, write_shaded_mesh};
 use lodpack_cli::mesh::textured::{material_file, png, write_coloured_ply, write_textured_glb, write_textured_obj};
 use lodpack_cli::pipeline::{Topology, cut_triangles, finish, painted};
 use serde::Serialize;
@@ -168,6 +169,8 @@ pub struct Drawn {
     pub topology: Topology,
     /// The same with images of its look.
     pub textured: Option<(TexturedMesh, Look)>,
+    /// Of heights: normals, and colours if there is a ramp.
+    pub shading: Option<Shading>,
 }
 
 impl Drawn {
@@ -182,6 +185,7 @@ impl Drawn {
             cut_triangles: None,
             topology: Topology::Kept,
             textured: None,
+            shading: None,
         }
     }
 
@@ -207,6 +211,7 @@ impl Drawn {
             cut_triangles: Some(self.triangles.len() as u64),
             topology: finished.topology,
             textured,
+            shading: None,
         })
     }
 }
@@ -292,6 +297,9 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
 }
 
 fn write(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: &Drawn) -> Result<()> {
+    if let Some(shading) = &mesh.shading {
+        return Ok(write_shaded_mesh(out, format, (&mesh.positions, &mesh.triangles), shading)?);
+    }
     let Some((textured, look)) = &mesh.textured else {
         return Ok(write_mesh(out, format, &mesh.positions, &mesh.triangles)?);
     };
