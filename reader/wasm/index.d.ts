@@ -320,7 +320,7 @@ export interface StreamOptions {
   ahead?: number;
 }
 
-/** The image of a tile of heights: a texel a sample. */
+/** The image of a tile of heights: a texel a sample, and one more on each side, which repeats the border. */
 export interface TileImage {
   width: number;
   height: number;

@@ -283,7 +283,8 @@ fn numbers<const N: usize>(
     name: &str,
     read: fn([u8; N]) -> f64,
 ) -> Vec<f64> {
-    let accessor = &json["accessors"][json["meshes"][0]["primitives"][0]["attributes"][name].as_u64().expect(name) as usize];
+    let accessor =
+        &json["accessors"][json["meshes"][0]["primitives"][0]["attributes"][name].as_u64().expect(name) as usize];
     let view = &json["bufferViews"][accessor["bufferView"].as_u64().expect("a view") as usize];
     let [first, length] = ["byteOffset", "byteLength"].map(|key| view[key].as_u64().unwrap_or(0) as usize);
     bytes[first..first + length].as_chunks::<N>().0.iter().map(|&bytes| read(bytes)).collect()
@@ -309,12 +310,14 @@ fn a_ramp_is_kept_and_colours_what_is_taken_out() {
     }
     let info = run(&["info", "two.lodpack", "--json"]).success();
     let info: serde_json::Value = serde_json::from_slice(&info.get_output().stdout).expect("JSON");
-    assert_eq!(info["ramp"], serde_json::json!({"name": "two", "stops": [[-9000.0, [200, 0, 0]], [9000.0, [0, 0, 200]]]}));
+    assert_eq!(
+        info["ramp"],
+        serde_json::json!({"name": "two", "stops": [[-9000.0, [200, 0, 0]], [9000.0, [0, 0, 200]]]})
+    );
     run(&["extract", "two.lodpack", "-o", "two.glb", "--tolerance", "20m"]).success();
     run(&["extract", "bare.lodpack", "-o", "bare.glb", "--tolerance", "20m"]).success();
     run(&["extract", "two.lodpack", "-o", "plain.glb", "--tolerance", "20m", "--channels", "none"]).success();
-    let has_colours =
-        |name: &str| glb(&at(name)).0["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"].is_number();
+    let has_colours = |name: &str| glb(&at(name)).0["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"].is_number();
     assert_eq!(["two.glb", "bare.glb", "plain.glb"].map(has_colours), [true, false, false]);
     let two = glb(&at("two.glb"));
     let single = |bytes| f64::from(f32::from_le_bytes(bytes));

@@ -603,9 +603,11 @@ fn tiles_of_heights_lie_where_the_samples_are() {
 
 #[test]
 fn tiles_of_heights_are_lit_as_the_globe_is_round() {
-    for (desk, is_globe, options) in
-        [(Desk::terrain(true), true, &[][..]), (Desk::terrain(false), false, &["--local"]), (Desk::terrain(false), true, &[])]
-    {
+    for (desk, is_globe, options) in [
+        (Desk::terrain(true), true, &[][..]),
+        (Desk::terrain(false), false, &["--local"]),
+        (Desk::terrain(false), true, &[]),
+    ] {
         desk.export("lit", options);
         let (mut names, mut compared, mut steep) = (vec![], 0, 0.0_f64);
         files_below(&desk.path("lit"), &mut names);

@@ -114,6 +114,8 @@ pub(crate) struct HeightsContent {
 
 /// No dependence on previous frames, so pictures do not depend on their division into tiles.
 const STILL: Coherence = Coherence { hysteresis: 0.0, play: 0.0 };
+/// A sample of heights may be so large on the screen, in pixels.
+const SAMPLE_PX: f64 = 3.0;
 /// Frames for one picture, at most. A tree has fewer heights of lists.
 const MOST_FRAMES: usize = 64;
 
@@ -158,7 +160,7 @@ impl MeshContent {
 }
 
 fn session(mode: Mode) -> Options {
-    Options { mode, may_stay_finer: mode != Mode::Synchronous, ..Options::default() }
+    Options { mode, may_stay_finer: mode != Mode::Synchronous, sample_px: SAMPLE_PX, ..Options::default() }
 }
 
 impl Scene {

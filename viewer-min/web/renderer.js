@@ -71,15 +71,18 @@ void main() {
   bool is_lost = dot(normal, normal) <= 1e-12 * dot(along_x, along_x) * dot(along_y, along_y);
   normal = normalize(is_lost ? -view : normal);
   if (dot(normal, view) > 0.0) normal = -normal;
-  if (channel.z == 1.0) {
-    vec4 stored = mean_at(normals);
-    vec3 direction = axes * (2.0 * stored.xyz - stored.w);
-    if (stored.w > 0.5) normal = normalize(gl_FrontFacing ? direction : -direction);
+  bool is_front = gl_FrontFacing;
+  vec4 stored = channel.z == 1.0 ? mean_at(normals) : vec4(0.0);
+  if (stored.w > 0.5) {
+    vec3 direction = normalize(axes * (2.0 * stored.xyz - stored.w));
+    // Of slopes behind a ridge, a sample of a pixel may be seen.
+    is_front = is_front || dot(direction, normalize(view)) < 0.3;
+    normal = is_front ? direction : -direction;
   }
   float key = max(dot(normal, normalize(vec3(-0.45, 0.6, -0.66))), 0.0);
   float fill = max(dot(normal, normalize(vec3(0.8, 0.0, -0.6))), 0.0);
   float light = 0.16 + 0.92 * key + 0.18 * fill + 0.08 * normal.y;
-  vec3 base = gl_FrontFacing ? vec3(0.86, 0.83, 0.78) : vec3(0.75, 0.32, 0.26);
+  vec3 base = is_front ? vec3(0.86, 0.83, 0.78) : vec3(0.75, 0.32, 0.26);
   if (mode.x == 1.0) base = mix(vec3(1.0), hue(0.7 - 0.7 * about.x / max(mode.y - 1.0, 1.0)), 0.5);
   if (mode.x == 2.0) {
     // Green: far below the tolerance; yellow: at it; red: twice the tolerance.

@@ -1,11 +1,6 @@
 //! An open file of heights, and its answers.
 
-use crate::{
-    array::Array,
-    error::exception,
-    reader::run,
-    source::Source,
-};
+use crate::{array::Array, error::exception, reader::run, source::Source};
 use lodpack::{
     Limiter,
     heights::{Base, Heights, HeightsMesh, HeightsQuery},
@@ -135,8 +130,7 @@ impl HeightsReader {
             _ => "finest",
         };
         let HeightsMesh { positions, triangles, triangle_tiles, normals, .. } = mesh;
-        let normals: Vec<[f32; 3]> =
-            normals.into_iter().map(|normal| normal.map(|x| f32::from(x) / 32767.0)).collect();
+        let normals: Vec<[f32; 3]> = normals.into_iter().map(|normal| normal.map(|x| f32::from(x) / 32767.0)).collect();
         let arrays = (
             Array::triples(positions),
             Array::triples(triangles),

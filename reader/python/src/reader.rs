@@ -67,7 +67,12 @@ pub fn open_path(py: Python<'_>, path: PathBuf, limits: Option<&Bound<'_, PyDict
 /// Opens a file on a web server.
 #[pyfunction]
 #[pyo3(signature = (url, timeout, limits=None))]
-pub fn open_url(py: Python<'_>, url: &str, timeout: Duration, limits: Option<&Bound<'_, PyDict>>) -> PyResult<AnyReader> {
+pub fn open_url(
+    py: Python<'_>,
+    url: &str,
+    timeout: Duration,
+    limits: Option<&Bound<'_, PyDict>>,
+) -> PyResult<AnyReader> {
     let options = lodpack::source::HttpOptions { timeout, ..Default::default() };
     Reader::open(py, Box::new(lodpack::source::Http::new(url, options)), url.to_owned(), true, limits)
 }

@@ -7,14 +7,13 @@ use std::{
 
 use lodpack::{
     Lattice,
-    heights::SIDE,
     decode::{Appearance, Look, texels::Piece},
     stream::{ByPiece, Changes, DrawnRoot, DrawnTexture, Picture, TileImages},
 };
 
 use crate::{
     answer::{Put, put_all, put_triangles},
-    dress::{Dresser, put_images, put_places},
+    dress::{Dresser, TEXELS, put_images, put_places},
 };
 
 /// The image of a root that the page has.
@@ -104,7 +103,7 @@ impl Packed<'_> {
         ];
         let flags = bits.iter().zip(0..).map(|(&bit, k)| u32::from(bit) << k).sum();
         let size = self.image.as_ref().map_or([0; 2], |image| image.size);
-        let [width, height] = if self.tile_images.is_some() { [SIDE as u32; 2] } else { size };
+        let [width, height] = if self.tile_images.is_some() { [TEXELS as u32; 2] } else { size };
         [flags, width, height]
     }
 }

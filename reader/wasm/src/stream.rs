@@ -194,7 +194,12 @@ impl Stream {
         output.put_floats(sums.map(|n| n as f64));
         output.put_floats([f64::from(frame.late_textures), image_bytes as f64]);
         let surface = (picture, &lattice, self.origin);
-        put_changes(output, surface, (&frame.changes, &frame.lost_roots), (self.painter.as_mut(), &mut self.dresser, is_all));
+        put_changes(
+            output,
+            surface,
+            (&frame.changes, &frame.lost_roots),
+            (self.painter.as_mut(), &mut self.dresser, is_all),
+        );
     }
 
     /// Does the next job: starts a read, or decodes.

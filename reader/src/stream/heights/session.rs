@@ -58,7 +58,7 @@ impl HeightsSession {
         let rules = rules(&options, [options.byte_cache, options.decoded_cache]);
         let this = Self {
             shared: Arc::new(Shared::new(Loading::new(Loader::new(content.clone(), rules)))),
-            chooser: Chooser::new(content.index()),
+            chooser: Chooser::new(content.index(), &options),
             content,
             options,
             picture: Picture::default(),

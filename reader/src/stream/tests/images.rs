@@ -4,9 +4,10 @@ use std::{collections::HashMap, sync::Arc};
 
 use super::heights::{Worker, frame, open, options, random_view, settled, terrains};
 use crate::{
-    heights::{CELLS, Heights, Normal, Ramp, RampStop, SIDE, TileId},
+    heights::{CELLS, Heights, Normal, Ramp, RampStop, SIDE, TileId, tile_box},
     limits::Limits,
-    stream::{DrawnRoot, HeightsSession, Mode},
+    select::{Projection, View},
+    stream::{DrawnRoot, HeightsSession, Mode, Options},
     tests::{synthetic::Random, terrain::Terrain},
 };
 
@@ -174,4 +175,38 @@ fn a_ramp_colours_every_sample() {
         }
     }
     assert!(shades.len() > 20);
+}
+
+#[test]
+fn tiles_are_as_fine_as_their_images_have_to_be() {
+    for (name, terrain) in terrains().into_iter().filter(|(name, _)| !name.contains("within")) {
+        let bytes = terrain.file(12.0);
+        let file = open(&bytes);
+        let mut random = Random::new(9);
+        let with = |sample_px: f64| {
+            let options = Options { sample_px, ..options(Mode::Asynchronous) };
+            HeightsSession::new(Arc::clone(file.index()), options).unwrap()
+        };
+        let (mut coarse, mut fine) = (with(f64::INFINITY), with(3.0));
+        let mut deeper = 0;
+        for _ in 0..20 {
+            let view = View { pixel_tolerance: 50.0, ..random_view(file.index(), &mut random) };
+            settled(&mut coarse, &view, &bytes);
+            settled(&mut fine, &view, &bytes);
+            let projection = Projection::new(&view).unwrap();
+            for id in drawn(&fine).into_keys() {
+                let record = file.record(id).unwrap().unwrap();
+                let [column, row] = file.surface().spacing.map(f64::abs);
+                let on_globe = if file.surface().is_globe() { 1000.0 * std::f64::consts::PI / 180.0 } else { 1.0 };
+                let spacing = column.max(row) * on_globe * (1_u64 << (file.grid().depth() - id.depth)) as f64;
+                let px = spacing * projection.look_at(&tile_box(file.index(), &record)).factor;
+                let is_finest = record.children == 0 || record.lowest == record.highest;
+                assert!(px <= 3.0 * (1.0 + 1e-9) || is_finest, "{name} {id:?}: {px}");
+            }
+            let depth = |session: &HeightsSession| drawn(session).into_keys().map(|id| id.depth).max();
+            assert!(depth(&fine) >= depth(&coarse));
+            deeper += u32::from(depth(&fine) > depth(&coarse));
+        }
+        assert!(deeper > 0, "{name}");
+    }
 }
