@@ -616,7 +616,7 @@ fn tiles_of_heights_are_lit_as_the_globe_is_round() {
             let (_, normals) = triples(&glb, "NORMAL");
             for (place, normal) in places(&glb).into_iter().zip(normals) {
                 let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-                assert!((length(normal) - 1.0).abs() < 3e-3, "{normal:?}");
+                assert!((length(normal) - 1.0).abs() < 4e-3, "{normal:?}");
                 let up = if is_globe { place.map(|x| x / length(place)) } else { [0.0, 0.0, 1.0] };
                 let cosine: f64 = (0..3).map(|k| up[k] * normal[k]).sum();
                 // The hills of this terrain have no slopes of more than 75 degrees.

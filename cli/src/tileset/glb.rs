@@ -18,9 +18,9 @@ const FLOAT: u32 = 5126;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// Directions count in 2 to this power: those of maps, and those of slopes, of which 0.06 degrees are enough and take less.
+/// Directions count in 2 to this power: those of maps, and those of slopes, of which a fifth of a degree is enough and takes less.
 const FINE: i32 = -15;
-const OF_SLOPES: i32 = -10;
+const OF_SLOPES: i32 = -8;
 /// Bits of a coordinate, with its sign; a byte of exponent follows.
 const MANTISSA_BITS: u32 = 24;
 

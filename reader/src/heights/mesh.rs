@@ -109,7 +109,7 @@ impl Stitcher<'_> {
         self.mesh.positions.push(position);
         self.mesh.samples.push(sample);
         self.mesh.heights.push(self.info.height(cross.steps));
-        self.mesh.normals.push(cross.normal(self.info, sample));
+        self.mesh.normals.push([0; 3]);
         number.ok_or_else(too_many)
     }
 
@@ -158,7 +158,9 @@ impl Stitcher<'_> {
                 Some(&vertex) if is_shared => vertex,
                 _ => self.vertex(sample, drawn.position(at), &cross)?,
             };
-            if is_shared {
+            if !is_shared {
+                self.mesh.normals[vertices[at] as usize] = cross.normal(self.info, sample);
+            } else {
                 self.shared.insert(sample, vertices[at]);
                 self.crosses.entry(vertices[at]).and_modify(|known| known.join(&cross)).or_insert(cross);
             }

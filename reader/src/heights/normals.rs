@@ -69,6 +69,10 @@ pub(super) type Beside = Option<(u64, i32)>;
 fn slope(here: i32, before: Beside, after: Beside) -> f64 {
     let rise = |(lines, steps): (u64, i32), sign: f64| sign * (f64::from(steps) - f64::from(here)) / lines as f64;
     match (before, after) {
+        // Nearly all are. Divisions are what normals cost.
+        (Some((lines, before)), Some((same, after))) if lines == same => {
+            (f64::from(after) - f64::from(before)) / (2 * lines) as f64
+        }
         (Some(before), Some(after)) => {
             let (a, b) = (before.0 as f64, after.0 as f64);
             (rise(before, -1.0) * b + rise(after, 1.0) * a) / (a + b)
@@ -343,5 +347,6 @@ fn stored(direction: [f64; 3]) -> Normal {
     if !(length > 0.0 && length.is_finite()) {
         return [0, 0, ONE as i16];
     }
-    direction.map(|x| (x / length * ONE).round() as i16)
+    let scale = ONE / length;
+    direction.map(|x| (x * scale).round() as i16)
 }
