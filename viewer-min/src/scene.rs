@@ -160,12 +160,17 @@ impl MeshContent {
 }
 
 fn session(mode: Mode) -> Options {
-    Options { mode, may_stay_finer: mode != Mode::Synchronous, sample_px: SAMPLE_PX, ..Options::default() }
+    Options { mode, may_stay_finer: mode != Mode::Synchronous, ..Options::default() }
 }
 
 impl Scene {
     /// Opens a file.
     pub fn open(source: Source, mode: Mode) -> Result<Self> {
+        Self::open_with(source, mode, SAMPLE_PX)
+    }
+
+    /// Opens a file of which samples of heights may be so large on the screen, in pixels; if infinite, tiles are as fine as triangles have to be.
+    pub(crate) fn open_with(source: Source, mode: Mode, sample_px: f64) -> Result<Self> {
         match Opened::open(source, Limits::default()).context("the file cannot be opened")? {
             Opened::Mesh(file) => {
                 let bounds = file.bounds().context("the file is empty: it has no roots")?;
@@ -181,7 +186,8 @@ impl Scene {
             Opened::Heights(file) => {
                 let bounds = file.index().bounds().context("the file is empty: it has no tiles")?;
                 let source = Arc::new(Arc::clone(file.source()));
-                let options = StreamerOptions { session: session(mode), ..StreamerOptions::default() };
+                let session = Options { sample_px, ..session(mode) };
+                let options = StreamerOptions { session, ..StreamerOptions::default() };
                 let streamer = HeightsStreamer::new(Arc::clone(file.index()), source, options)?;
                 let content = Content::Heights(Box::new(HeightsContent {
                     streamer,

@@ -181,7 +181,8 @@ struct Check {
 impl Check {
     fn new(source: Source, options: &Options) -> Result<Self> {
         let gpu = Arc::new(Gpu::headless()?);
-        let mut scene = Scene::open(source, Mode::Synchronous)?;
+        // What is checked is geometry, of tiles of all depths.
+        let mut scene = Scene::open_with(source, Mode::Synchronous, f64::INFINITY)?;
         scene.query.outside = Outside::Coarsest;
         let renderer = |way| Renderer::new(&gpu, way);
         let mut renderers = [Way::Stitched, Way::Pulled].map(renderer);

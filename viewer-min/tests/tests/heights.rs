@@ -167,7 +167,8 @@ fn a_ramp_colours_the_picture() {
     let (mut count, mut greens) = (0, std::collections::HashSet::new());
     for pixel in picture.pixels().filter(|&&colour| colour != BACKGROUND) {
         let [red, green, blue] = [0, 1, 2].map(|k| f64::from(pixel.0[k]));
-        assert!(away([red, green, blue]) < 12.0, "{pixel:?}");
+        // Colours are mixed as light is, so they lie a little beside the lines between the stops; bare ground is 100 away.
+        assert!(away([red, green, blue]) < 40.0, "{pixel:?}");
         greens.insert(pixel.0[1]);
         count += 1;
     }
