@@ -181,7 +181,7 @@ impl Positions {
 /// Directions as numbers of 24 bits that count in a power of two, with one more number each if there is one.
 fn directions<const N: usize>(exponent: i32, all: impl Iterator<Item = ([f32; 3], Option<f32>)>) -> Stream {
     let word = |x: f32| {
-        let steps = (f64::from(x) * f64::from(-exponent).exp2()).round() as i32;
+        let steps = (x * (1 << -exponent) as f32).round() as i32;
         (exponent as u32) << MANTISSA_BITS | (steps as u32 & ((1 << MANTISSA_BITS) - 1))
     };
     let of = |([x, y, z], last): ([f32; 3], Option<f32>)| {

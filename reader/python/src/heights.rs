@@ -7,7 +7,7 @@ use lodpack::{
     source::Counting,
 };
 use pyo3::{
-    Bound, Py, PyErr, PyResult, Python, pyclass, pymethods,
+    Py, PyErr, PyResult, Python, pyclass, pymethods,
     types::{PyDict, PyDictMethods},
 };
 use std::sync::Arc;
@@ -20,8 +20,6 @@ const CHECKED_ROWS: u64 = 256;
 pub struct HeightsReader {
     pub(crate) file: Arc<Heights<Counting<Source>>>,
     pub(crate) name: Arc<str>,
-    /// Whether every read may take long.
-    pub(crate) is_slow: bool,
 }
 
 /// Positions, triangles, the tile of each triangle, normals, and colours if there is a ramp.
@@ -32,11 +30,11 @@ impl HeightsReader {
     fn ask<T: Send + 'static>(
         &self,
         py: Python<'_>,
-        is_slow: bool,
         question: impl FnOnce(&Heights<Counting<Source>>) -> lodpack::Result<T> + Send + 'static,
     ) -> PyResult<T> {
         let file = Arc::clone(&self.file);
-        run(py, is_slow, move || question(&file))?.map_err(|error| exception(py, &self.name, error))
+        // All of it may take long.
+        run(py, true, move || question(&file))?.map_err(|error| exception(py, &self.name, error))
     }
 }
 
@@ -115,7 +113,7 @@ impl HeightsReader {
         triangles: Option<u64>,
     ) -> PyResult<(f64, &'static str, Arrays)> {
         let query = HeightsQuery { bounds: bbox, tolerance, max_triangles: triangles };
-        let (cut, mesh, colours) = self.ask(py, true, move |file| {
+        let (cut, mesh, colours) = self.ask(py, move |file| {
             let cut = file.cut(&query)?;
             let mesh = file.mesh(&cut)?;
             let colour = |ramp: &lodpack::heights::Ramp| {
@@ -143,14 +141,14 @@ impl HeightsReader {
 
     /// The heights of some columns and rows, row by row; NaN where there are none.
     fn window(&self, py: Python<'_>, columns: (u64, u64), rows: (u64, u64)) -> PyResult<Array> {
-        let heights = self.ask(py, true, move |file| file.window(columns.0..columns.1, rows.0..rows.1))?;
+        let heights = self.ask(py, move |file| file.window(columns.0..columns.1, rows.0..rows.1))?;
         let shape = [rows.1 - rows.0, columns.1 - columns.0].map(|count| count as usize);
         Ok(Array::shaped(heights, &shape))
     }
 
     /// Reads every tile, and checks every checksum.
     fn verify(&self, py: Python<'_>) -> PyResult<()> {
-        self.ask(py, true, |file| {
+        self.ask(py, |file| {
             let [columns, rows] = file.grid().samples();
             for first in (0..rows).step_by(CHECKED_ROWS as usize) {
                 file.window(0..columns, first..rows.min(first + CHECKED_ROWS))?;

@@ -116,7 +116,7 @@ impl Reader {
         match opened {
             Ok(Opened::Mesh(file)) => Ok(AnyReader::Mesh(Self { file: Arc::new(file), name: name.into(), is_slow })),
             Ok(Opened::Heights(file)) => {
-                Ok(AnyReader::Heights(HeightsReader { file: Arc::new(file), name: name.into(), is_slow }))
+                Ok(AnyReader::Heights(HeightsReader { file: Arc::new(file), name: name.into() }))
             }
             Err(error @ Error::Format { .. }) => {
                 // Most of these were never lodpack files. What can no longer be read has no known beginning.

@@ -89,9 +89,10 @@ impl Ramp {
 
 /// Why a file cannot have these stops, if it cannot.
 fn fault(stops: &[RampStop]) -> Option<&'static str> {
+    let is_height = |x: f64| x.abs() < 1e15;
     if stops.is_empty() || stops.len() > MOST_STOPS {
         Some("a ramp does not have 1 to 1,024 stops")
-    } else if stops.iter().any(|stop| !(stop.height.abs() < 1e15)) {
+    } else if stops.iter().any(|stop| !is_height(stop.height)) {
         Some("the height of a stop of the ramp is out of range")
     } else if stops.windows(2).any(|pair| pair[1].height < pair[0].height) {
         Some("the heights of a ramp's stops fall")
