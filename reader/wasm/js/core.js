@@ -68,7 +68,7 @@ export class Core {
     return this.#ask((question) => {
       this.write(nodes);
       this.call('extract', question);
-      return this.#isOfHeights ? this.#meshOfHeights() : this.#mesh();
+      return this.#mesh(this.#isOfHeights);
     }, signal);
   }
 
@@ -233,24 +233,24 @@ export class Core {
     };
   }
 
-  #mesh() {
+  /** A mesh. Of heights also the normal of each vertex and, with a ramp, its colour: red, green, blue and opacity, as screens show them. */
+  #mesh(isOfHeights = false) {
     const [vertexCount, triangleCount] = this.floats(0, 2);
     const buffer = this.take(16);
-    return {
-      positions: new Float64Array(buffer, 0, 3 * vertexCount),
-      triangles: new Uint32Array(buffer, 24 * vertexCount, 3 * triangleCount),
-      triangleNodes: new Uint32Array(buffer, 24 * vertexCount + 12 * triangleCount, triangleCount),
+    let at = 0;
+    const part = (type, count) => {
+      const array = new type(buffer, at, count);
+      at += array.byteLength;
+      return array;
     };
-  }
-
-  /** Of heights: also the normal of each vertex and, with a ramp, its colour: red, green, blue and opacity, as screens show them. */
-  #meshOfHeights() {
-    const [vertexCount, triangleCount] = this.floats(0, 2);
-    const at = 24 * vertexCount + 16 * triangleCount;
-    const buffer = this.take(16 + at);
-    const normals = new Float32Array(buffer, 0, 3 * vertexCount);
-    const colors = buffer.byteLength > normals.byteLength ? new Uint8Array(buffer, normals.byteLength, 4 * vertexCount) : null;
-    return { ...this.#mesh(), normals, colors };
+    const mesh = {
+      positions: part(Float64Array, 3 * vertexCount),
+      triangles: part(Uint32Array, 3 * triangleCount),
+      triangleNodes: part(Uint32Array, triangleCount),
+    };
+    if (!isOfHeights) return mesh;
+    const normals = part(Float32Array, 3 * vertexCount);
+    return { ...mesh, normals, colors: at < buffer.byteLength ? part(Uint8Array, 4 * vertexCount) : null };
   }
 
   /** Calls until nothing is missing. Bytes that were fetched for one answer are dropped after it; what the index says stays. */
