@@ -25,9 +25,11 @@ async function answer(call) {
 
 test('every level of every file is the same to the bit, and every error to the letter', { skip: !folder && 'cargo test --release -p lodpack-cli runs it' }, async () => {
   const names = await readdir(folder);
-  const files = names.filter((name) => name.endsWith('.lodpack')).map((name) => name.slice(0, -8));
+  // Files of heights have a test of their own.
+  const ofMeshes = names.filter((name) => !name.startsWith('heights-'));
+  const files = ofMeshes.filter((name) => name.endsWith('.lodpack')).map((name) => name.slice(0, -8));
   const expected = new Map();
-  for (const name of names.filter((name) => !name.endsWith('.lodpack'))) expected.set(name, await readFile(join(folder, name)));
+  for (const name of ofMeshes.filter((name) => !name.endsWith('.lodpack'))) expected.set(name, await readFile(join(folder, name)));
   const compare = (name, { bin, error }) => {
     const text = expected.get(`${name}.error`)?.toString();
     assert.equal(error, text, name);
