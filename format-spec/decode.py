@@ -189,9 +189,9 @@ class Header:
 
 # ---- 5 Section directory --------------------------------------------------------------------------------------------------
 
-SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS, PLACEMENT, HEIGHTS, HEIGHT_INDEX = range(1, 13)
+SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS, PLACEMENT, HEIGHTS, HEIGHT_INDEX, RAMP = range(1, 14)
 SECTION_FLAGS = {SOURCE: 0, LEVELS: 1, TABLES: 1, CLUSTERS: 1, INDEX: 3, PAGES: 3, OVERVIEW: 0, CHANNELS: 0, TEXELS: 2, PLACEMENT: 0}
-SECTION_FLAGS |= {HEIGHTS: 1, HEIGHT_INDEX: 3}
+SECTION_FLAGS |= {HEIGHTS: 1, HEIGHT_INDEX: 3, RAMP: 0}
 FIRST_PRIVATE_KIND = 0x80000000
 
 
@@ -220,6 +220,7 @@ def read_sections(file, header):
     must(has_heights == (HEIGHT_INDEX in sections), "HEIGHTS is there without HEIGHT_INDEX, or HEIGHT_INDEX without HEIGHTS")
     for kind in (TABLES, PAGES) + (() if has_heights else of_a_mesh):
         must(kind in sections, f"section {kind} is missing")
+    must(has_heights or RAMP not in sections, "RAMP lies beside a mesh")
     must(not has_heights or header.minor >= 2, "a file of a version before 4.2 has heights")
     must(not has_heights or not any(kind in sections for kind in of_a_mesh + (CHANNELS,)), "heights lie beside a mesh")
     must(not has_heights or (header.origin, header.step_log2) == ([0.0] * 3, 0), "heights have a lattice")
@@ -2046,8 +2047,20 @@ class Heights:
         for rest in (root_blocks, blocks, index):
             rest.end()
         self.placement = read_placement(sections[PLACEMENT]) if PLACEMENT in sections else None
+        self.stops = self.read_ramp(Bytes(sections[RAMP], "RAMP")) if RAMP in sections else None
         if SOURCE in sections:
             check_source(sections[SOURCE])
+
+    # 22.8 Section RAMP
+
+    def read_ramp(self, data):
+        count = data.varint()
+        must(1 <= count <= 1024, "a ramp has no stops, or too many")
+        stops = [(data.number("d"), list(data.take(3))) for _ in range(count)]
+        data.end()
+        must(all(abs(height) < 1e15 for height, _ in stops), "a height of a ramp is out of range")
+        must(all(a <= b for (a, _), (b, _) in zip(stops, stops[1:])), "the heights of a ramp fall")
+        return stops
 
     # 22.1 The grid
 
@@ -2548,7 +2561,10 @@ def print_heights(file, out):
     columns, rows = file.counts
     grid = {"columns": columns, "rows": rows, "wraps": file.wraps, "poles": file.poles, "depth": file.depth}
     numbers = {"is_globe": file.is_globe, "numbers": [bits_of(x) for x in file.numbers]}
-    out.write(f'{{\n"grid":{line(grid)},\n"surface":{line(numbers)},\n"ramp":{line(file.ramp)},\n"tiles":[')
+    out.write(f'{{\n"grid":{line(grid)},\n"surface":{line(numbers)},\n"ramp":{line(file.ramp)},\n')
+    if file.stops is not None:
+        out.write(f'"stops":{line([[bits_of(height), colour] for height, colour in file.stops])},\n')
+    out.write('"tiles":[')
     for k, (tile, record) in enumerate(file.records.items()):
         values, drawn = file.tiles[tile], Drawn(file, tile)
         head = {"tile": tile, "children": record.children, "partial": record.partial}

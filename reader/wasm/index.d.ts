@@ -175,6 +175,10 @@ export interface Mesh {
   triangles: Uint32Array;
   /** For each triangle the number of its node in the cut. */
   triangleNodes: Uint32Array;
+  /** Of heights: x, y and z of each vertex's normal. */
+  normals?: Float32Array;
+  /** Of heights: red, green, blue and opacity of each vertex, as screens show them (sRGB); null if the file has no ramp. */
+  colors?: Uint8Array | null;
 }
 
 /** What the values of a channel mean: sRGB colours, measured numbers, directions of the surface's normal, numbers of classes. */
@@ -246,14 +250,14 @@ export interface HeightGrid {
   /** Metres in a unit of heights, if the file says so; and coordinates in one. */
   unit: number | null;
   scale: number;
-  /** The name of a colour ramp, or nothing. */
+  /** The name of its colours by height, or nothing. With them, the file has one channel, *colour*. */
   ramp: string;
 }
 
 /** An open file. Close it, or its worker stays. */
 export class LodpackFile {
   private constructor();
-  /** Whether it holds a mesh or a grid of heights. The latter's roots are tiles and its levels depths in frames; `levels` and `channels` are empty. */
+  /** Whether it holds a mesh or a grid of heights. The latter's roots are tiles and its levels depths in frames; `levels` is empty, and `channels`, too, unless it has colours by height. */
   readonly kind: 'mesh' | 'heights';
   /** The grid of a file of heights; null for a mesh. */
   readonly heights: HeightGrid | null;
@@ -316,6 +320,16 @@ export interface StreamOptions {
   ahead?: number;
 }
 
+/** The image of a tile of heights: a texel a sample, and one more on each side, which repeats the border. */
+export interface TileImage {
+  width: number;
+  height: number;
+  /** Red, green, blue and opacity, as screens show them (sRGB), if the stream shows colours. */
+  data?: Uint8Array;
+  /** Normals as half floats: components from -1 to 1 are numbers from 0 to 1, and a 1 follows. */
+  normals: Uint16Array;
+}
+
 /** A root to upload, in place of what it was before. */
 export interface Upload {
   /** Its number; OVERVIEW for the small mesh that stands in until the coarsest level is there. */
@@ -327,7 +341,7 @@ export interface Upload {
   positions: Float32Array;
   triangles: Uint32Array;
   /** Colours of the channel that the stream shows. Undefined: the root keeps the image that it has. Null: the stream shows none. */
-  image?: Image | null;
+  image?: Image | TileImage | null;
   /** x and y of each vertex in the image, in texels: the first one lies between 0 and 1. Without places the image has one texel, for all of the root. */
   places?: Float32Array;
   /** Left, top, right and bottom of the part of the image around each vertex. Interpolation within a triangle must not read beyond it. */
@@ -410,7 +424,9 @@ export interface Atlas {
   readonly width: number;
   readonly height: number;
   /** Red, green, blue and opacity, as screens show them (sRGB). Roots without any image have white without opacity. */
-  readonly data: Uint8Array;
+  readonly data?: Uint8Array;
+  /** With `normals`: those of tiles of heights, as half floats, as in TileImage. Roots without any have 0 in all four numbers. */
+  readonly normals?: Uint16Array;
   /** Grows when height and data change, so that the texture has to be made anew. */
   readonly generation: number;
   /** What has changed. Empty this list after uploading. */
@@ -438,6 +454,8 @@ export class Pool {
     infoSize?: number;
     infoOf?: (entry: Pick<PoolEntry, 'root' | 'level' | 'error'>) => ArrayLike<number>;
     images?: boolean;
+    /** For heights: whether these have normals, too. */
+    normals?: boolean;
     maxTextureSize?: number;
   });
   readonly slabs: Slab[];

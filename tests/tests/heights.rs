@@ -253,7 +253,8 @@ fn the_commands_work_with_files_of_heights() {
     let integers = integers.to_str().expect("a path in UTF-8");
     run(&["build", integers, "-o", "exact.lodpack", "--heights", "--tolerance", "0"]).success();
     run(&["build", "a.tif", "-o", "e.lodpack", "--heights", "--tolerance", "0"]).failure();
-    run(&["build", "a.tif", "-o", "e.lodpack", "--heights", "--ramp", "earth"]).failure();
+    let failed = run(&["build", "a.tif", "-o", "e.lodpack", "--heights", "--ramp", "eath"]).failure();
+    assert!(String::from_utf8_lossy(&failed.get_output().stderr).contains("earth, grey, viridis"));
     run(&["build", "a.tif", "-o", "e.lodpack", "--tolerance", "0"]).failure();
     run(&["verify", "a.lodpack", "--against", "nothing.tif"]).failure();
     let failed = run(&["verify", "a.lodpack", "--against", "a.ply"]).failure();
@@ -267,6 +268,77 @@ fn the_commands_work_with_files_of_heights() {
     let failed = run(&["build", "a.ply", "-o", "d.lodpack", "--heights"]).failure();
     assert!(String::from_utf8_lossy(&failed.get_output().stderr).contains("--heights"));
     assert!(!at("d.lodpack").exists());
+}
+
+/// The JSON of a GLB, and the bytes behind it.
+fn glb(path: &Path) -> (serde_json::Value, Vec<u8>) {
+    let bytes = std::fs::read(path).expect("written");
+    let length = u32::from_le_bytes(bytes[12..16].try_into().expect("four bytes")) as usize;
+    (serde_json::from_slice(&bytes[20..20 + length]).expect("JSON"), bytes[28 + length..].to_vec())
+}
+
+/// What an accessor of a GLB has for each vertex, as numbers of so many bytes.
+fn numbers<const N: usize>(
+    (json, bytes): &(serde_json::Value, Vec<u8>),
+    name: &str,
+    read: fn([u8; N]) -> f64,
+) -> Vec<f64> {
+    let accessor =
+        &json["accessors"][json["meshes"][0]["primitives"][0]["attributes"][name].as_u64().expect(name) as usize];
+    let view = &json["bufferViews"][accessor["bufferView"].as_u64().expect("a view") as usize];
+    let [first, length] = ["byteOffset", "byteLength"].map(|key| view[key].as_u64().unwrap_or(0) as usize);
+    bytes[first..first + length].as_chunks::<N>().0.iter().map(|&bytes| read(bytes)).collect()
+}
+
+#[test]
+fn a_ramp_is_kept_and_colours_what_is_taken_out() {
+    let folder = Folder::new();
+    let at = |name: &str| folder.0.path().join(name);
+    folder.fractal("a.tif", &Grid::utm([200, 150]), false, |_, _| false);
+    let run = |args: &[&str]| lodpack().current_dir(folder.0.path()).args(args).assert();
+    let build = |out: &str, more: &[&str]| {
+        run(&[&["build", "a.tif", "-o", out, "--heights", "--tolerance", "2m"], more].concat()).success();
+        std::fs::metadata(at(out)).expect("written").len()
+    };
+    let bare = build("bare.lodpack", &[]);
+    std::fs::write(at("two.txt"), "# red low, blue high\n-9000 200 0 0\n9000 0 0 200\n").expect("writable");
+    let coloured = build("two.lodpack", &["--ramp", "two.txt"]);
+    // A directory entry, the name, and two stops.
+    assert_eq!(coloured, bare + 32 + 3 + 1 + 2 * 11);
+    for name in ["earth", "grey", "viridis"] {
+        build(&format!("{name}.lodpack"), &["--ramp", name]);
+    }
+    let info = run(&["info", "two.lodpack", "--json"]).success();
+    let info: serde_json::Value = serde_json::from_slice(&info.get_output().stdout).expect("JSON");
+    assert_eq!(
+        info["ramp"],
+        serde_json::json!({"name": "two", "stops": [[-9000.0, [200, 0, 0]], [9000.0, [0, 0, 200]]]})
+    );
+    run(&["extract", "two.lodpack", "-o", "two.glb", "--tolerance", "20m"]).success();
+    run(&["extract", "bare.lodpack", "-o", "bare.glb", "--tolerance", "20m"]).success();
+    run(&["extract", "two.lodpack", "-o", "plain.glb", "--tolerance", "20m", "--channels", "none"]).success();
+    let has_colours = |name: &str| glb(&at(name)).0["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"].is_number();
+    assert_eq!(["two.glb", "bare.glb", "plain.glb"].map(has_colours), [true, false, false]);
+    let two = glb(&at("two.glb"));
+    let single = |bytes| f64::from(f32::from_le_bytes(bytes));
+    let (places, normals) = (numbers::<4>(&two, "POSITION", single), numbers::<4>(&two, "NORMAL", single));
+    let colours = numbers::<2>(&two, "COLOR_0", |bytes| f64::from(u16::from_le_bytes(bytes)) / 65535.0);
+    let zero = two.0["nodes"][0]["translation"][2].as_f64().expect("a number");
+    let linear = |x: f64| if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
+    assert!(places.len() > 300 && normals.len() == places.len());
+    for ((place, normal), colour) in places.chunks(3).zip(normals.chunks(3)).zip(colours.chunks(4)) {
+        let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
+        assert!((length - 1.0).abs() < 1e-3 && normal[2] > 0.0, "{normal:?}");
+        let share = (place[2] + zero + 9000.0) / 18_000.0;
+        let expected = [1.0 - share, 0.0, share].map(|share| linear((share * 200.0).round() / 255.0));
+        assert!((0..3).all(|k| (colour[k] - expected[k]).abs() < 0.01) && colour[3] == 1.0, "{colour:?} {expected:?}");
+    }
+    run(&["extract", "two.lodpack", "-o", "two.ply", "--tolerance", "20m"]).success();
+    let ply = std::fs::read(at("two.ply")).expect("written");
+    assert!(String::from_utf8_lossy(&ply[..400]).contains("property uchar red"));
+    std::fs::write(at("bad.txt"), "0 1 2 3\n5 1 2\n").expect("writable");
+    let failed = run(&["build", "a.tif", "-o", "e.lodpack", "--heights", "--ramp", "bad.txt"]).failure();
+    assert!(String::from_utf8_lossy(&failed.get_output().stderr).contains("bad.txt: line 2"));
 }
 
 /// Opens a raster that was taken out of a file.

@@ -158,20 +158,28 @@ fn triangles(glb: &[u8]) -> Vec<[[i64; 3]; 3]> {
 
 /// Where the vertices of a tile of terrain are, in the tileset's axes.
 pub(crate) fn places(glb: &[u8]) -> Vec<[f64; 3]> {
+    let (json, all) = triples(glb, "POSITION");
+    let moved = [0, 2, 1].map(|k| json["nodes"][0]["translation"][k].as_f64().unwrap_or(0.0));
+    all.into_iter().map(|[x, y, z]| [x + moved[0], y - moved[1], z + moved[2]]).collect()
+}
+
+/// The JSON of a tile, and three numbers that each of its vertices has, in the tileset's axes.
+fn triples(glb: &[u8], attribute: &str) -> (Value, Vec<[f64; 3]>) {
     let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().expect("four bytes")) as usize;
     let json: Value = serde_json::from_slice(&glb[20..20 + word(12)]).expect("JSON");
-    let coded = &json["bufferViews"][0]["extensions"]["EXT_meshopt_compression"];
-    let number = |key: &str| coded[key].as_u64().expect("a number") as usize;
-    let bytes = &glb[28 + word(12)..][number("byteOffset")..][..number("byteLength")];
-    let mut words: Vec<[u32; 3]> = meshopt::decode_vertex_buffer(bytes, number("count")).expect("vertices");
+    let number = |value: &Value| value.as_u64().expect("a number") as usize;
+    let accessor = &json["accessors"][number(&json["meshes"][0]["primitives"][0]["attributes"][attribute])];
+    let coded = &json["bufferViews"][number(&accessor["bufferView"])]["extensions"]["EXT_meshopt_compression"];
+    let bytes = &glb[28 + word(12)..][number(&coded["byteOffset"])..][..number(&coded["byteLength"])];
+    let mut words: Vec<[u32; 3]> = meshopt::decode_vertex_buffer(bytes, number(&coded["count"])).expect("vertices");
     meshopt::decode_filter_exp(&mut words);
-    let moved = |k: usize| json["nodes"][0]["translation"][k].as_f64().unwrap_or(0.0);
     let place = |word: &[u32; 3]| {
-        let [x, y, z] = [0, 1, 2].map(|k| f64::from(f32::from_bits(word[k])) + moved(k));
+        let [x, y, z] = word.map(|word| f64::from(f32::from_bits(word)));
         // glTF has y up.
         [x, -z, y]
     };
-    words.iter().map(place).collect()
+    let all = words.iter().map(place).collect();
+    (json, all)
 }
 
 /// Collects the triangles of a random cut, as a viewer may draw it: every tile, or all that replaces it.
@@ -591,6 +599,34 @@ fn tiles_of_heights_lie_where_the_samples_are() {
         }
     });
     assert!(deepest >= 2 && found > 10_000 && skirts > 1_000 && skirts < found, "{deepest} {found} {skirts}");
+}
+
+#[test]
+fn tiles_of_heights_are_lit_as_the_globe_is_round() {
+    for (desk, is_globe, options) in [
+        (Desk::terrain(true), true, &[][..]),
+        (Desk::terrain(false), false, &["--local"]),
+        (Desk::terrain(false), true, &[]),
+    ] {
+        desk.export("lit", options);
+        let (mut names, mut compared, mut steep) = (vec![], 0, 0.0_f64);
+        files_below(&desk.path("lit"), &mut names);
+        for name in names.iter().filter(|name| name.extension().is_some_and(|extension| extension == "glb")) {
+            let glb = fs::read(name).expect("written");
+            let (_, normals) = triples(&glb, "NORMAL");
+            for (place, normal) in places(&glb).into_iter().zip(normals) {
+                let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+                assert!((length(normal) - 1.0).abs() < 4e-3, "{normal:?}");
+                let up = if is_globe { place.map(|x| x / length(place)) } else { [0.0, 0.0, 1.0] };
+                let cosine: f64 = (0..3).map(|k| up[k] * normal[k]).sum();
+                // The hills of this terrain have no slopes of more than 75 degrees.
+                assert!(cosine > 0.25, "{place:?} {normal:?}");
+                steep = steep.max(1.0 - cosine);
+                compared += 1;
+            }
+        }
+        assert!(compared > 10_000 && steep > 0.002, "{compared} {steep}");
+    }
 }
 
 #[test]

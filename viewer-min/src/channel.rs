@@ -28,6 +28,12 @@ impl ShownChannel {
         Ok(Self { number, info, appearance })
     }
 
+    /// A channel of a file of heights, which is made of them.
+    pub(crate) fn of_heights(channels: &[ChannelInfo], number: u8) -> Result<Self> {
+        let Some(info) = channels.get(usize::from(number)).cloned() else { bail!("there is no such channel") };
+        Ok(Self { number, appearance: Appearance::new(&info), info })
+    }
+
     /// The values of the ends of the ramp; none if there is no ramp.
     pub(crate) fn values(&self) -> Option<[f64; 2]> {
         self.appearance.values()
@@ -37,6 +43,14 @@ impl ShownChannel {
     pub(crate) fn set_values(&mut self, values: [f64; 2]) {
         self.appearance.set_values(values);
     }
+}
+
+/// What a file of heights shows: colours, if it has a ramp, and normals from slopes.
+pub(crate) fn channels_of_heights(has_ramp: bool) -> Vec<ChannelInfo> {
+    let channel =
+        |name: &str, kind| ChannelInfo { name: name.into(), kind, components: 3, low: 0.0, step: 1.0, bound: 0.0 };
+    let colour = has_ramp.then(|| channel("colour", ChannelKind::Colour));
+    colour.into_iter().chain([channel("normal", ChannelKind::Normal)]).collect()
 }
 
 /// The number of the channel of normals, if there is one.

@@ -7,7 +7,7 @@ use glam::DVec3;
 use lodpack::{
     Lattice, View,
     decode::Appearance,
-    stream::{ByPiece, DrawnRoot, DrawnTexture, Picture as Surfaces, Strip},
+    stream::{ByPiece, DrawnRoot, DrawnTexture, Picture as Surfaces, Strip, TileImages},
 };
 use wgpu::{BufferUsages, Color, LoadOp, Operations, RenderPassDepthStencilAttachment as DepthStencil, StoreOp};
 
@@ -54,9 +54,10 @@ struct Block {
     pulled: Option<(wgpu::BindGroup, u32)>,
     /// What it was made with.
     texture: Option<Arc<DrawnTexture>>,
+    images: Option<Arc<TileImages>>,
     /// Its image.
     texels: Option<Texels>,
-    /// With an image: the piece of each stitched vertex.
+    /// With an image: the piece of each stitched vertex; of a tile of heights the place.
     pieces: Option<wgpu::Buffer>,
 }
 
@@ -69,6 +70,7 @@ impl Block {
 
     fn has_image_of(&self, drawn: &DrawnRoot) -> bool {
         self.texture.as_ref().map(Arc::as_ptr) == drawn.texture().map(Arc::as_ptr)
+            && self.images.as_ref().map(Arc::as_ptr) == drawn.images().map(Arc::as_ptr)
     }
 }
 
@@ -157,13 +159,16 @@ impl Renderer {
             let waits = drawn.texture().is_some() && !has_image && images_left == 0;
             let is_uploaded = drawn.texture().is_some() && !has_image && !waits;
             images_left -= usize::from(is_uploaded);
+            // Those of tiles are small.
+            let is_uploaded = is_uploaded || drawn.images().is_some() && !has_image;
             let block = match before {
                 Some(before) if before.has_triangles_of(drawn) && (has_image || waits) => Block { info, ..before },
                 before => {
                     let known = before.filter(|_| has_image).and_then(|before| before.texels);
                     let texels = if is_uploaded { self.upload(drawn) } else { known };
                     let texture = drawn.texture().filter(|_| !waits).cloned();
-                    Block { texture, ..self.block(info, &self.planted(drawn), texels) }
+                    let images = drawn.images().cloned();
+                    Block { texture, images, ..self.block(info, &self.planted(drawn), texels) }
                 }
             };
             self.blocks.insert(root, block);
@@ -172,7 +177,11 @@ impl Renderer {
 
     /// Uploads a root's image, if it has one.
     fn upload(&mut self, drawn: &DrawnRoot) -> Option<Texels> {
-        let texels = Texels::upload(&self.gpu, (drawn, &self.lattice), &self.shown?.appearance);
+        let appearance = &self.shown?.appearance;
+        if let Some(images) = drawn.images() {
+            return Some(Texels::of_tile(&self.gpu, images, appearance));
+        }
+        let texels = Texels::upload(&self.gpu, (drawn, &self.lattice), appearance);
         texels.unwrap_or_else(|problem| {
             self.problems.push(problem);
             None
@@ -181,6 +190,13 @@ impl Renderer {
 
     fn block(&self, info: RootInfo, drawn: &DrawnRoot, texels: Option<Texels>) -> Block {
         let (gpu, surface, strips, texture) = (&self.gpu, &drawn.surface, drawn.strips.clone(), None);
+        if drawn.images().is_some() {
+            let (positions, triangles) = drawn.joined();
+            let places: Vec<[f32; 2]> = drawn.places().collect();
+            let pieces = Some(gpu.buffer(&places, BufferUsages::VERTEX));
+            let batch = Batch::new(gpu, &positions, &triangles);
+            return Block { info, strips, batch, pulled: None, texture, images: None, texels, pieces };
+        }
         if self.way == Way::Stitched {
             let (positions, triangles, pieces) = match texels.as_ref().and_then(|_| drawn.by_piece()) {
                 Some(ByPiece { positions, triangles, pieces }) => (positions, triangles, Some(pieces)),
@@ -191,22 +207,16 @@ impl Renderer {
             };
             let pieces = pieces.map(|pieces| gpu.buffer(&pieces, BufferUsages::VERTEX));
             let batch = Batch::new(gpu, &positions, &triangles);
-            return Block { info, strips, batch, pulled: None, texture, texels, pieces };
+            return Block { info, strips, batch, pulled: None, texture, images: None, texels, pieces };
         }
         let records = border_records(surface);
-        // The border of a tile of heights is no border of half-arcs: all of its triangles are drawn alike.
-        let batch = match surface.half_arcs().len() {
-            0 => {
-                let (positions, triangles) = drawn.joined();
-                Batch::new(gpu, &positions, &triangles)
-            }
-            _ => Batch::new(gpu, &surface.positions, &surface.triangles),
-        };
+        let batch = Batch::new(gpu, &surface.positions, &surface.triangles);
         let table = snap_table(drawn, &records);
         let border_count = 3 * table[0] * (records.len() / RECORD) as u32;
         let [records, table] = [records, table].map(|words| gpu.buffer(&words, BufferUsages::STORAGE));
         let group = gpu.bind(&gpu.pipelines.block_layout, &[&batch.vertices, &batch.indices, &records, &table]);
-        Block { info, strips, batch, pulled: Some((group, border_count)), texture, texels, pieces: None }
+        let pulled = Some((group, border_count));
+        Block { info, strips, batch, pulled, texture, images: None, texels, pieces: None }
     }
 
     fn planted(&self, drawn: &DrawnRoot) -> DrawnRoot {
@@ -223,8 +233,8 @@ impl Renderer {
     pub fn set_mesh(&mut self, positions: &[[f64; 3]], triangles: &[[u32; 3]]) {
         let batch = Batch::new(&self.gpu, positions, triangles);
         let info = RootInfo::default();
-        let (strips, texture, texels) = (Vec::new(), None, None);
-        let block = Block { info, strips, batch, pulled: None, texture, texels, pieces: None };
+        let (strips, texture, images, texels) = (Vec::new(), None, None, None);
+        let block = Block { info, strips, batch, pulled: None, texture, images, texels, pieces: None };
         self.blocks = BTreeMap::from([(MESH, block)]);
     }
 
@@ -308,7 +318,13 @@ impl Renderer {
                 continue;
             }
             pass.set_pipeline(program(0));
-            for (instances, Block { batch, texels, pieces, .. }) in own().filter(|(_, block)| block.pulled.is_none()) {
+            let mut is_for_tiles = false;
+            for (instances, block) in own().filter(|(_, block)| block.pulled.is_none()) {
+                let Block { batch, texels, pieces, images, .. } = block;
+                // All roots of a picture are tiles of heights, or none is.
+                if is_textured && images.is_some() && !std::mem::replace(&mut is_for_tiles, true) {
+                    pass.set_pipeline(&pipelines.tile);
+                }
                 if let (true, Some(texels), Some(pieces)) = (is_textured, texels, pieces) {
                     pass.set_bind_group(2, &texels.group, &[]);
                     pass.set_vertex_buffer(1, pieces.slice(..));

@@ -188,6 +188,8 @@ pub(crate) struct Pipelines {
     pub programs: [[wgpu::RenderPipeline; 2]; 3],
     /// The same for roots with images; only for pictures.
     pub textured: [wgpu::RenderPipeline; 3],
+    /// For tiles of heights with images.
+    pub tile: wgpu::RenderPipeline,
     /// Bind group 0.
     pub globals_layout: wgpu::BindGroupLayout,
     /// Bind group 1 of pulling.
@@ -215,7 +217,10 @@ impl Pipelines {
         let positions = wgpu::VertexBufferLayout { array_stride: 24, step_mode, attributes: &attributes };
         let attributes = wgpu::vertex_attr_array![2 => Uint32];
         let pieces = wgpu::VertexBufferLayout { array_stride: 4, step_mode, attributes: &attributes };
+        let attributes = wgpu::vertex_attr_array![2 => Float32x2];
+        let places = wgpu::VertexBufferLayout { array_stride: 8, step_mode, attributes: &attributes };
         let vertices = [Some(positions), Some(pieces)];
+        let of_tiles = [vertices[0].clone(), Some(places)];
         let depth_stencil = |format, depth_compare: Option<CompareFunction>, stencil| wgpu::DepthStencilState {
             format,
             depth_write_enabled: depth_compare.map(|_| true),
@@ -232,7 +237,9 @@ impl Pipelines {
         let counting =
             depth_stencil(STENCIL, None, wgpu::StencilState { front, back, read_mask: 0xff, write_mask: 0xff });
         let pipeline = |entry: &str, counts: bool| {
-            let (is_pulled, is_textured) = (entry.starts_with("pulled"), entry.ends_with("_textured"));
+            let is_tile = entry.ends_with("_tile");
+            let (is_pulled, is_textured) = (entry.starts_with("pulled"), is_tile || entry.ends_with("_textured"));
+            let vertices = if is_tile { &of_tiles } else { &vertices };
             let groups =
                 [Some(&globals_layout), is_pulled.then_some(&block_layout), is_textured.then_some(&texels_layout)];
             let bind_group_layouts = &groups[..1 + usize::from(is_pulled).max(2 * usize::from(is_textured))];
@@ -265,7 +272,8 @@ impl Pipelines {
             ["stitched", "pulled", "pulled_border"].map(|entry| [false, true].map(|counts| pipeline(entry, counts)));
         let textured = ["stitched_textured", "pulled_textured", "pulled_border_textured"];
         let textured = textured.map(|entry| pipeline(entry, false));
-        Self { programs, textured, globals_layout, block_layout, texels_layout, sampler }
+        let tile = pipeline("stitched_tile", false);
+        Self { programs, textured, tile, globals_layout, block_layout, texels_layout, sampler }
     }
 }
 

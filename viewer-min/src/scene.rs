@@ -15,7 +15,7 @@ use lodpack::{
 use crate::{
     args::{Args, Tile},
     camera::{Bounds, Extent},
-    channel::{ShownChannel, after, find, normals},
+    channel::{ShownChannel, after, channels_of_heights, find, normals},
 };
 
 /// The bytes of a file.
@@ -109,10 +109,13 @@ pub(crate) struct MeshContent {
 pub(crate) struct HeightsContent {
     pub streamer: HeightsStreamer,
     pub file: Heights<Source>,
+    pub channels: Vec<ChannelInfo>,
 }
 
 /// No dependence on previous frames, so pictures do not depend on their division into tiles.
 const STILL: Coherence = Coherence { hysteresis: 0.0, play: 0.0 };
+/// A sample of heights may be so large on the screen, in pixels.
+const SAMPLE_PX: f64 = 3.0;
 /// Frames for one picture, at most. A tree has fewer heights of lists.
 const MOST_FRAMES: usize = 64;
 
@@ -163,6 +166,11 @@ fn session(mode: Mode) -> Options {
 impl Scene {
     /// Opens a file.
     pub fn open(source: Source, mode: Mode) -> Result<Self> {
+        Self::open_with(source, mode, SAMPLE_PX)
+    }
+
+    /// Opens a file of which samples of heights may be so large on the screen, in pixels; if infinite, tiles are as fine as triangles have to be.
+    pub(crate) fn open_with(source: Source, mode: Mode, sample_px: f64) -> Result<Self> {
         match Opened::open(source, Limits::default()).context("the file cannot be opened")? {
             Opened::Mesh(file) => {
                 let bounds = file.bounds().context("the file is empty: it has no roots")?;
@@ -178,9 +186,14 @@ impl Scene {
             Opened::Heights(file) => {
                 let bounds = file.index().bounds().context("the file is empty: it has no tiles")?;
                 let source = Arc::new(Arc::clone(file.source()));
-                let options = StreamerOptions { session: session(mode), ..StreamerOptions::default() };
+                let session = Options { sample_px, ..session(mode) };
+                let options = StreamerOptions { session, ..StreamerOptions::default() };
                 let streamer = HeightsStreamer::new(Arc::clone(file.index()), source, options)?;
-                let content = Content::Heights(Box::new(HeightsContent { streamer, file }));
+                let content = Content::Heights(Box::new(HeightsContent {
+                    streamer,
+                    channels: channels_of_heights(file.ramp().is_some()),
+                    file,
+                }));
                 Ok(Self { bounds, query: Query::default(), depths: Arc::default(), channel: None, content })
             }
         }
@@ -316,13 +329,22 @@ impl Scene {
         self.show_channel(after(self.channels(), self.channel.as_ref().map(|channel| channel.number)))
     }
 
-    /// Heights have none.
     fn channels(&self) -> &[ChannelInfo] {
-        self.mesh().map_or(&[], |mesh| mesh.file.channels())
+        match &self.content {
+            Content::Mesh(mesh) => mesh.file.channels(),
+            Content::Heights(heights) => &heights.channels,
+        }
     }
 
     fn show_channel(&mut self, number: Option<u8>) -> Result<()> {
-        let Content::Mesh(mesh) = &mut self.content else { return Ok(()) };
+        let mesh = match &mut self.content {
+            Content::Mesh(mesh) => mesh,
+            Content::Heights(heights) => {
+                let shown = number.map(|number| ShownChannel::of_heights(&heights.channels, number));
+                self.channel = shown.transpose()?;
+                return Ok(());
+            }
+        };
         self.channel = number.map(|number| ShownChannel::new(&mesh.file, number)).transpose()?;
         // Normals light whatever is shown.
         let normals = normals(mesh.file.channels()).filter(|_| number.is_some());

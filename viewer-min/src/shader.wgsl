@@ -94,6 +94,15 @@ fn stitched_textured(
     return project_textured(Point(high, low, vec3f(1.0), 0u), slot, piece);
 }
 
+// A tile of heights: its images have a texel a sample, and each vertex its place among the samples.
+@vertex
+fn stitched_tile(
+    @location(0) high: vec3f, @location(1) low: vec3f, @location(2) place: vec2f, @builtin(instance_index) slot: u32,
+) -> TexturedVertex {
+    let vertex = project(Point(high, low, vec3f(1.0), 0u), slot);
+    return TexturedVertex(vertex.clip, vertex.view, vertex.corner, slot, vertex.borders, place + 0.5, 0u);
+}
+
 fn unit(k: u32) -> vec3f {
     return vec3f(f32(k == 0u), f32(k == 1u), f32(k == 2u));
 }

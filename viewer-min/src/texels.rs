@@ -6,7 +6,8 @@
 use lodpack::{
     Lattice,
     decode::{Appearance, ChannelImage, Look, texels::Piece},
-    stream::DrawnRoot,
+    heights::{CELLS, SIDE},
+    stream::{DrawnRoot, TileImages},
 };
 use wgpu::{BufferUsages, TextureFormat, TextureUsages};
 
@@ -96,7 +97,7 @@ impl Texels {
             Look::Ramp => TextureFormat::Rgba8Unorm,
             Look::Colours | Look::Directions | Look::Classes => TextureFormat::Rgba8UnormSrgb,
         };
-        let image = uploaded(gpu, size, format, &texels);
+        let image = uploaded(gpu, size, format, texels.as_flattened());
         let normals = texture.texture.images.iter().flatten().find_map(|image| match image {
             ChannelImage::Normals(image) => Some(image),
             _ => None,
@@ -104,7 +105,7 @@ impl Texels {
         let normals = normals.map_or(([1; 2], vec![[0; 4]]), |image| {
             (image.size, image.data.chunks_exact(3).map(|texel| [texel[0], texel[1], texel[2], 255]).collect())
         });
-        let normals = uploaded(gpu, normals.0, TextureFormat::Rgba8Unorm, &normals.1);
+        let normals = uploaded(gpu, normals.0, TextureFormat::Rgba8Unorm, normals.1.as_flattened());
 
         let origin = drawn.surface.positions.first().copied().unwrap_or_default();
         let [x, y, z, low_x, low_y, low_z] = pair(origin);
@@ -114,8 +115,29 @@ impl Texels {
         let origin = [0, 1, 2].map(|k| f64::from([x, y, z][k]) + f64::from([low_x, low_y, low_z][k]));
         pieces.extend(map.pieces.iter().flat_map(|piece| piece_rows(piece, lattice, origin)));
         let labels: Vec<u32> = texture.labels(&drawn.surface.origins).collect();
-        let pieces = gpu.buffer(&pieces, BufferUsages::STORAGE);
-        let labels = gpu.buffer(&labels, BufferUsages::STORAGE);
+        Ok(Some(Self::of(gpu, &pieces, &labels, [image, normals])))
+    }
+
+    /// Uploads the images of a tile of heights: its normals, and colours or directions, whichever is shown.
+    pub fn of_tile(gpu: &Gpu, images: &TileImages, shown: &Appearance) -> Self {
+        let size = [SIDE as u32; 2];
+        let texels: Vec<Texel> = match (&images.colours, shown.look()) {
+            (Some(colours), Look::Colours) => colours.iter().map(|&[r, g, b]| [r, g, b, 255]).collect(),
+            _ => images.normals.iter().map(|normal| direction(*normal)).collect(),
+        };
+        let texels = uploaded(gpu, size, TextureFormat::Rgba8UnormSrgb, texels.as_flattened());
+        // As bytes would be, with more digits.
+        let normals = images.half_floats([1.0 / 255.0, 1.0]);
+        let normals = uploaded(gpu, size, TextureFormat::Rgba16Float, bytemuck::cast_slice(&normals));
+        let (least, most) = (0.5, CELLS as f32 + 0.5);
+        let mut pieces = [[0.0; 4]; 5];
+        pieces[4] = [least, least, most, most];
+        Self::of(gpu, &pieces, &[0], [texels, normals])
+    }
+
+    fn of(gpu: &Gpu, pieces: &[[f32; 4]], labels: &[u32], [image, normals]: [wgpu::Texture; 2]) -> Self {
+        let pieces = gpu.buffer(pieces, BufferUsages::STORAGE);
+        let labels = gpu.buffer(labels, BufferUsages::STORAGE);
         let [view, normals] = [image, normals].map(|image| image.create_view(&Default::default()));
         let resources = [
             Resource::Buffer(&pieces),
@@ -124,16 +146,22 @@ impl Texels {
             Resource::Buffer(&labels),
             Resource::Texture(&normals),
         ];
-        let group = gpu.bind_all(&gpu.pipelines.texels_layout, &resources);
-        Ok(Some(Self { group }))
+        Self { group: gpu.bind_all(&gpu.pipelines.texels_layout, &resources) }
     }
 }
 
+/// A normal as a colour.
+fn direction(normal: [i16; 3]) -> Texel {
+    let [x, y, z] = normal.map(|x| (128.0 + 127.0 * f64::from(x) / 32767.0).round() as u8);
+    [x, y, z, 255]
+}
+
 /// A texture of these texels.
-fn uploaded(gpu: &Gpu, size: [u32; 2], format: TextureFormat, texels: &[Texel]) -> wgpu::Texture {
+fn uploaded(gpu: &Gpu, size: [u32; 2], format: TextureFormat, texels: &[u8]) -> wgpu::Texture {
     let image = gpu.texture(size, format, TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST);
-    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * size[0]), rows_per_image: None };
-    gpu.queue.write_texture(image.as_image_copy(), texels.as_flattened(), layout, image.size());
+    let row = texels.len() as u32 / size[1].max(1);
+    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+    gpu.queue.write_texture(image.as_image_copy(), texels, layout, image.size());
     image
 }
 

@@ -29,8 +29,10 @@ const FRAGMENT = `#version 300 es
 precision highp float;
 uniform vec4 projection; // And pixels per tangent.
 uniform vec4 mode; // Meaning of colours; number of levels; tolerance in pixels; 1 for lines.
-uniform vec2 channel; // 1 if there are images, 2 if they show classes; 1 without light.
+uniform vec3 channel; // 1 if there are images, 2 if they show classes; 1 without light; 1 with normals.
 uniform sampler2D texels;
+uniform sampler2D normals; // Components from 0 to 1, with 1 in the fourth one; 0 where there are none.
+uniform mat3 axes; // From directions of the file to those of the view.
 in vec3 view;
 flat in vec2 about;
 centroid in vec2 at;
@@ -45,18 +47,21 @@ vec3 shown_of(vec3 light) {
   return clamp(mix(high, 12.92 * light, lessThanEqual(light, vec3(0.0031308))), 0.0, 1.0);
 }
 // The mean over the pixel: of one place where texels are larger than pixels, of up to 16 where they are smaller.
-vec4 texel_at() {
-  if (channel.x == 2.0) return texelFetch(texels, ivec2(clamp(at, bounds.xy, bounds.zw)), 0);
-  vec2 along_x = dFdx(at), along_y = dFdy(at), size = vec2(textureSize(texels, 0));
+vec4 mean_at(sampler2D image) {
+  vec2 along_x = dFdx(at), along_y = dFdy(at), size = vec2(textureSize(image, 0));
   float count = clamp(ceil(max(length(along_x), length(along_y))), 1.0, 4.0);
   vec4 sum = vec4(0.0);
   for (float y = 0.5; y < count; y += 1.0) {
     for (float x = 0.5; x < count; x += 1.0) {
       vec2 there = at + along_x * (x / count - 0.5) + along_y * (y / count - 0.5);
-      sum += textureLod(texels, clamp(there, bounds.xy, bounds.zw) / size, 0.0);
+      sum += textureLod(image, clamp(there, bounds.xy, bounds.zw) / size, 0.0);
     }
   }
   return sum / (count * count);
+}
+vec4 texel_at() {
+  if (channel.x == 2.0) return texelFetch(texels, ivec2(clamp(at, bounds.xy, bounds.zw)), 0);
+  return mean_at(texels);
 }
 void main() {
   if (mode.w == 1.0) { result = vec4(0.05, 0.1, 0.2, 0.55); return; }
@@ -66,10 +71,18 @@ void main() {
   bool is_lost = dot(normal, normal) <= 1e-12 * dot(along_x, along_x) * dot(along_y, along_y);
   normal = normalize(is_lost ? -view : normal);
   if (dot(normal, view) > 0.0) normal = -normal;
+  bool is_front = gl_FrontFacing;
+  vec4 stored = channel.z == 1.0 ? mean_at(normals) : vec4(0.0);
+  if (stored.w > 0.5) {
+    vec3 direction = normalize(axes * (2.0 * stored.xyz - stored.w));
+    // Of slopes behind a ridge, a sample of a pixel may be seen.
+    is_front = is_front || dot(direction, normalize(view)) < 0.3;
+    normal = is_front ? direction : -direction;
+  }
   float key = max(dot(normal, normalize(vec3(-0.45, 0.6, -0.66))), 0.0);
   float fill = max(dot(normal, normalize(vec3(0.8, 0.0, -0.6))), 0.0);
   float light = 0.16 + 0.92 * key + 0.18 * fill + 0.08 * normal.y;
-  vec3 base = gl_FrontFacing ? vec3(0.86, 0.83, 0.78) : vec3(0.75, 0.32, 0.26);
+  vec3 base = is_front ? vec3(0.86, 0.83, 0.78) : vec3(0.75, 0.32, 0.26);
   if (mode.x == 1.0) base = mix(vec3(1.0), hue(0.7 - 0.7 * about.x / max(mode.y - 1.0, 1.0)), 0.5);
   if (mode.x == 2.0) {
     // Green: far below the tolerance; yellow: at it; red: twice the tolerance.
@@ -119,9 +132,10 @@ export class Renderer {
     if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
       throw new Error(`The graphics driver refuses a shader: ${gl.getProgramInfoLog(program)}`);
     }
-    const names = ['camera', 'right', 'up', 'forward', 'projection', 'mode', 'channel'];
+    const names = ['camera', 'right', 'up', 'forward', 'projection', 'mode', 'channel', 'normals', 'axes'];
     this.places = Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
     gl.useProgram(program);
+    gl.uniform1i(this.places.normals, 1);
     /** The longest side of a texture. */
     this.maxTextureSize = gl.getParameter(gl.MAX_TEXTURE_SIZE);
     gl.enable(gl.DEPTH_TEST);
@@ -150,12 +164,16 @@ export class Renderer {
     gl.uniform3fv(places.up, up);
     gl.uniform3fv(places.forward, forward);
     gl.uniform4f(places.projection, (perTangent * height) / width, perTangent, camera.near, (perTangent * height) / 2);
-    gl.uniform2f(places.channel, IMAGES[image] ?? 0, isUnlit ? 1 : 0);
+    gl.uniformMatrix3fv(places.axes, true, [...right, ...up, ...forward]);
     const draw = (isLines) => {
       gl.uniform4f(places.mode, COLOURS[colour] ?? 0, levelCount, tolerance, isLines ? 1 : 0);
       for (const slab of pool.slabs) {
         const { array, count } = isLines ? this.#lines(slab) : this.#upload(slab);
         gl.bindVertexArray(array);
+        gl.uniform3f(places.channel, IMAGES[image] ?? 0, isUnlit ? 1 : 0, slab.drawn?.normals ? 1 : 0);
+        gl.activeTexture(gl.TEXTURE1);
+        gl.bindTexture(gl.TEXTURE_2D, slab.drawn?.normals ?? null);
+        gl.activeTexture(gl.TEXTURE0);
         gl.bindTexture(gl.TEXTURE_2D, slab.drawn?.texture ?? null);
         gl.drawElements(isLines ? gl.LINES : gl.TRIANGLES, count, gl.UNSIGNED_INT, 0);
       }
@@ -232,27 +250,37 @@ export class Renderer {
     slab.dirtyIndices.length = 0;
   }
 
-  /** Uploads the images that are new, or all of a texture that has grown. */
+  /** Uploads the images that are new, or all of textures that have grown. */
   #uploadImages({ atlas, drawn }) {
     const { gl } = this;
-    if (drawn.texture && drawn.textureGeneration === atlas.generation) {
-      gl.bindTexture(gl.TEXTURE_2D, drawn.texture);
+    const isGrown = drawn.textureGeneration !== atlas.generation;
+    // Colours are interpolated in linear light.
+    if (atlas.data) drawn.texture = this.#uploadPlane(atlas, atlas.data, isGrown ? null : drawn.texture, drawn.texture, [gl.SRGB8_ALPHA8, gl.UNSIGNED_BYTE]);
+    if (atlas.normals) drawn.normals = this.#uploadPlane(atlas, atlas.normals, isGrown ? null : drawn.normals, drawn.normals, [gl.RGBA16F, gl.HALF_FLOAT]);
+    drawn.textureGeneration = atlas.generation;
+    atlas.dirtyTiles.length = 0;
+  }
+
+  /** Uploads new images into a texture; if there is none, all of them into a new one, in place of the one before. */
+  #uploadPlane(atlas, texels, texture, before, [format, type]) {
+    const { gl } = this;
+    if (texture) {
+      gl.bindTexture(gl.TEXTURE_2D, texture);
       gl.pixelStorei(gl.UNPACK_ROW_LENGTH, atlas.width);
       for (const { x, y, width, height } of atlas.dirtyTiles) {
-        gl.texSubImage2D(gl.TEXTURE_2D, 0, x, y, width, height, gl.RGBA, gl.UNSIGNED_BYTE, atlas.data, 4 * (y * atlas.width + x));
+        gl.texSubImage2D(gl.TEXTURE_2D, 0, x, y, width, height, gl.RGBA, type, texels, 4 * (y * atlas.width + x));
       }
       gl.pixelStorei(gl.UNPACK_ROW_LENGTH, 0);
-    } else {
-      gl.deleteTexture(drawn.texture ?? null);
-      [drawn.texture, drawn.textureGeneration] = [gl.createTexture(), atlas.generation];
-      gl.bindTexture(gl.TEXTURE_2D, drawn.texture);
-      // Texels are interpolated in linear light.
-      gl.texStorage2D(gl.TEXTURE_2D, 1, gl.SRGB8_ALPHA8, atlas.width, atlas.height);
-      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, atlas.width, atlas.height, gl.RGBA, gl.UNSIGNED_BYTE, atlas.data);
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
-      for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
+      return texture;
     }
-    atlas.dirtyTiles.length = 0;
+    gl.deleteTexture(before ?? null);
+    const made = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, made);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, format, atlas.width, atlas.height);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, atlas.width, atlas.height, gl.RGBA, type, texels);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
+    for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
+    return made;
   }
 
   #attribute(place, size, type = this.gl.FLOAT) {
@@ -295,7 +323,7 @@ export class Renderer {
     if (drawn?.generation !== this.generation) return;
     const { positions, info, indices, places, rectangles, lines } = drawn;
     for (const buffer of [positions, info, indices, places, rectangles, lines?.buffer]) gl.deleteBuffer(buffer ?? null);
-    gl.deleteTexture(drawn.texture ?? null);
+    for (const texture of [drawn.texture, drawn.normals]) gl.deleteTexture(texture ?? null);
     for (const array of [drawn.array, drawn.lines?.array]) gl.deleteVertexArray(array ?? null);
   }
 }

@@ -32,7 +32,7 @@ async function show(from, name) {
     if (controller.signal.aborted) return file.close();
     const stream = await file.stream();
     const { maxTextureSize } = renderer;
-    const pool = new Pool({ infoSize: 2, infoOf: ({ level, error }) => [level, error], images: file.channels.length > 0, maxTextureSize });
+    const pool = new Pool({ infoSize: 2, infoOf: ({ level, error }) => [level, error], images: file.channels.length > 0, normals: file.kind === 'heights', maxTextureSize });
     pool.onremove = (slab) => renderer.forget(slab);
     shown = { file, stream, pool, from, name };
     stream.onprogress = ask;

@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lodpack::Lattice;
-use lodpack::heights::{Grid, HeightsInfo, HeightsWriter, Resolution, TileEncoder, TileId, TileRecord, TileValues};
+use lodpack::heights::{
+    Grid, HeightsInfo, HeightsWriter, Ramp, Resolution, TileEncoder, TileId, TileRecord, TileValues,
+};
 use lodpack::heights::{MAX_RESOLUTIONS, tile_symbols};
 use lodpack::index::SourceInfo;
 use lodpack::write::{SymbolBuffer, stored_error};
@@ -134,7 +136,7 @@ impl Spill {
     /// Writes the file.
     pub fn write(
         self,
-        source: &HeightSource,
+        (source, ramp): (&HeightSource, Option<Ramp>),
         info: HeightsInfo,
         encoder: &TileEncoder,
         out: &mut impl Write,
@@ -153,6 +155,7 @@ impl Spill {
             ..SourceInfo::default()
         };
         writer.placement = Some(source.placement.clone());
+        writer.ramp = ramp;
         all.sort_unstable_by_key(|tile| tile.id.order(&grid));
         let mut written = Written::default();
         let mut blocks = vec![];

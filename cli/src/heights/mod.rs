@@ -209,6 +209,7 @@ pub fn build(
     watch.lap("tiles");
 
     progress.begin("write", 0);
+    let ramp = source.ramp(samples.range.map(|steps| scale.zero + f64::from(steps) * scale.step))?;
     let info = HeightsInfo {
         grid: grid.clone(),
         surface: source.surface,
@@ -216,9 +217,9 @@ pub fn build(
         step: scale.step,
         sample_error: samples.error,
         unit: source.unit.map(|unit| unit.metres * height_scale),
-        ramp: String::new(),
+        ramp: ramp.as_ref().map_or_else(String::new, |(_, name)| name.clone()),
     };
-    let written = spill.write(source, info, &encoder, out)?;
+    let written = spill.write((source, ramp.map(|(ramp, _)| ramp)), info, &encoder, out)?;
     watch.lap("write");
     let (wall, cpu) = watch.total();
     Ok(HeightsSummary {

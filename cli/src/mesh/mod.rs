@@ -6,6 +6,7 @@ pub mod export;
 pub mod glb;
 pub mod layers;
 pub mod pages;
+pub mod shaded;
 pub mod srgb;
 pub mod textured;
 pub mod tolerance;

@@ -6,6 +6,7 @@
 //! one, in which renderers round, and pixels of the background show between tiles.
 
 use super::material::{Encoded, Paint, plain};
+use crate::mesh::shaded::{Shading, linear};
 use lodpack::{Lattice, LatticePoint};
 use serde_json::{Value, json};
 use std::io;
@@ -17,6 +18,9 @@ const FLOAT: u32 = 5126;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
+/// Directions count in 2 to this power: those of maps, and those of slopes, of which a fifth of a degree is enough and takes less.
+const FINE: i32 = -15;
+const OF_SLOPES: i32 = -8;
 /// Bits of a coordinate, with its sign; a byte of exponent follows.
 const MANTISSA_BITS: u32 = 24;
 
@@ -39,14 +43,14 @@ struct Stream {
 }
 
 impl Content {
-    /// Triangles between some of these points, and what they look like.
+    /// Triangles between some of these points, and what they look like: by images, or by what each point has.
     ///
     /// # Errors
     /// If an image is too large for its format.
     pub fn new(
         points: &[LatticePoint],
         triangles: &[[u32; 3]],
-        paint: Option<&Paint>,
+        (paint, shading): (Option<&Paint>, Option<&Shading>),
         positions: &Positions,
     ) -> io::Result<Self> {
         let (used, indices) = in_order_of_use(points.len(), triangles.as_flattened());
@@ -85,6 +89,9 @@ impl Content {
         content.material = plain();
         if let Some(paint) = paint {
             content.add(paint, &order)?;
+        }
+        if let Some(shading) = shading {
+            content.add_shading(shading, &order);
         }
         Ok(Self { glb: Some(content.bytes()), bounds: Some(bounds) })
     }
@@ -171,12 +178,11 @@ impl Positions {
     }
 }
 
-/// Directions as numbers of 24 bits that count in 2^-15, with one more number each if there is one.
-fn directions<const N: usize>(all: impl Iterator<Item = ([f32; 3], Option<f32>)>) -> Stream {
-    const EXPONENT: i32 = -15;
+/// Directions as numbers of 24 bits that count in a power of two, with one more number each if there is one.
+fn directions<const N: usize>(exponent: i32, all: impl Iterator<Item = ([f32; 3], Option<f32>)>) -> Stream {
     let word = |x: f32| {
-        let steps = (x * 32768.0).round() as i32;
-        (EXPONENT as u32) << MANTISSA_BITS | (steps as u32 & ((1 << MANTISSA_BITS) - 1))
+        let steps = (x * (1 << -exponent) as f32).round() as i32;
+        (exponent as u32) << MANTISSA_BITS | (steps as u32 & ((1 << MANTISSA_BITS) - 1))
     };
     let of = |([x, y, z], last): ([f32; 3], Option<f32>)| {
         // y is up.
@@ -212,11 +218,30 @@ impl Glb {
         self.add_attribute("TEXCOORD_0", places, UNSIGNED_SHORT, "VEC2");
         if !paint.frames.is_empty() {
             let of = |which: usize| order.iter().map(move |&number| paint.frames[number][which]);
-            self.add_attribute("NORMAL", directions::<3>(of(1).map(|normal| (normal, None))), FLOAT, "VEC3");
-            self.add_attribute("TANGENT", directions::<4>(of(0).map(|tangent| (tangent, Some(-1.0)))), FLOAT, "VEC4");
+            self.add_attribute("NORMAL", directions::<3>(FINE, of(1).map(|normal| (normal, None))), FLOAT, "VEC3");
+            self.add_attribute(
+                "TANGENT",
+                directions::<4>(FINE, of(0).map(|tangent| (tangent, Some(-1.0)))),
+                FLOAT,
+                "VEC4",
+            );
         }
         (self.images, self.material) = paint.encode()?;
         Ok(())
+    }
+
+    /// Adds normals, and colours if there are some, of points that stand in this order.
+    fn add_shading(&mut self, shading: &Shading, order: &[usize]) {
+        let normals = order.iter().map(|&number| (shading.normals[number], None));
+        self.add_attribute("NORMAL", directions::<3>(OF_SLOPES, normals), FLOAT, "VEC3");
+        let Some(colours) = &shading.colours else { return };
+        let words: Vec<[u16; 4]> = order.iter().map(|&number| linear(colours[number])).collect();
+        let compressed = meshopt::encode_vertex_buffer_level(&words, 2, Some(0)).unwrap_or_default();
+        let (mode, target) = ("ATTRIBUTES", ARRAY_BUFFER);
+        let colours = Stream { compressed, stride: 8, count: words.len(), mode, filter: None, target };
+        self.add_attribute("COLOR_0", colours, UNSIGNED_SHORT, "VEC4");
+        self.material = plain();
+        self.material["pbrMetallicRoughness"]["baseColorFactor"] = json!([1.0, 1.0, 1.0, 1.0]);
     }
 
     fn add_attribute(&mut self, name: &str, stream: Stream, component_type: u32, kind: &str) {

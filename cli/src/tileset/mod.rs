@@ -197,10 +197,10 @@ fn write_tiles<S: ReadAt>(
     for (node, &number) in (0..).zip(numbers) {
         let end = begin + mesh.triangle_nodes[begin..].iter().take_while(|&&other| other == node).count();
         let content = if channels.is_empty() {
-            Content::new(&points, &mesh.triangles[begin..end], None, positions)
+            Content::new(&points, &mesh.triangles[begin..end], (None, None), positions)
         } else {
             let Surface { points, triangles, paint } = Surface::of_node(&textured, begin..end, look, positions);
-            Content::new(&points, &triangles, paint.as_ref(), positions)
+            Content::new(&points, &triangles, (paint.as_ref(), None), positions)
         };
         let triangles = end - begin;
         begin = end;

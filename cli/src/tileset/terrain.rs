@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use glam::DVec3;
-use lodpack::heights::{Base, CELLS, DrawnTile, Grid, Heights, Resolution, SIDE, TileId};
+use lodpack::heights::{Base, CELLS, DrawnTile, Grid, Heights, Ramp, Resolution, SIDE, TileId, TileValues};
 use lodpack::{Lattice, LatticePoint, ReadAt};
 use rayon::prelude::*;
 
@@ -17,6 +17,7 @@ use super::glb::{Content, Positions};
 use super::tree::{Tile, Tree};
 use super::{Projection, TilesetError, TilesetOptions, TilesetSummary, Written, finish, write};
 use crate::heights::range_of;
+use crate::mesh::shaded::Shading;
 use crate::progress::Progress;
 
 /// Tiles that a thread draws one after the other: neighbours, whose ancestors are decoded once.
@@ -177,7 +178,7 @@ fn draw<S: ReadAt>(
     let Some(values) = file.tile(drawing.id)? else { return Ok(None) };
     let drawn = file.draw(drawing.id, &values, drawing.resolution.tolerance);
     let unit = space.projection.map_or(1.0, |projection| projection.unit);
-    let (places, triangles, bend) = with_skirts(file.grid(), &drawn, drawing, space);
+    let Skirted { places, samples, triangles, bend } = with_skirts(file.grid(), &drawn, drawing, space);
     let Some(&first) = places.first() else { return Ok(None) };
     let corners = places
         .iter()
@@ -191,7 +192,8 @@ fn draw<S: ReadAt>(
     }
     let points: Vec<LatticePoint> = places.iter().map(|&place| positions.on_lattice(place)).collect();
     let uri = tile.uri("glb");
-    let content = Content::new(&points, &triangles, None, &positions);
+    let shading = shading(file, (drawing.id, &values, &drawn), &samples, space)?;
+    let content = Content::new(&points, &triangles, (None, Some(&shading)), &positions);
     let content = content.map_err(|source| TilesetError::Write { path: folder.join(&uri), source })?;
     let Some(glb) = &content.glb else { return Ok(None) };
     write(folder, &uri, glb)?;
@@ -200,16 +202,47 @@ fn draw<S: ReadAt>(
     Ok(Some(Written { number, bounds: content.bounds, triangles, bytes: glb.len() as u64, error }))
 }
 
-/// The triangles of a tile, behind them its skirt, and how far the globe bends away from them.
-fn with_skirts(
-    grid: &Grid,
-    drawn: &DrawnTile,
-    drawing: &Drawing,
+/// What the drawn samples of a tile look like. A skirt has what is above it.
+fn shading<S: ReadAt>(
+    file: &Heights<S>,
+    (id, values, drawn): (TileId, &TileValues, &DrawnTile),
+    samples: &[usize],
     space: &Space,
-) -> (Vec<[f64; 3]>, Vec<[u32; 3]>, f64) {
+) -> lodpack::Result<Shading> {
+    let normals = file.normals(id, values)?;
+    let normal = |&at: &usize| {
+        let normal = DVec3::from_array(normals[at].map(f64::from)).normalize_or_zero();
+        let Some(projection) = space.projection else { return normal };
+        // The directions of the axes at the place.
+        let place = drawn.position(at);
+        let ecef = |place: [f64; 3]| DVec3::from_array(projection.ecef(place));
+        let here = ecef(place);
+        let along = |axis: usize| {
+            let mut there = place;
+            there[axis] += 1.0;
+            (ecef(there) - here).normalize_or_zero()
+        };
+        (normal.x * along(0) + normal.y * along(1) + normal.z * along(2)).normalize_or_zero()
+    };
+    let colour = |ramp: &Ramp| samples.iter().map(|&at| ramp.colour(file.info().height(values.steps[at]))).collect();
+    let normals = samples.iter().map(|at| normal(at).as_vec3().to_array()).collect();
+    Ok(Shading { normals, colours: file.ramp().map(colour) })
+}
+
+/// The triangles of a tile, behind them its skirt.
+struct Skirted {
+    places: Vec<[f64; 3]>,
+    /// The number of the sample that each vertex is, or hangs from.
+    samples: Vec<usize>,
+    triangles: Vec<[u32; 3]>,
+    /// How far the globe bends away from the triangles.
+    bend: f64,
+}
+
+fn with_skirts(grid: &Grid, drawn: &DrawnTile, drawing: &Drawing, space: &Space) -> Skirted {
     let tops = drawn.triangles(drawing.resolution.tolerance);
     let mut numbers = vec![u32::MAX; 2 * SIDE * SIDE];
-    let mut places = vec![];
+    let (mut places, mut samples) = (vec![], vec![]);
     let mut longest = 0.0_f64;
     let at = |at: usize| {
         let place = drawn.position(at);
@@ -228,6 +261,7 @@ fn with_skirts(
         let slot = &mut numbers[2 * corner + usize::from(is_low)];
         if *slot == u32::MAX {
             *slot = places.len() as u32;
+            samples.push(corner);
             places.push(if is_low { lowered(at(corner), skirt, space.is_globe) } else { at(corner) });
         }
         *slot
@@ -246,7 +280,7 @@ fn with_skirts(
             }
         }
     }
-    (places, triangles, bend)
+    Skirted { places, samples, triangles, bend }
 }
 
 /// Whether a side of a triangle is where another tile may begin: it runs along a border of the tile that is no border of the grid.

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `source` | what a file is read from: a path, an address, bytes, or a Python object |
 //! | `reader` | an open file, and its answers |
+//! | `heights` | an open file of heights, and its answers |
 //! | `textured` | meshes with what the surface carries |
 //! | `array` | arrays that numpy takes over without copying |
 //! | `error` | from the reader's errors to exceptions by culprit |
@@ -14,6 +15,7 @@ mod array;
 #[cfg(feature = "build")]
 mod build;
 mod error;
+mod heights;
 mod interrupt;
 mod reader;
 mod source;
@@ -25,6 +27,7 @@ mod _lodpack {
     #[pymodule_export]
     use crate::{
         array::Array,
+        heights::HeightsReader,
         reader::{NativeCut, Reader, open_bytes, open_object, open_path, open_url},
         textured::Textured,
     };

@@ -3,11 +3,12 @@
 use crate::{
     array::Array,
     error::{exception, raise},
+    heights::HeightsReader,
     interrupt::interruptible,
     source::{Bytes, Object, Source},
     textured::Textured,
 };
-use lodpack::{Cut, Error, File, Limiter, Limits, Mesh, Opener, Outside, Query, ReadAt, source::Counting};
+use lodpack::{Cut, Error, File, Limiter, Limits, Mesh, Opened, Opener, Outside, Query, ReadAt, source::Counting};
 use pyo3::{
     Bound, Py, PyAny, PyErr, PyResult, Python,
     exceptions::{PyIsADirectoryError, PyOSError},
@@ -32,6 +33,13 @@ pub struct Reader {
     is_slow: bool,
 }
 
+/// An open file of either kind.
+#[derive(pyo3::IntoPyObject)]
+pub enum AnyReader {
+    Mesh(Reader),
+    Heights(HeightsReader),
+}
+
 /// A cut of an open file.
 #[pyclass(frozen, name = "Cut", module = "lodpack._lodpack")]
 pub struct NativeCut(Arc<Cut>);
@@ -39,7 +47,7 @@ pub struct NativeCut(Arc<Cut>);
 /// Opens a file on disk.
 #[pyfunction]
 #[pyo3(signature = (path, limits=None))]
-pub fn open_path(py: Python<'_>, path: PathBuf, limits: Option<&Bound<'_, PyDict>>) -> PyResult<Reader> {
+pub fn open_path(py: Python<'_>, path: PathBuf, limits: Option<&Bound<'_, PyDict>>) -> PyResult<AnyReader> {
     let name = path.display().to_string();
     let opened = match std::fs::File::open(&path) {
         Ok(file) => Reader::open(py, Box::new(file), name.clone(), false, limits),
@@ -65,7 +73,12 @@ pub fn open_path(py: Python<'_>, path: PathBuf, limits: Option<&Bound<'_, PyDict
 /// Opens a file on a web server.
 #[pyfunction]
 #[pyo3(signature = (url, timeout, limits=None))]
-pub fn open_url(py: Python<'_>, url: &str, timeout: Duration, limits: Option<&Bound<'_, PyDict>>) -> PyResult<Reader> {
+pub fn open_url(
+    py: Python<'_>,
+    url: &str,
+    timeout: Duration,
+    limits: Option<&Bound<'_, PyDict>>,
+) -> PyResult<AnyReader> {
     let options = lodpack::source::HttpOptions { timeout, ..Default::default() };
     Reader::open(py, Box::new(lodpack::source::Http::new(url, options)), url.to_owned(), true, limits)
 }
@@ -78,7 +91,7 @@ pub fn open_bytes(
     bytes: PyBackedBytes,
     name: String,
     limits: Option<&Bound<'_, PyDict>>,
-) -> PyResult<Reader> {
+) -> PyResult<AnyReader> {
     Reader::open(py, Box::new(Bytes(bytes)), name, false, limits)
 }
 
@@ -90,7 +103,7 @@ pub fn open_object(
     source: Py<PyAny>,
     name: String,
     limits: Option<&Bound<'_, PyDict>>,
-) -> PyResult<Reader> {
+) -> PyResult<AnyReader> {
     Reader::open(py, Box::new(Object(source)), name, true, limits)
 }
 
@@ -101,13 +114,16 @@ impl Reader {
         name: String,
         is_slow: bool,
         limits: Option<&Bound<'_, PyDict>>,
-    ) -> PyResult<Self> {
+    ) -> PyResult<AnyReader> {
         let limits = limits.map_or(Ok(Limits::default()), read_limits)?;
         let source: Arc<dyn ReadAt + Send + Sync> = Arc::from(source);
         let opened: Source = Box::new(Arc::clone(&source));
-        let opened = run(py, is_slow, move || File::open(Counting::new(opened), limits))?;
+        let opened = run(py, is_slow, move || Opened::open(Counting::new(opened), limits))?;
         match opened {
-            Ok(file) => Ok(Self { file: Arc::new(file), name: name.into(), is_slow }),
+            Ok(Opened::Mesh(file)) => Ok(AnyReader::Mesh(Self { file: Arc::new(file), name: name.into(), is_slow })),
+            Ok(Opened::Heights(file)) => {
+                Ok(AnyReader::Heights(HeightsReader { file: Arc::new(file), name: name.into() }))
+            }
             Err(error @ Error::Format { .. }) => {
                 // Most of these were never lodpack files. What can no longer be read has no known beginning.
                 let start = run(py, is_slow, move || source.read_start(Opener::MAGIC.len()).unwrap_or_default().0)?;
@@ -135,7 +151,7 @@ impl Reader {
 }
 
 /// Does some work while other threads of Python go on; if it may take long, so that signals are heard.
-fn run<T: Send + 'static>(py: Python<'_>, is_slow: bool, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
+pub fn run<T: Send + 'static>(py: Python<'_>, is_slow: bool, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
     if is_slow { interruptible(py, work) } else { Ok(py.detach(work)) }
 }
 

@@ -69,6 +69,8 @@ pub(crate) mod kind {
     pub(crate) const HEIGHTS: u32 = 11;
     /// What a file says about the tiles of a grid of heights.
     pub(crate) const HEIGHT_INDEX: u32 = 12;
+    /// Colours by height (optional, with HEIGHTS).
+    pub(crate) const RAMP: u32 = 13;
 
     /// The name of a kind of section.
     pub(crate) fn name(kind: u32) -> &'static str {
@@ -85,6 +87,7 @@ pub(crate) mod kind {
             PLACEMENT => "placement",
             HEIGHTS => "heights",
             HEIGHT_INDEX => "height index",
+            RAMP => "ramp",
             _ => "unknown",
         }
     }
@@ -93,7 +96,7 @@ pub(crate) mod kind {
     pub(crate) fn flags(kind: u32) -> Option<u32> {
         use super::{FLAG_CHECKED_BY_PARTS, FLAG_REQUIRED};
         match kind {
-            SOURCE | OVERVIEW | CHANNELS | PLACEMENT => Some(0),
+            SOURCE | OVERVIEW | CHANNELS | PLACEMENT | RAMP => Some(0),
             LEVELS | TABLES | CLUSTERS | HEIGHTS => Some(FLAG_REQUIRED),
             INDEX | PAGES | HEIGHT_INDEX => Some(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS),
             TEXELS => Some(FLAG_CHECKED_BY_PARTS),
@@ -283,6 +286,9 @@ fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Header> {
     }
     if has_heights && ([kind::LEVELS, kind::CLUSTERS, kind::INDEX].into_iter().any(has) || has_channels) {
         return Err(Error::format("a file has heights, and sections of a mesh beside them"));
+    }
+    if has(kind::RAMP) && !has_heights {
+        return Err(Error::format("a file of a mesh has a ramp of heights"));
     }
     if has_heights && span.lattice != Lattice::default() {
         return Err(Error::format("a file of heights has another lattice than that of origin 0 and step 1"));

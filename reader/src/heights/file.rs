@@ -7,9 +7,11 @@ use std::{
 
 use super::{
     drawn::{DrawnTile, TileValues},
-    grid::{Grid, TileId},
+    grid::{Grid, SIDE, TileId},
     index::HeightsIndex,
+    normals::{Across, Normal, SIDES, across, normals},
     page::TileRecord,
+    ramp::Ramp,
     section::HeightsInfo,
     surface::Surface,
     tiles::KeptTiles,
@@ -96,6 +98,11 @@ impl<S: ReadAt> Heights<S> {
         self.index.placement()
     }
 
+    /// The colours to draw it with, if the file has some.
+    pub fn ramp(&self) -> Option<&Ramp> {
+        self.index.ramp()
+    }
+
     /// The tiles at depth 0. One that draws nothing is not there.
     pub fn roots(&self) -> &[TileId] {
         self.index.roots()
@@ -115,6 +122,23 @@ impl<S: ReadAt> Heights<S> {
     /// A tile laid out in space. `coarsest` is the largest tolerance that it will be drawn at.
     pub fn draw(&self, id: TileId, tile: &TileValues, coarsest: f64) -> DrawnTile {
         self.index.draw(id, tile, coarsest)
+    }
+
+    /// The normals of a tile's samples: [`super::normals`] with the tiles of the same depth across its sides, which are read.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
+    pub fn normals(&self, id: TileId, tile: &TileValues) -> Result<Box<[Normal; SIDE * SIDE]>> {
+        let mut beside = [const { None }; SIDES];
+        for (side, beside) in beside.iter_mut().enumerate() {
+            let Some(other) = across(self.grid(), id, side) else { continue };
+            *beside = self.tile(other)?.map(|values| (other, values));
+        }
+        let beside = beside.each_ref().map(|tile| {
+            let (id, values) = tile.as_ref()?;
+            Some(Across { id: *id, values })
+        });
+        Ok(normals(self.info(), (id, tile), beside))
     }
 
     /// Where the pages of the index begin.

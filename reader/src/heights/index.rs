@@ -8,6 +8,7 @@ use super::{
     drawn::{DrawnTile, TileValues},
     grid::{Grid, TileId},
     page::{Entry, Page, TileRecord},
+    ramp::Ramp,
     section::{HeightsInfo, HeightsSection},
     surface::{Base, Surface},
     tree::{KnownPages, Place, WantedPage, lock},
@@ -37,6 +38,7 @@ pub struct HeightsIndex {
     info: HeightsInfo,
     source_info: Option<SourceInfo>,
     placement: Option<Placement>,
+    ramp: Option<Ramp>,
     version: (u16, u16),
     tables: Tables,
     pub(super) index: Section,
@@ -80,7 +82,7 @@ impl HeightsIndex {
             }
             _ => return Err(Error::format("the file is truncated").at(end)),
         }
-        let sections = [kind::SOURCE, kind::PLACEMENT, kind::TABLES, kind::HEIGHTS];
+        let sections = [kind::SOURCE, kind::PLACEMENT, kind::TABLES, kind::HEIGHTS, kind::RAMP];
         let needed = opener.need(sections.into_iter().filter_map(|kind| header.section(kind)));
         needed.map_err(|error| with_first_pages(error, opener, &index))?;
         let tables = opener.parse(&header, kind::TABLES, Tables::parse)?;
@@ -89,11 +91,13 @@ impl HeightsIndex {
         let source_info = header.section(kind::SOURCE).map(|_| opener.parse(&header, kind::SOURCE, parse_source));
         let placement =
             header.section(kind::PLACEMENT).map(|_| opener.parse(&header, kind::PLACEMENT, Placement::parse));
+        let ramp = header.section(kind::RAMP).map(|_| opener.parse(&header, kind::RAMP, Ramp::parse));
         let mut this = Self {
             limits,
             info: section.info,
             source_info: source_info.transpose()?,
             placement: placement.transpose()?,
+            ramp: ramp.transpose()?,
             version: header.version,
             tables,
             index,
@@ -158,6 +162,11 @@ impl HeightsIndex {
     /// Where the heights are in the world, if the file says so.
     pub fn placement(&self) -> Option<&Placement> {
         self.placement.as_ref()
+    }
+
+    /// The colours to draw it with, if the file has some.
+    pub fn ramp(&self) -> Option<&Ramp> {
+        self.ramp.as_ref()
     }
 
     /// Major and minor version of the format.

@@ -12,7 +12,9 @@ use super::{
     drawn::{DrawnTile, Side, TileValues},
     file::Heights,
     grid::{Grid, SIDE, TileId},
+    normals::{Cross, Field, Normal},
     on_lines::OnLines,
+    section::HeightsInfo,
 };
 use crate::{
     error::{Error, Result},
@@ -29,6 +31,10 @@ pub struct HeightsMesh {
     pub positions: Vec<[f64; 3]>,
     /// Column and row of each vertex; the first column where several are one point.
     pub samples: Vec<[u64; 2]>,
+    /// The height of each vertex, in units of heights.
+    pub heights: Vec<f64>,
+    /// The normal of each vertex, from the slopes of the heights around it: those of the tiles of the cut, of which the finest count.
+    pub normals: Vec<Normal>,
     /// Vertex indices, counter-clockwise seen from above.
     pub triangles: Vec<[u32; 3]>,
     /// For each triangle the index of its tile in the cut.
@@ -48,6 +54,8 @@ impl<S: ReadAt> Heights<S> {
         let ids: Vec<TileId> = cut.tiles.iter().map(|tile| tile.id).collect();
         let mut stitcher = Stitcher {
             grid: self.grid(),
+            info: self.info(),
+            crosses: HashMap::new(),
             mesh: HeightsMesh::default(),
             shared: HashMap::new(),
             lines: HashMap::new(),
@@ -56,7 +64,7 @@ impl<S: ReadAt> Heights<S> {
         self.for_each_tile(&ids, |id, values: &Arc<TileValues>| {
             let Some(&number) = numbers.get(&id) else { return Ok(()) };
             let tolerance = cut.tiles[number].resolution.tolerance;
-            stitcher.add(number as u32, &self.draw(id, values, tolerance), tolerance)
+            stitcher.add((number as u32, id), values, &self.draw(id, values, tolerance), tolerance)
         })?;
         Ok(HeightsMesh { error: cut.error, ..stitcher.finish() })
     }
@@ -66,7 +74,7 @@ impl<S: ReadAt> Heights<S> {
 pub(crate) type LineName = (usize, u64);
 
 /// The name of a column or a row: the last column of a grid that wraps is its first one.
-pub(super) fn line_name(grid: &Grid, axis: usize, at: u64) -> LineName {
+pub(crate) fn line_name(grid: &Grid, axis: usize, at: u64) -> LineName {
     let is_first = axis == 0 && grid.wraps() && at == grid.cells()[0];
     (axis, if is_first { 0 } else { at })
 }
@@ -83,7 +91,10 @@ struct Open {
 
 struct Stitcher<'a> {
     grid: &'a Grid,
+    info: &'a HeightsInfo,
     mesh: HeightsMesh,
+    /// What tiles know around the vertices on their borders.
+    crosses: HashMap<u32, Cross>,
     /// Vertices on borders of tiles.
     shared: HashMap<[u64; 2], u32>,
     /// Columns or rows of the vertices on lines at borders of tiles.
@@ -92,20 +103,22 @@ struct Stitcher<'a> {
 }
 
 impl Stitcher<'_> {
-    fn vertex(&mut self, sample: [u64; 2], position: [f64; 3]) -> Result<u32> {
+    fn vertex(&mut self, sample: [u64; 2], position: [f64; 3], cross: &Cross) -> Result<u32> {
         let number = u32::try_from(self.mesh.positions.len()).ok().filter(|&number| number != NONE);
         let too_many = || Error::Query { what: "the mesh has more than 2^32 vertices; ask for less".into() };
         self.mesh.positions.push(position);
         self.mesh.samples.push(sample);
+        self.mesh.heights.push(self.info.height(cross.steps));
+        self.mesh.normals.push([0; 3]);
         number.ok_or_else(too_many)
     }
 
     /// Adds a tile, which is number `tile` of the cut.
-    fn add(&mut self, tile: u32, drawn: &DrawnTile, tolerance: f64) -> Result<()> {
+    fn add(&mut self, (tile, id): (u32, TileId), values: &TileValues, drawn: &DrawnTile, tolerance: f64) -> Result<()> {
         let triangles = drawn.triangles(tolerance);
         let outline = drawn.outline();
         let on_lines = OnLines::new(outline, &triangles);
-        let vertices = self.vertices(drawn, &on_lines)?;
+        let vertices = self.vertices(drawn, &Field::new(self.grid, id, values), &on_lines)?;
         for triangle in triangles {
             let corners = triangle.map(|at| on_lines.first(at));
             let named = corners.map(|at| vertices[at]);
@@ -132,7 +145,7 @@ impl Stitcher<'_> {
     }
 
     /// The vertices of a tile's drawn samples.
-    fn vertices(&mut self, drawn: &DrawnTile, on_lines: &OnLines) -> Result<Vec<u32>> {
+    fn vertices(&mut self, drawn: &DrawnTile, field: &Field<'_>, on_lines: &OnLines) -> Result<Vec<u32>> {
         let mut vertices = vec![NONE; SIDE * SIDE];
         for at in on_lines.samples() {
             let [column, row] = [drawn.lines.columns[at % SIDE], drawn.lines.rows[at / SIDE]];
@@ -140,12 +153,16 @@ impl Stitcher<'_> {
             let outline = drawn.outline();
             let [is_on_column, is_on_row] = [outline.is_border(0, column), outline.is_border(1, row)];
             let is_shared = is_on_column || is_on_row;
+            let cross = field.cross(at);
             vertices[at] = match self.shared.get(&sample) {
                 Some(&vertex) if is_shared => vertex,
-                _ => self.vertex(sample, drawn.position(at))?,
+                _ => self.vertex(sample, drawn.position(at), &cross)?,
             };
-            if is_shared {
+            if !is_shared {
+                self.mesh.normals[vertices[at] as usize] = cross.normal(self.info, sample);
+            } else {
                 self.shared.insert(sample, vertices[at]);
+                self.crosses.entry(vertices[at]).and_modify(|known| known.join(&cross)).or_insert(cross);
             }
             if is_on_column {
                 self.lines.entry(line_name(self.grid, 0, column)).or_default().push(row);
@@ -178,6 +195,10 @@ impl Stitcher<'_> {
                 }
             }
             self.push(tile, vertices, &own);
+        }
+        for (vertex, cross) in self.crosses {
+            let vertex = vertex as usize;
+            self.mesh.normals[vertex] = cross.normal(self.info, self.mesh.samples[vertex]);
         }
         self.mesh
     }

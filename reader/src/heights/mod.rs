@@ -8,6 +8,7 @@
 //! - `section` and `page`: what a file says about the whole and about each tile,
 //! - `index`, `file`, `tree`, `tiles`: an open file, its tiles and their samples,
 //! - `cut`, `mesh` and `on_lines`: what is drawn at a tolerance, and its triangles without cracks,
+//! - `normals` and `ramp`: what tiles look like,
 //! - `ready` and `bounds`: tiles for sessions ([`crate::stream`]), and boxes around them,
 //! - `write`: writing a file.
 
@@ -19,8 +20,10 @@ mod file;
 pub mod grid;
 mod index;
 mod mesh;
+mod normals;
 mod on_lines;
 mod page;
+mod ramp;
 mod ready;
 pub mod restricted;
 mod section;
@@ -41,8 +44,11 @@ pub use file::Heights;
 pub use grid::{CELLS, Grid, Lines, SIDE, TileId};
 pub use index::HeightsIndex;
 pub use mesh::HeightsMesh;
-pub(crate) use mesh::{LineName, fan};
+pub(crate) use mesh::{LineName, fan, line_name};
+pub use normals::{Across, Normal, normals};
+pub(crate) use normals::{SIDES, across, axis_of, is_first};
 pub use page::{MAX_RESOLUTIONS, Resolution, TileRecord, storable_tolerance};
+pub use ramp::{Ramp, RampStop};
 pub(crate) use ready::{ReadyTile, TileFaces};
 pub use restricted::TileTriangle;
 pub use section::HeightsInfo;

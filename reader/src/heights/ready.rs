@@ -51,6 +51,8 @@ pub(crate) struct BorderLine {
 pub(crate) struct TileFaces {
     /// In space: first those on the border.
     pub positions: Vec<[f64; 3]>,
+    /// Index column and index row of each vertex.
+    pub places: Vec<[u8; 2]>,
     /// The names of those on the border: see [`super::Grid::vertex`].
     pub border_samples: Vec<[u64; 2]>,
     /// Triangles that nothing changes.
@@ -97,11 +99,13 @@ impl ReadyTile {
         );
         let on_lines = OnLines::new(outline, &triangles);
         let (mut faces, vertices) = self.vertices(index, outline, &on_lines);
+        let name = |at: usize| grid.vertex(lines.columns[at % SIDE], lines.rows[at / SIDE]);
         for triangle in triangles {
             let corners = triangle.map(|at| on_lines.first(at));
             let named = corners.map(|at| vertices[at]);
             // A grid may wrap within a tile.
-            if named[0] == named[1] || named[1] == named[2] || named[2] == named[0] {
+            let names = corners.map(name);
+            if names[0] == names[1] || names[1] == names[2] || names[2] == names[0] {
                 continue;
             }
             let sides = [[0, 1], [1, 2], [2, 0]].map(|[a, b]| outline.side(corners[a], corners[b]));
@@ -123,7 +127,8 @@ impl ReadyTile {
         faces
     }
 
-    /// The drawn vertices, and the number of each sample's.
+    /// The drawn vertices, and the number of each sample's. Samples that are one point, as those at a pole, are a vertex each: images have a
+    /// place for each.
     fn vertices(&self, index: &HeightsIndex, outline: Outline<'_>, on_lines: &OnLines) -> (TileFaces, Vec<u32>) {
         let (grid, surface, info) = (index.grid(), index.surface(), index.info());
         let Outline { lines, .. } = outline;
@@ -139,20 +144,19 @@ impl ReadyTile {
         };
         let is_on_border =
             |at: usize| [outline.is_border(0, lines.columns[at % SIDE]), outline.is_border(1, lines.rows[at / SIDE])];
+        let place = |at: usize| [(at % SIDE) as u8, (at / SIDE) as u8];
         let mut faces = TileFaces::default();
         let mut vertices = vec![u32::MAX; SIDE * SIDE];
-        let mut known: HashMap<[u64; 2], u32> = HashMap::new();
         let mut on_border: HashMap<LineName, Vec<(u64, u32)>> = HashMap::new();
         for at in on_lines.samples() {
             let [on_column, on_row] = is_on_border(at);
             if !on_column && !on_row {
                 continue;
             }
-            vertices[at] = *known.entry(name(at)).or_insert_with(|| {
-                faces.positions.push(position(at));
-                faces.border_samples.push(name(at));
-                faces.positions.len() as u32 - 1
-            });
+            vertices[at] = faces.positions.len() as u32;
+            faces.positions.push(position(at));
+            faces.places.push(place(at));
+            faces.border_samples.push(name(at));
             let [column, row] = [lines.columns[at % SIDE], lines.rows[at / SIDE]];
             if on_column {
                 on_border.entry(line_name(grid, 0, column)).or_default().push((row, vertices[at]));
@@ -164,6 +168,7 @@ impl ReadyTile {
         for at in on_lines.samples().filter(|&at| is_on_border(at) == [false; 2]) {
             vertices[at] = faces.positions.len() as u32;
             faces.positions.push(position(at));
+            faces.places.push(place(at));
         }
         for (line, mut vertices) in on_border {
             vertices.sort_unstable();

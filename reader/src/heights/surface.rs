@@ -31,6 +31,17 @@ pub struct Surface {
     pub height_scale: f64,
 }
 
+/// The directions at a place, and how far apart samples are there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Compass {
+    /// Of length 1, as the others; on an ellipsoid the normal of the ellipsoid.
+    pub up: [f64; 3],
+    pub east: [f64; 3],
+    pub north: [f64; 3],
+    /// The length of a column to the east and of a row to the north, which is negative, in units of space.
+    pub lengths: [f64; 2],
+}
+
 /// A column or a row of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
@@ -104,6 +115,27 @@ impl Surface {
                 let up = (row.across * (1.0 - eccentricity) + height) * row.sine;
                 [out * column.cosine, out * column.sine, up]
             }
+        }
+    }
+
+    /// The directions at a sample, in units of heights as [`Surface::position`] takes it.
+    pub(crate) fn compass(&self, column: Line, row: Line, height: f64) -> Compass {
+        let Base::Ellipsoid { axis, eccentricity } = self.base else {
+            let (up, east, north) = ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+            return Compass { up, east, north, lengths: self.spacing };
+        };
+        let height = height * self.height_scale;
+        // The radius of curvature along the meridian.
+        let along = row.across * (row.across / axis) * (row.across / axis) * (1.0 - eccentricity);
+        let radians = std::f64::consts::PI / 180.0;
+        Compass {
+            up: [row.cosine * column.cosine, row.cosine * column.sine, row.sine],
+            east: [-column.sine, column.cosine, 0.0],
+            north: [-row.sine * column.cosine, -row.sine * column.sine, row.cosine],
+            lengths: [
+                (row.across + height) * row.cosine * self.spacing[0] * radians,
+                (along + height) * self.spacing[1] * radians,
+            ],
         }
     }
 

@@ -9,6 +9,7 @@ use super::{
     codec::{contexts::anything, is_implied},
     grid::TileId,
     page::{PAGE_DEPTHS, PageDraft, TileRecord},
+    ramp::Ramp,
     section::{HeightsInfo, HeightsSection},
 };
 use crate::{
@@ -67,6 +68,8 @@ pub struct HeightsWriter {
     pub source: SourceInfo,
     /// Where they are in the world.
     pub placement: Option<Placement>,
+    /// The colours to draw it with.
+    pub ramp: Option<Ramp>,
     pages: Vec<PageDraft>,
     /// Tiles of the page that come next, with the errors of their parents.
     next: VecDeque<(TileId, f64)>,
@@ -90,6 +93,7 @@ impl HeightsWriter {
             info,
             source: SourceInfo::default(),
             placement: None,
+            ramp: None,
             pages: Vec::new(),
             next: VecDeque::new(),
             root_blocks: Vec::new(),
@@ -182,6 +186,7 @@ impl HeightsWriter {
         });
         let heights = HeightsSection { pages: root_pages.collect(), info: self.info, blocks: self.root_blocks }.write();
         let mut sections = vec![("tables", kind::TABLES, encoder.tables.write()), ("heights", kind::HEIGHTS, heights)];
+        sections.extend(self.ramp.as_ref().map(|ramp| ("ramp", kind::RAMP, ramp.write())));
         if let Some(placement) = &self.placement {
             sections.insert(0, ("placement", kind::PLACEMENT, placement.write()?));
         }

@@ -27,6 +27,8 @@ pub struct DrawnSurface {
     pub level: u8,
     /// World positions: the border, loop after loop, then the inside.
     pub positions: Vec<[f64; 3]>,
+    /// Of a tile of heights the place of each vertex in its images: index column and index row. Empty for other roots.
+    pub places: Vec<[f32; 2]>,
     /// The triangles that no neighbour changes, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
     /// The identity of each border vertex within the whole surface.
@@ -101,6 +103,8 @@ pub struct BorderEdge {
 pub struct Strip {
     /// Vertices beyond those of the surface: world positions.
     pub positions: Vec<[f64; 3]>,
+    /// In a strip of a tile of heights the place of each of them in the tile's images.
+    pub places: Vec<[f32; 2]>,
     /// The identity of each of them within the whole surface.
     pub keys: Vec<BorderKey>,
     /// Vertex indices: first the surface's, then the strip's own.
@@ -128,6 +132,7 @@ impl DrawnSurface {
             root,
             level,
             positions: points.map(|point| lattice.world(point)).collect(),
+            places: Vec::new(),
             triangles: Vec::new(),
             keys: vertices.map(|vertex| vertex.key).collect(),
             error: block.error.bound(lattice),
@@ -153,7 +158,7 @@ impl DrawnSurface {
     /// A tile of heights: the vertices, first those on its border, which have keys, and the triangles that no neighbour changes.
     pub(crate) fn of_tile(
         (root, level): (u32, u8),
-        positions: Vec<[f64; 3]>,
+        (positions, places): (Vec<[f64; 3]>, Vec<[f32; 2]>),
         keys: Vec<BorderKey>,
         triangles: Vec<[u32; 3]>,
         error: f64,
@@ -164,6 +169,7 @@ impl DrawnSurface {
             root,
             level,
             positions,
+            places,
             triangles,
             keys,
             error,
@@ -313,7 +319,7 @@ impl DrawnSurface {
     pub(crate) fn byte_count(&self) -> u64 {
         let sides: usize = self.sides.iter().map(|side| size_of::<Side>() + 4 * (1 + side.touches.len())).sum();
         let bytes = size_of::<Self>() + 24 * self.positions.len() + 12 * self.triangles.len() + sides;
-        let bytes = bytes + 4 * self.origins.len();
+        let bytes = bytes + 4 * self.origins.len() + 8 * self.places.len();
         let bytes = bytes + size_of::<RaisedCorner>() * self.raised_corners.len();
         (bytes + size_of::<BorderKey>() * self.keys.len() + size_of::<BorderTriangle>() * self.border.len()) as u64
     }

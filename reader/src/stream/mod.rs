@@ -82,9 +82,9 @@ pub use counters::{Counters, LatencyHistogram};
 pub use drawn_surface::{BorderEdge, DrawnSurface, Strip};
 pub use follower::Follower;
 pub use frame::{Frame, Shows};
-pub use heights::HeightsSession;
 #[cfg(feature = "threads")]
 pub use heights::HeightsStreamer;
+pub use heights::{HeightsSession, TileImages};
 pub use job::Read;
 pub use loader::Problem;
 #[cfg(feature = "threads")]
@@ -114,7 +114,7 @@ pub enum Mode {
 }
 
 /// How a session behaves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Whether frames wait, and whether the session looks ahead.
     pub mode: Mode,
@@ -140,6 +140,9 @@ pub struct Options {
     /// Whether a root whose wanted level is not loaded may stay finer than wanted, if it was drawn so, instead of becoming coarser
     /// (Niski 2007, section 6.2). Frames may then exceed a triangle budget until the wanted level is loaded.
     pub may_stay_finer: bool,
+    /// Of heights: in a view, tiles whose samples take more pixels than this give way to their quarters for the sake of light and colours, even
+    /// where their triangles are near enough. Infinite by default: then geometry alone decides.
+    pub sample_px: f64,
 }
 
 impl Default for Options {
@@ -156,6 +159,7 @@ impl Default for Options {
             max_attempts: 6,
             retry_delay: Duration::from_millis(100),
             may_stay_finer: true,
+            sample_px: f64::INFINITY,
         }
     }
 }

@@ -7,6 +7,7 @@ use std::{
 
 use super::{
     drawn_surface::{Beside, DrawnSurface, Strip},
+    heights::TileImages,
     texel_content::DrawnTexture,
     users::Users,
 };
@@ -24,6 +25,8 @@ pub struct DrawnRoot {
     pub strips: Vec<Arc<Strip>>,
     /// The images of its block; until these are there perhaps those of another block, for their means.
     texture: Option<Arc<DrawnTexture>>,
+    /// The images of a tile of heights.
+    images: Option<Arc<TileImages>>,
     /// For each half-arc how it is drawn.
     sides: Vec<DrawnSide>,
 }
@@ -56,8 +59,8 @@ impl<'s> Beside<'s> for Around<'s> {
 
 impl DrawnRoot {
     /// A tile of heights, whose border is one strip.
-    pub(crate) fn of_tile(surface: Arc<DrawnSurface>, strip: Strip) -> Self {
-        Self { surface, strips: vec![Arc::new(strip)], texture: None, sides: Vec::new() }
+    pub(crate) fn of_tile(surface: Arc<DrawnSurface>, strip: Strip, images: Arc<TileImages>) -> Self {
+        Self { surface, strips: vec![Arc::new(strip)], texture: None, images: Some(images), sides: Vec::new() }
     }
 
     /// Bound of the two-sided distance between the drawn root and the input, world units: the block's error and, where a neighbour is
@@ -73,6 +76,17 @@ impl DrawnRoot {
             texture.root == self.surface.root && texture.texture.level == self.surface.level
         };
         self.texture.as_ref().filter(is_own)
+    }
+
+    /// The images of a tile of heights; none for other roots. [`DrawnRoot::places`] says where vertices lie in them.
+    pub fn images(&self) -> Option<&Arc<TileImages>> {
+        self.images.as_ref()
+    }
+
+    /// Of a tile of heights the place of each vertex that [`DrawnRoot::joined`] returns in the tile's images: the column and the row of the
+    /// sample there, or what lies between two.
+    pub fn places(&self) -> impl Iterator<Item = [f32; 2]> + '_ {
+        self.surface.places.iter().chain(self.strips.iter().flat_map(|strip| &strip.places)).copied()
     }
 
     /// The mean of its image of a channel or, until that is there, of another block that is near; in the numbers of the image. `channel`
@@ -184,6 +198,13 @@ impl Picture {
         }
     }
 
+    /// Gives a tile of heights other images.
+    pub(crate) fn set_images(&mut self, root: u32, images: Arc<TileImages>) {
+        if let Some(drawn) = self.roots.get_mut(&root) {
+            drawn.images = Some(images);
+        }
+    }
+
     /// Draws a root whose neighbours somebody else looks after.
     pub(crate) fn show(&mut self, drawn: DrawnRoot) {
         self.roots.insert(drawn.surface.root, drawn);
@@ -227,7 +248,13 @@ impl Picture {
         }
         for surface in &new {
             changes.surfaces.push(surface.root);
-            let drawn = DrawnRoot { surface: surface.clone(), strips: Vec::new(), sides: Vec::new(), texture: None };
+            let drawn = DrawnRoot {
+                surface: surface.clone(),
+                strips: Vec::new(),
+                sides: Vec::new(),
+                texture: None,
+                images: None,
+            };
             if self.roots.insert(surface.root, drawn).is_none() {
                 self.users.add(surface);
             }

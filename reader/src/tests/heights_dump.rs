@@ -4,7 +4,7 @@ use std::{fmt::Write as _, fs, path::PathBuf, process::Command};
 
 use super::terrain::Terrain;
 use crate::{
-    heights::{Base, CELLS, Heights, SIDE, TileId},
+    heights::{Base, CELLS, Heights, Ramp, RampStop, SIDE, TileId},
     limits::Limits,
 };
 
@@ -17,7 +17,12 @@ fn vectors() -> Vec<(&'static str, Vec<u8>)> {
     let island = |column: u64, row: u64| {
         column.abs_diff(40).pow(2) + row.abs_diff(20).pow(2) < 250 || column > 70 && column + row < 99
     };
+    let stop = |height: f64, colour: [u8; 3]| RampStop { height, colour };
+    let ramp =
+        vec![stop(10.0, [0, 40, 160]), stop(20.5, [250, 240, 200]), stop(20.5, [30, 120, 40]), stop(60.0, [255; 3])];
+    let ramp = Ramp::new(ramp).unwrap();
     vec![
+        ("painted", Terrain::plane([20, 12]).with_ramp(ramp).file(5.0)),
         ("cell", Terrain::plane([1, 1]).file(1.0)),
         ("hills", Terrain::plane([100, 70]).file(30.0)),
         ("islands", Terrain::plane([100, 70]).with_cells(island).file(30.0)),
@@ -50,11 +55,12 @@ fn dump(bytes: &[u8]) -> String {
     let numbers = numbers.chain([info.surface.height_scale, info.zero, info.step, info.sample_error]);
     let numbers = list(numbers.chain([info.unit.unwrap_or(0.0)]).map(bits));
     let is_globe = info.surface.is_globe();
-    let _ = write!(
-        text,
-        "\"surface\":{{\"is_globe\":{is_globe},\"numbers\":{numbers}}},\n\"ramp\":{:?},\n\"tiles\":[",
-        info.ramp
-    );
+    let _ = write!(text, "\"surface\":{{\"is_globe\":{is_globe},\"numbers\":{numbers}}},\n\"ramp\":{:?},\n", info.ramp);
+    if let Some(ramp) = heights.ramp() {
+        let stop = |stop: &RampStop| format!("[{},{}]", bits(stop.height), list(stop.colour.map(|x| x.to_string())));
+        let _ = writeln!(text, "\"stops\":{},", list(ramp.stops().iter().map(stop)));
+    }
+    text += "\"tiles\":[";
     let mut ids: Vec<TileId> = heights.roots().to_vec();
     let mut next = 0;
     while let Some(&id) = ids.get(next) {

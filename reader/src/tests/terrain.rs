@@ -2,7 +2,7 @@
 
 use crate::codec::entropy::SymbolBuffer;
 use crate::heights::{
-    Base, CELLS, DrawnTile, Grid, HeightsInfo, HeightsWriter, Resolution, SIDE, Surface, TileEncoder, TileId,
+    Base, CELLS, DrawnTile, Grid, HeightsInfo, HeightsWriter, Ramp, Resolution, SIDE, Surface, TileEncoder, TileId,
     TileRecord, TileValues, storable_tolerance, tile_symbols,
 };
 
@@ -29,6 +29,7 @@ pub(crate) struct Terrain {
     steps: Vec<i32>,
     /// Which cells of the grid are drawn; none if all are.
     cells: Option<Vec<bool>>,
+    ramp: Option<Ramp>,
 }
 
 impl Terrain {
@@ -78,7 +79,7 @@ impl Terrain {
             (0..6).map(octave).sum::<f64>() as i32
         };
         let steps = (0..=rows).flat_map(|row| (0..=columns).map(move |column| height(column, row))).collect();
-        Self { steps, cells: None, info }
+        Self { steps, cells: None, info, ramp: None }
     }
 
     /// Without the cells that `is_there` does not name.
@@ -88,6 +89,14 @@ impl Terrain {
         let is_there = &is_there;
         let cells = (0..rows).flat_map(|row| (0..columns).map(move |column| is_there(column, row)));
         self.cells = Some(cells.collect());
+        self
+    }
+
+    /// Drawn with these colours.
+    #[must_use]
+    pub fn with_ramp(mut self, ramp: Ramp) -> Self {
+        self.info.ramp = "hills".into();
+        self.ramp = Some(ramp);
         self
     }
 
@@ -188,6 +197,7 @@ impl Terrain {
         let there: std::collections::HashSet<TileId> =
             tiles.iter().map(|(record, _)| record.id).filter(|id| stored.contains(id)).collect();
         let mut writer = HeightsWriter::new(self.info.clone()).unwrap();
+        writer.ramp.clone_from(&self.ramp);
         let mut pages = Vec::new();
         for ((mut record, _), block) in tiles.into_iter().zip(blocks) {
             while writer.expected().is_some_and(|id| id != record.id && id.depth == 0) {

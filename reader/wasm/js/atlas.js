@@ -16,16 +16,21 @@ export function isLarge({ width, height }) {
   return width * height > OWN_TEXELS;
 }
 
-/** Images in shelves: rows of the texture, each as high as its first image. Red, green, blue and opacity, as screens show them. */
+/**
+ * Images in shelves: rows of the texture, each as high as its first image. Colours are red, green, blue and opacity, as screens show them;
+ * normals are half floats from 0 to 1 for components from -1 to 1, with a 1.
+ */
 export class Atlas {
   #shelves = []; // From the top: { y, height, free, tiles }.
 
   /** A texture for an image, and for more like it. */
-  constructor(maxSize, { width, height }) {
+  constructor(maxSize, { width, height }, { colours = true, normals = false } = {}) {
     const isOwn = isLarge({ width, height }) || Math.max(width, height) > SIDE;
     [this.width, this.maxHeight] = isOwn ? [width, height] : [Math.min(SIDE, maxSize), Math.min(SIDE, maxSize)];
     this.height = isOwn ? height : Math.min(FIRST_HEIGHT, this.maxHeight);
-    this.data = new Uint8Array(4 * this.width * this.height);
+    /** Texels of both kinds, or of one. */
+    this.data = colours ? new Uint8Array(4 * this.width * this.height) : undefined;
+    this.normals = normals ? new Uint16Array(4 * this.width * this.height) : undefined;
     /** Grows when the texture has to be made anew, because it has more rows. */
     this.generation = 0;
     /** Tiles that have been written since whoever draws has emptied this list. */
@@ -77,9 +82,13 @@ export class Atlas {
   #grow(rows) {
     if (rows <= this.height) return;
     while (this.height < rows) this.height = Math.min(2 * this.height, this.maxHeight);
-    const data = new Uint8Array(4 * this.width * this.height);
-    data.set(this.data);
-    this.data = data;
+    const grown = (data, type) => {
+      if (!data) return undefined;
+      const all = new type(4 * this.width * this.height);
+      all.set(data);
+      return all;
+    };
+    [this.data, this.normals] = [grown(this.data, Uint8Array), grown(this.normals, Uint16Array)];
     this.generation += 1;
     this.dirtyTiles.length = 0;
   }
@@ -99,16 +108,31 @@ export class Atlas {
     if (this.#shelves.at(-1)?.tiles === 0) this.#shelves.pop();
   }
 
-  /** Puts an image into its place. */
-  write(tile, data) {
-    this.#rows(tile, (begin, length, row) => this.data.set(data.subarray(row * length, (row + 1) * length), begin));
+  /** Puts an image into its place. Where it lacks colours or normals, texels are white without opacity, or 0. */
+  write(tile, data, normals) {
+    const put = (all, part, none) => all && this.#rows(tile, (begin, length, row) => {
+      if (part) all.set(part.subarray(row * length, (row + 1) * length), begin);
+      else for (let at = begin; at < begin + length; at += 4) all.set(none, at);
+    });
+    put(this.data, data, [255, 255, 255, 0]);
+    put(this.normals, normals, [0, 0, 0, 0]);
     this.dirtyTiles.push(tile);
   }
 
-  /** The image in a place. */
+  /** The colours in a place. */
   read(tile) {
-    const data = new Uint8Array(4 * tile.width * tile.height);
-    this.#rows(tile, (begin, length, row) => data.set(this.data.subarray(begin, begin + length), row * length));
+    return this.#read(this.data, tile);
+  }
+
+  /** The normals in a place. */
+  readNormals(tile) {
+    return this.#read(this.normals, tile);
+  }
+
+  #read(all, tile) {
+    if (!all) return undefined;
+    const data = new all.constructor(4 * tile.width * tile.height);
+    this.#rows(tile, (begin, length, row) => data.set(all.subarray(begin, begin + length), row * length));
     return data;
   }
 

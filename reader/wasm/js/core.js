@@ -68,7 +68,7 @@ export class Core {
     return this.#ask((question) => {
       this.write(nodes);
       this.call('extract', question);
-      return this.#mesh();
+      return this.#mesh(this.#isOfHeights);
     }, signal);
   }
 
@@ -233,14 +233,24 @@ export class Core {
     };
   }
 
-  #mesh() {
+  /** A mesh. Of heights also the normal of each vertex and, with a ramp, its colour: red, green, blue and opacity, as screens show them. */
+  #mesh(isOfHeights = false) {
     const [vertexCount, triangleCount] = this.floats(0, 2);
     const buffer = this.take(16);
-    return {
-      positions: new Float64Array(buffer, 0, 3 * vertexCount),
-      triangles: new Uint32Array(buffer, 24 * vertexCount, 3 * triangleCount),
-      triangleNodes: new Uint32Array(buffer, 24 * vertexCount + 12 * triangleCount, triangleCount),
+    let at = 0;
+    const part = (type, count) => {
+      const array = new type(buffer, at, count);
+      at += array.byteLength;
+      return array;
     };
+    const mesh = {
+      positions: part(Float64Array, 3 * vertexCount),
+      triangles: part(Uint32Array, 3 * triangleCount),
+      triangleNodes: part(Uint32Array, triangleCount),
+    };
+    if (!isOfHeights) return mesh;
+    const normals = part(Float32Array, 3 * vertexCount);
+    return { ...mesh, normals, colors: at < buffer.byteLength ? part(Uint8Array, 4 * vertexCount) : null };
   }
 
   /** Calls until nothing is missing. Bytes that were fetched for one answer are dropped after it; what the index says stays. */

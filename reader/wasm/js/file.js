@@ -90,7 +90,8 @@ export class LodpackFile {
   /** The mesh of a cut; with the images of channels, if some are wanted: 'auto', or a list of names. */
   async extract(cut, { signal, channels = 'none', pageSize = 4096 } = {}) {
     const [nodes, numbers] = [nodesOf(cut), channelNumbers(this.channels, channels)];
-    if (numbers.length === 0) return this.#reader.call('extract', { nodes }, signal);
+    // Meshes of heights have the colours of a ramp anyway.
+    if (numbers.length === 0 || this.kind === 'heights') return this.#reader.call('extract', { nodes }, signal);
     if (!(pageSize >= 1 && pageSize <= 65536)) throw new LodpackError('query', 'pageSize is a number of texels, up to 65536');
     return this.#reader.call('extractTextured', { nodes, channels: numbers, pageSize: Math.floor(pageSize) }, signal);
   }

@@ -6,6 +6,8 @@ export const OVERVIEW = 0xffff_ffff;
 // Bits of an upload's flags.
 const SHOWS_CHANNEL = 1;
 const HAS_PLACES = 2;
+const HAS_NORMALS = 4;
+const HAS_COLOURS = 8;
 const SHOWS = ['nothing', 'overview', 'picture'];
 const LIMITERS = [undefined, 'tolerance', 'finest', 'triangles', 'nodes', 'bytes'];
 
@@ -28,7 +30,10 @@ export function unpackFrame(buffer) {
     const upload = { root, level, error: errors[k], positions: take(Float32Array, 3 * vertexCount), triangles: take(Uint32Array, 3 * count) };
     if (flags & HAS_PLACES) Object.assign(upload, { places: take(Float32Array, 2 * vertexCount), rectangles: take(Uint16Array, 4 * vertexCount) });
     // Without one it keeps the image that it has.
-    if (width > 0) upload.image = { width, height, data: take(Uint8Array, 4 * width * height) };
+    if (flags & HAS_NORMALS) {
+      const data = flags & HAS_COLOURS ? take(Uint8Array, 4 * width * height) : undefined;
+      upload.image = { width, height, data, normals: take(Uint16Array, 4 * width * height) };
+    } else if (width > 0) upload.image = { width, height, data: take(Uint8Array, 4 * width * height) };
     else if (!(flags & SHOWS_CHANNEL)) upload.image = null;
     return upload;
   });

@@ -49,7 +49,7 @@ export class LodpackMesh extends Object3D {
     this.type = 'LodpackMesh';
     this.isLodpackMesh = true;
     Object.assign(this, { file, pixelTolerance });
-    /** Flat shading needs no normals, which would have seams where roots meet. */
+    /** Flat shading needs no normals, which would have seams where roots meet. Heights bring normals of their own, as a texture. */
     this.material = material ?? (lit
       ? new MeshStandardMaterial({ flatShading: true, vertexColors: Boolean(colorOf) })
       : new MeshBasicMaterial({ vertexColors: Boolean(colorOf) }));
@@ -64,7 +64,7 @@ export class LodpackMesh extends Object3D {
     /** Of everything, in the object's own coordinates. */
     this.boundingBox = new Box3(new Vector3(...min), new Vector3(...max));
     this.boundingSphere = this.boundingBox.getBoundingSphere(new Sphere());
-    this.#pool = new Pool({ images: file.channels.length > 0, ...(colorOf ? { infoSize: 3, infoOf: colorOf } : {}) });
+    this.#pool = new Pool({ images: file.channels.length > 0, normals: file.kind === 'heights', ...(colorOf ? { infoSize: 3, infoOf: colorOf } : {}) });
     this.#pool.onremove = (slab) => this.#remove(slab);
     this.#stream = stream;
     stream.onprogress = () => {

@@ -21,6 +21,13 @@ use crate::{
 impl State {
     /// Six numbers (f64) for each channel, and their names, each followed by the end of a line: `js/channels.js` reads it.
     pub fn channels(&mut self) -> Answer {
+        if let Ok(index) = self.heights_index() {
+            let colour = "colour\n".bytes();
+            let Some(_) = index.ramp() else { return Ok(0) };
+            self.output.put_floats([1.0, 3.0, 0.0, 1.0, 0.0, 0.0]);
+            self.output.extend(colour);
+            return Ok(1);
+        }
         let Ok(index) = self.index().cloned() else { return Ok(0) };
         let image_bytes = index.texel_bytes().iter().skip(1);
         for (channel, &bytes) in index.channels().iter().zip(image_bytes) {
@@ -39,6 +46,14 @@ impl State {
         let names = index.channels().iter().flat_map(|channel| [channel.name.as_bytes(), b"\n"]);
         names.for_each(|part| self.output.extend(part));
         Ok(index.channels().len() as u32)
+    }
+
+    /// Makes a stream show a channel, or none if there is none of this number. Of heights number 0 is the ramp.
+    pub fn show(&mut self, stream: u32, channel: u32, range: [f64; 2]) -> Answer {
+        let has_ramp = self.heights_index().map(|index| index.ramp().is_some());
+        let Ok(has_ramp) = has_ramp else { return self.show_of_mesh(stream, channel, range) };
+        self.stream(stream)?.0.show_colours(has_ramp && channel == 0);
+        Ok(0)
     }
 }
 
@@ -65,8 +80,7 @@ impl State {
         Ok(1)
     }
 
-    /// Makes a stream show a channel, or none if there is none of this number.
-    pub fn show(&mut self, stream: u32, channel: u32, range: [f64; 2]) -> Answer {
+    fn show_of_mesh(&mut self, stream: u32, channel: u32, range: [f64; 2]) -> Answer {
         let painter = self.appearance(channel).ok().map(|(number, mut appearance)| {
             appearance.set_values(range);
             (number, Painter::new(appearance))
@@ -105,7 +119,7 @@ impl State {
         Self::without()
     }
 
-    pub fn show(&mut self, stream: u32, channel: u32, _range: [f64; 2]) -> Answer {
+    fn show_of_mesh(&mut self, stream: u32, channel: u32, _range: [f64; 2]) -> Answer {
         if self.index()?.channels().get(channel as usize).is_some() {
             return Self::without();
         }

@@ -188,6 +188,8 @@ pub extern "C" fn lodpack_open_stream(
         decoded_cache: decoded_cache as u64,
         texel_cache: texel_cache as u64,
         max_reads: max_reads as usize,
+        // As the native viewer.
+        sample_px: 3.0,
         ..Options::default()
     };
     call(|state| state.open_stream(options, ahead_ms, [x, y, z]))

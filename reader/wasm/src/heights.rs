@@ -8,7 +8,7 @@ use lodpack::{
 };
 
 use crate::{
-    answer::{Answer, Put, put_mesh, words, wrong},
+    answer::{Answer, Put, put_all, put_mesh, words, wrong},
     state::{State, limiter},
 };
 
@@ -131,8 +131,19 @@ impl State {
             }
             heights.mesh(&cut)
         })?;
-        let HeightsMesh { positions, triangles, triangle_tiles, .. } = mesh;
+        let HeightsMesh { positions, triangles, triangle_tiles, heights, normals, .. } = mesh;
         put_mesh(&mut self.output, &Mesh { positions, triangles, triangle_nodes: triangle_tiles });
+        // Of each vertex: the normal (f32), and the colour, if there is a ramp.
+        put_all(&mut self.output, &normals, |bytes: &mut [u8; 12], normal| {
+            let numbers = normal.map(|x| (f32::from(x) / 32767.0).to_le_bytes());
+            bytes.as_chunks_mut::<4>().0.copy_from_slice(&numbers);
+        });
+        if let Some(ramp) = index.ramp() {
+            put_all(&mut self.output, &heights, |bytes: &mut [u8; 4], &height| {
+                let [r, g, b] = ramp.colour(height);
+                *bytes = [r, g, b, 255];
+            });
+        }
         Ok(0)
     }
 }

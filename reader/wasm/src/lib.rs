@@ -18,6 +18,7 @@
 
 pub mod answer;
 mod channels;
+mod dress;
 pub mod exports;
 mod heights;
 mod pack;

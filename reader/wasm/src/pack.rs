@@ -8,10 +8,13 @@ use std::{
 use lodpack::{
     Lattice,
     decode::{Appearance, Look, texels::Piece},
-    stream::{ByPiece, Changes, DrawnRoot, DrawnTexture, Picture},
+    stream::{ByPiece, Changes, DrawnRoot, DrawnTexture, Picture, TileImages},
 };
 
-use crate::answer::{Put, put_all, put_triangles};
+use crate::{
+    answer::{Put, put_all, put_triangles},
+    dress::{Dresser, TEXELS, put_images, put_places},
+};
 
 /// The image of a root that the page has.
 #[derive(Debug)]
@@ -85,37 +88,61 @@ struct Packed<'p> {
     /// The piece of each vertex; none without an image of more than a texel.
     pieces: Option<Vec<u32>>,
     image: Option<Painted>,
+    tile_images: Option<&'p Arc<TileImages>>,
+}
+
+impl Packed<'_> {
+    /// Whether it has a channel, places, normals, and colours beside these; and the size of its new image, if it has one.
+    fn flags(&self, shows_channel: bool, shows_colours: bool) -> [u32; 3] {
+        let is_tile = self.drawn.images().is_some();
+        let bits = [
+            shows_channel || is_tile,
+            self.pieces.is_some() || is_tile,
+            self.tile_images.is_some(),
+            shows_colours && self.tile_images.is_some_and(|images| images.colours.is_some()),
+        ];
+        let flags = bits.iter().zip(0..).map(|(&bit, k)| u32::from(bit) << k).sum();
+        let size = self.image.as_ref().map_or([0; 2], |image| image.size);
+        let [width, height] = if self.tile_images.is_some() { [TEXELS as u32; 2] } else { size };
+        [flags, width, height]
+    }
 }
 
 /// Packs what has changed: the error of each changed root (f64), lost roots, removed roots, seven words for each changed root, and then for
 /// each its positions (f32) and triangles; where it has an image, the place (f32) and the rectangle (u16) of each vertex in it; and the
-/// image, if it is new.
+/// image, if it is new: of a tile of heights colours, if these are shown, and normals.
 pub fn put_changes(
     output: &mut Vec<u8>,
     (picture, lattice, origin): (&Picture, &Lattice, [f64; 3]),
     (changes, lost_roots): (&Changes, &[u32]),
-    (painter, is_all): (Option<&mut Painter>, bool),
+    (painter, dresser, is_all): (Option<&mut Painter>, &mut Dresser, bool),
 ) {
     let changed = changed_roots(picture, changes, is_all);
     let shows_channel = painter.is_some();
     let mut painter = painter;
+    changes.removed.iter().for_each(|&root| dresser.drop_root(root));
     if let Some(painter) = &mut painter {
         changes.removed.iter().for_each(|root| drop(painter.sent.remove(root)));
     }
     output.put_floats(changed.iter().map(|drawn| drawn.error()));
     output.put_words(lost_roots.iter().chain(&changes.removed).copied());
-    let packed: Vec<Packed<'_>> = changed.into_iter().map(|drawn| pack(drawn, painter.as_deref_mut())).collect();
+    let packed: Vec<Packed<'_>> = changed
+        .into_iter()
+        .map(|drawn| Packed { tile_images: dresser.images(drawn), ..pack(drawn, painter.as_deref_mut()) })
+        .collect();
     output.put_words(packed.iter().flat_map(|packed| {
-        let [width, height] = packed.image.as_ref().map_or([0; 2], |image| image.size);
-        let flags = u32::from(shows_channel) | u32::from(packed.pieces.is_some()) << 1;
+        let [flags, width, height] = packed.flags(shows_channel, dresser.shows_colours);
         let (root, level) = (packed.drawn.surface.root, u32::from(packed.drawn.surface.level));
         [root, level, packed.positions.len() as u32, packed.triangles.len() as u32, flags, width, height]
     }));
     // Both roots at a border have the same world positions there, so they also have the same ones here: no crack can open.
     let place = |position: [f64; 3]| [0, 1, 2].map(|k| (position[k] - origin[k]) as f32);
-    for Packed { drawn, positions, triangles, pieces, image } in packed {
+    for Packed { drawn, positions, triangles, pieces, image, tile_images } in packed {
         put_all(output, &positions, |bytes: &mut [u8; 12], &position| put_array(bytes, place(position)));
         put_triangles(output, &triangles);
+        if drawn.images().is_some() {
+            put_places(output, drawn);
+        }
         let map = drawn.texture().and_then(|texture| texture.texture.map.as_ref());
         if let (Some(pieces), Some(map)) = (pieces, map) {
             let none = Piece::default();
@@ -135,6 +162,9 @@ pub fn put_changes(
         if let Some(image) = image {
             output.extend(image.texels);
         }
+        if let Some(images) = tile_images {
+            put_images(output, images, dresser.shows_colours);
+        }
     }
 }
 
@@ -148,11 +178,11 @@ fn pack<'p>(drawn: &'p DrawnRoot, painter: Option<&mut Painter>) -> Packed<'p> {
     let has_image = drawn.texture().is_some_and(|texture| texture.texture.images.first().is_some_and(Option::is_some));
     match drawn.by_piece().filter(|_| shows_channel && has_image) {
         Some(ByPiece { positions, triangles, pieces }) => {
-            Packed { drawn, positions, triangles, pieces: Some(pieces), image }
+            Packed { drawn, positions, triangles, pieces: Some(pieces), image, tile_images: None }
         }
         None => {
             let (positions, triangles) = drawn.joined();
-            Packed { drawn, positions, triangles, pieces: None, image }
+            Packed { drawn, positions, triangles, pieces: None, image, tile_images: None }
         }
     }
 }

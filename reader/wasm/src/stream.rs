@@ -11,6 +11,7 @@ use lodpack::{
 
 use crate::{
     answer::{Put, wrong},
+    dress::Dresser,
     pack::{Painter, change_count, put_changes},
     state::HasHeights,
     state::limiter,
@@ -48,6 +49,8 @@ pub struct Stream {
     triangle_count: u64,
     /// Of the channel that is shown, if there is one.
     painter: Option<Painter>,
+    /// Of tiles of heights.
+    dresser: Dresser,
 }
 
 /// Milliseconds since any moment. What is no time counts as that moment.
@@ -86,6 +89,7 @@ impl Stream {
             is_lost: false,
             triangle_count: 0,
             painter: None,
+            dresser: Dresser::default(),
         })
     }
 
@@ -98,6 +102,12 @@ impl Stream {
         self.painter = channel.map(|(_, painter)| painter);
         self.is_lost = true;
         Ok(())
+    }
+
+    /// Shows the colours of heights from now on, or does not. The next frame packs everything.
+    pub fn show_colours(&mut self, shows_colours: bool) {
+        self.dresser.shows_colours = shows_colours;
+        self.is_lost = true;
     }
 
     /// Draws a frame, and packs what is new in it.
@@ -161,6 +171,9 @@ impl Stream {
         if let Some(painter) = self.painter.as_mut().filter(|_| is_all) {
             painter.lose();
         }
+        if is_all {
+            self.dresser.lose();
+        }
         let shows = match frame.shows {
             Shows::Nothing => 0.0,
             Shows::Overview => 1.0,
@@ -181,7 +194,12 @@ impl Stream {
         output.put_floats(sums.map(|n| n as f64));
         output.put_floats([f64::from(frame.late_textures), image_bytes as f64]);
         let surface = (picture, &lattice, self.origin);
-        put_changes(output, surface, (&frame.changes, &frame.lost_roots), (self.painter.as_mut(), is_all));
+        put_changes(
+            output,
+            surface,
+            (&frame.changes, &frame.lost_roots),
+            (self.painter.as_mut(), &mut self.dresser, is_all),
+        );
     }
 
     /// Does the next job: starts a read, or decodes.

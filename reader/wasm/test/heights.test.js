@@ -11,6 +11,9 @@ const vectors = new URL('../../../format-spec/vectors/heights/', import.meta.url
 const vector = (name) => readFile(new URL(`${name}.lodpack`, vectors));
 const NAMES = ['cell', 'hills', 'ridge', 'islands', 'globe'];
 
+/** The number of a half float from 0 to 1. */
+const ofHalf = (bits) => (bits < 1024 ? bits / 2 ** 24 : (1 + (bits & 1023) / 1024) * 2 ** ((bits >> 10) - 15));
+
 /** Corners of all triangles of a pool, or of a mesh seen from the origin of a stream. */
 const trianglesOf = (parts) => parts.flatMap(({ positions, indices }) => Array.from({ length: indices.length / 3 }, (_, k) => {
   const corners = [0, 1, 2].map((corner) => [0, 1, 2].map((axis) => positions[3 * indices[3 * k + corner] + axis] + 0).join());
@@ -93,6 +96,69 @@ describe('streams of heights', () => {
       assert.equal(pool.triangleCount > 0, finest.triangleCount > 0);
       file.close();
     }
+  });
+
+  test('tiles have normals of length 1, a texel a sample, and send them once', async () => {
+    for (const name of NAMES) {
+      const file = await open(await vector(name));
+      const stream = await file.stream();
+      const pool = new Pool({ normals: true });
+      await settle(stream, pool, { tolerance: 0 });
+      for (const { slab: { atlas, places, rectangles }, tile, firstVertex, vertexCount } of pool.roots.values()) {
+        // A texel more on each side than there are samples.
+        assert.deepEqual([tile.width, tile.height, atlas.data], [67, 67, undefined]);
+        const texels = atlas.readNormals(tile);
+        for (let k = 0; k < texels.length; k += 4) {
+          const [x, y, z, one] = texels.subarray(k, k + 4);
+          assert.ok(Math.abs(Math.hypot(...[x, y, z].map((bits) => 2 * ofHalf(bits) - 1)) - 1) < 2e-3 && one === 0x3c00, `${name} ${k}`);
+        }
+        for (let vertex = firstVertex; vertex < firstVertex + vertexCount; vertex += 1) {
+          const [left, top, right, bottom] = rectangles.subarray(4 * vertex, 4 * vertex + 4);
+          const [x, y] = places.subarray(2 * vertex, 2 * vertex + 2);
+          assert.deepEqual([left, top, right, bottom], [tile.x + 1, tile.y + 1, tile.x + 66, tile.y + 66]);
+          assert.ok(x >= left + 0.5 && x <= right - 0.5 && y >= top + 0.5 && y <= bottom - 0.5);
+        }
+      }
+      // The border changes, and with it the triangles; the image only where another tile lies beside it.
+      const { uploads } = await stream.frame({ tolerance: 1e9 });
+      assert.ok(uploads.every(({ places }) => places));
+      const mesh = await file.extract(await file.select({}));
+      assert.deepEqual([mesh.normals.length, mesh.colors], [mesh.positions.length, null]);
+      file.close();
+    }
+  });
+
+  test('a ramp is a channel that colours tiles and meshes', async () => {
+    const file = await open(await vector('painted'));
+    assert.deepEqual(file.channels.map(({ name, kind }) => [name, kind]), [['colour', 'colour']]);
+    assert.equal(file.heights.ramp, 'hills');
+    const mesh = await file.extract(await file.select({}), { channels: 'auto' });
+    // The stops of the vector, at heights from 10 to 60.
+    const stops = [[10, [0, 40, 160]], [20.5, [250, 240, 200]], [20.5, [30, 120, 40]], [60, [255, 255, 255]]];
+    const colour = (height) => {
+      const above = stops.findIndex(([stop]) => stop > height);
+      if (above <= 0) return above < 0 ? stops.at(-1)[1] : stops[0][1];
+      const [[low, from], [high, to]] = [stops[above - 1], stops[above]];
+      return from.map((x, k) => Math.round(x + ((height - low) / (high - low)) * (to[k] - x)));
+    };
+    for (let k = 0; k < mesh.colors.length / 4; k += 1) {
+      assert.deepEqual([...mesh.colors.subarray(4 * k, 4 * k + 4)], [...colour(mesh.positions[3 * k + 2]), 255]);
+    }
+    const stream = await file.stream({ channel: 'auto' });
+    const pool = new Pool({ images: true, normals: true });
+    await settle(stream, pool, { tolerance: 0 });
+    const [{ slab, tile, firstVertex, vertexCount }] = pool.roots.values();
+    const texels = slab.atlas.read(tile);
+    for (let vertex = firstVertex; vertex < firstVertex + vertexCount; vertex += 1) {
+      const [x, y] = [slab.places[2 * vertex] - tile.x, slab.places[2 * vertex + 1] - tile.y].map(Math.floor);
+      const height = slab.positions[3 * vertex + 2] + stream.origin[2];
+      assert.deepEqual([...texels.subarray(4 * (67 * y + x), 4 * (67 * y + x) + 3)], colour(Math.round(height * 4) / 4));
+    }
+    await stream.show('none');
+    pool.update(await stream.frame({ tolerance: 0 }));
+    const [{ slab: bare, tile: there }] = pool.roots.values();
+    assert.deepEqual([...bare.atlas.read(there).subarray(0, 4)], [255, 255, 255, 0]);
+    file.close();
   });
 
   test('every frame has a surface without cracks, from the first one on', async () => {

@@ -69,9 +69,12 @@ describe('LodpackMesh', { skip }, () => {
         const raycaster = new Raycaster();
         raycaster.setFromCamera(new Vector2(0, 0), camera);
         const [hit] = raycaster.intersectObject(scene, true);
-        return { kind: mesh.file.kind, triangles: mesh.triangleCount, error: hit?.error, level: hit?.level };
+        // Normals of samples light it, in the directions of the file.
+        const areShaded = mesh.children.every(({ material }) => material.normalMap?.image.data instanceof Uint16Array && material.normalMapType === 1 && !material.map);
+        return { areShaded, kind: mesh.file.kind, triangles: mesh.triangleCount, error: hit?.error, level: hit?.level };
       });
       assert.equal(result.kind, 'heights');
+      assert.ok(result.areShaded);
       assert.ok(result.triangles > 100 && result.error >= 0 && result.level >= 0, JSON.stringify(result));
     });
   });

@@ -181,7 +181,8 @@ struct Check {
 impl Check {
     fn new(source: Source, options: &Options) -> Result<Self> {
         let gpu = Arc::new(Gpu::headless()?);
-        let mut scene = Scene::open(source, Mode::Synchronous)?;
+        // What is checked is geometry, of tiles of all depths.
+        let mut scene = Scene::open_with(source, Mode::Synchronous, f64::INFINITY)?;
         scene.query.outside = Outside::Coarsest;
         let renderer = |way| Renderer::new(&gpu, way);
         let mut renderers = [Way::Stitched, Way::Pulled].map(renderer);
@@ -242,7 +243,7 @@ impl Check {
 
     /// The mesh of what is drawn, as the file extracts it.
     fn extracted(&self) -> Result<Mesh> {
-        if let Some(HeightsContent { file, streamer }) = self.scene.heights() {
+        if let Some(HeightsContent { file, streamer, .. }) = self.scene.heights() {
             return Ok(mesh_of(file.mesh(&streamer.session().cut())?));
         }
         let nodes = self.scene.picture().nodes();

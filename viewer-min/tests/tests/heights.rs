@@ -19,11 +19,15 @@ use crate::{folder, has_gpu, program};
 
 /// A file of fractal terrain, with the cells that `is_there` names.
 fn terrain(name: &str, grid: &Grid, surface: SurfaceKind, is_there: impl Fn(u32, u32) -> bool) -> PathBuf {
+    terrain_with(name, grid, RasterOptions { surface, ..RasterOptions::default() }, is_there)
+}
+
+fn terrain_with(name: &str, grid: &Grid, options: RasterOptions, is_there: impl Fn(u32, u32) -> bool) -> PathBuf {
     let folder = folder(&format!("heights-{name}"));
     let (raster, out) = (folder.join("dem.tif"), folder.join("dem.lodpack"));
     let fractal = Fractal::of_samples(5, grid.size[0].max(grid.size[1]));
     let fill = |row: u32, heights: &mut [f32]| {
-        match surface {
+        match options.surface {
             SurfaceKind::Plane => fractal.flat_row(grid.size, row, 0, heights),
             _ => fractal.globe_row(grid.size, row, 0, heights),
         }
@@ -34,7 +38,6 @@ fn terrain(name: &str, grid: &Grid, surface: SurfaceKind, is_there: impl Fn(u32,
         }
     };
     grid.write(&mut std::fs::File::create(&raster).unwrap(), fill).unwrap();
-    let options = RasterOptions { surface, ..RasterOptions::default() };
     let source = HeightSource::open(&[raster], &options, &Silent).unwrap().unwrap();
     let options =
         HeightsOptions { tolerance: Tolerance::InputUnits(2.0), memory: 1 << 30, folder: std::env::temp_dir() };
@@ -83,7 +86,7 @@ fn a_shifted_tile_and_an_error_that_is_too_small_are_found() {
 }
 
 #[test]
-fn the_program_draws_heights_with_z_up_and_no_channel() {
+fn the_program_draws_heights_with_z_up() {
     if !has_gpu() {
         return;
     }
@@ -102,4 +105,72 @@ fn the_program_draws_heights_with_z_up_and_no_channel() {
             assert_eq!(output.status.code(), Some(2), "{wrong:?}");
         }
     }
+}
+
+/// The mean difference of two pictures, of 255.
+fn difference(a: &image::RgbaImage, b: &image::RgbaImage) -> f64 {
+    let sum: u64 = a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+    sum as f64 / a.as_raw().len() as f64
+}
+
+#[test]
+fn few_triangles_are_lit_as_many() {
+    if !has_gpu() {
+        return;
+    }
+    for (name, path) in [("flat", flat()), ("globe", globe())] {
+        let folder = folder(&format!("heights-light-{name}"));
+        let picture = |more: &[&str]| {
+            let out = folder.join("picture.png");
+            let arguments = [path.to_str().unwrap(), "--size", "300x200", "--screenshot", out.to_str().unwrap()];
+            let output = program(&[&arguments[..], more].concat());
+            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+            load(&out).unwrap()
+        };
+        let best = picture(&["--tolerance", "0.1"]);
+        let lit = difference(&picture(&["--tolerance", "1.5"]), &best);
+        let facets = difference(&picture(&["--tolerance", "1.5", "--channel", "none"]), &best);
+        println!("{name}: {lit:.2} from the picture of all triangles, {facets:.2} with facets");
+        assert!(lit < 0.7 * facets, "{name}: {lit} {facets}");
+    }
+}
+
+#[test]
+fn a_ramp_colours_the_picture() {
+    if !has_gpu() {
+        return;
+    }
+    let options = RasterOptions { ramp: "viridis".parse().ok(), ..RasterOptions::default() };
+    let path = terrain_with("ramp", &Grid::utm([300, 173]), options, |_, _| true);
+    let out = folder("heights-ramp-picture").join("picture.png");
+    let arguments = [path.to_str().unwrap(), "--size", "300x200", "--screenshot", out.to_str().unwrap(), "--unlit"];
+    let output = program(&arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let stops: [[f64; 3]; 6] = [
+        [68.0, 1.0, 84.0],
+        [65.0, 68.0, 135.0],
+        [42.0, 120.0, 142.0],
+        [34.0, 168.0, 132.0],
+        [122.0, 209.0, 81.0],
+        [253.0, 231.0, 37.0],
+    ];
+    let away = |colour: [f64; 3]| {
+        let to = |pair: &[[f64; 3]]| {
+            let way: Vec<f64> = (0..3).map(|k| pair[1][k] - pair[0][k]).collect();
+            let along: f64 = (0..3).map(|k| (colour[k] - pair[0][k]) * way[k]).sum();
+            let share = (along / way.iter().map(|x| x * x).sum::<f64>()).clamp(0.0, 1.0);
+            (0..3).map(|k| (colour[k] - pair[0][k] - share * way[k]).powi(2)).sum::<f64>().sqrt()
+        };
+        stops.windows(2).map(to).fold(f64::INFINITY, f64::min)
+    };
+    let picture = load(&out).unwrap();
+    let (mut count, mut greens) = (0, std::collections::HashSet::new());
+    for pixel in picture.pixels().filter(|&&colour| colour != BACKGROUND) {
+        let [red, green, blue] = [0, 1, 2].map(|k| f64::from(pixel.0[k]));
+        // Colours are mixed as light is, so they lie a little beside the lines between the stops; bare ground is 100 away.
+        assert!(away([red, green, blue]) < 40.0, "{pixel:?}");
+        greens.insert(pixel.0[1]);
+        count += 1;
+    }
+    assert!(count > 1000 && greens.len() > 40, "{count} {}", greens.len());
 }

@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
+use lodpack::heights::Ramp;
+
 use super::crs::CrsKind;
 use super::header::Georeference;
 use super::mosaic::Mosaic;
-use super::options::{Ramp, RasterOptions};
+use super::options::RasterOptions;
 use super::{Parsed, grid_error, tiff};
 use crate::import::sink::MeshSink;
 use crate::mesh::appearance::{AlphaMode, COLOUR, ImageSource, Material, TextureUse, Wrap};
@@ -15,40 +17,10 @@ use crate::progress::Progress;
 
 /// Makes the records of vertices and corners.
 pub(super) struct Painter {
-    ramp: Option<Shades>,
+    ramp: Option<Ramp>,
     /// From column and row to the image: what is added after what is multiplied, each for both axes.
     image: Option<[[f64; 2]; 2]>,
 }
-
-/// A ramp over a range of heights.
-struct Shades {
-    ramp: Ramp,
-    range: [f64; 2],
-}
-
-/// Colours as on screens, by height in metres for [`Ramp::Earth`] and by share of the range for the others.
-const EARTH: [(f64, [u8; 3]); 11] = [
-    (-8000.0, [8, 20, 70]),
-    (-4000.0, [20, 60, 130]),
-    (-200.0, [90, 160, 210]),
-    (-0.001, [170, 215, 235]),
-    (0.0, [70, 130, 75]),
-    (250.0, [130, 170, 95]),
-    (800.0, [215, 205, 140]),
-    (1800.0, [175, 130, 85]),
-    (3000.0, [135, 100, 80]),
-    (4200.0, [205, 200, 200]),
-    (5500.0, [255, 255, 255]),
-];
-const GREY: [(f64, [u8; 3]); 2] = [(0.0, [0, 0, 0]), (1.0, [255, 255, 255])];
-const VIRIDIS: [(f64, [u8; 3]); 6] = [
-    (0.0, [68, 1, 84]),
-    (0.2, [65, 68, 135]),
-    (0.4, [42, 120, 142]),
-    (0.6, [34, 168, 132]),
-    (0.8, [122, 209, 81]),
-    (1.0, [253, 231, 37]),
-];
 
 impl Painter {
     /// Declares to the sink what the surface will carry.
@@ -70,9 +42,10 @@ impl Painter {
             sink.set_material(number);
             layout.add_uv(1);
             sink.set_corner_layout(layout);
-        } else if let Some(ramp) = options.ramp {
-            let range = if ramp == Ramp::Earth { [0.0, 1.0] } else { mosaic.range(options)? };
-            painter.ramp = Some(Shades { ramp, range });
+        } else if let Some(ramp) = &options.ramp {
+            let range = if ramp.needs_range() { mosaic.range(options)? } else { [0.0, 1.0] };
+            // Ramps are checked when they are read.
+            painter.ramp = ramp.over(range, None).ok();
             layout.add_colour();
             sink.set_vertex_layout(layout);
         }
@@ -94,8 +67,8 @@ impl Painter {
     /// The record of a vertex with a height.
     pub fn vertex(&self, height: f64, record: &mut Vec<f32>) {
         record.clear();
-        if let Some(shades) = &self.ramp {
-            record.extend(shades.colour(height));
+        if let Some(ramp) = &self.ramp {
+            record.extend(colour(ramp, height));
         }
     }
 
@@ -108,28 +81,18 @@ impl Painter {
     }
 }
 
-impl Shades {
-    /// Red, green, blue and alpha in linear light.
-    fn colour(&self, height: f64) -> [f32; 4] {
-        let (stops, at): (&[_], f64) = match self.ramp {
-            Ramp::Earth => (&EARTH, height),
-            Ramp::Grey => (&GREY, self.share(height)),
-            Ramp::Viridis => (&VIRIDIS, self.share(height)),
-        };
-        let above = stops.partition_point(|(stop, _)| *stop <= at).clamp(1, stops.len() - 1);
-        let ((low, from), (high, to)) = (stops[above - 1], stops[above]);
-        let share = ((at - low) / (high - low)).clamp(0.0, 1.0) as f32;
-        let mixed = [0, 1, 2].map(|i| {
-            let [from, to] = [from[i], to[i]].map(|value| f32::from(value) / 255.0);
-            linear_from_srgb(from + share * (to - from))
-        });
-        [mixed[0], mixed[1], mixed[2], 1.0]
-    }
-
-    fn share(&self, height: f64) -> f64 {
-        let [low, high] = self.range;
-        if high > low { (height - low) / (high - low) } else { 0.5 }
-    }
+/// Red, green, blue and alpha in linear light.
+fn colour(ramp: &Ramp, height: f64) -> [f32; 4] {
+    let stops = ramp.stops();
+    let above = stops.partition_point(|stop| stop.height <= height);
+    let [from, to] = [above.saturating_sub(1), above.min(stops.len() - 1)].map(|number| stops[number]);
+    let width = to.height - from.height;
+    let share = if width > 0.0 { ((height - from.height) / width).clamp(0.0, 1.0) as f32 } else { 0.0 };
+    let mixed = [0, 1, 2].map(|i| {
+        let [from, to] = [from, to].map(|stop| f32::from(stop.colour[i]) / 255.0);
+        linear_from_srgb(from + share * (to - from))
+    });
+    [mixed[0], mixed[1], mixed[2], 1.0]
 }
 
 /// The map from columns and rows to an image: by its own georeference, or over the whole grid, whose edges are half a sample outside.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use lodpack::heights::{Grid, Surface as HeightSurface};
+use lodpack::heights::{Grid, RampStop, Surface as HeightSurface};
 use lodpack::index::{Placement, UpAxis};
 
 use super::mosaic::Mosaic;
@@ -65,6 +65,19 @@ impl HeightSource {
         let (crs, origin) = surface.crs_and_origin(&mosaic);
         let placement = Placement { up: UpAxis::Z, unit: unit.map(|unit| unit.metres), origin, crs };
         Ok(Some(Self { mosaic, options: options.clone(), caps, grid, surface: place, zero, unit, placement }))
+    }
+
+    /// Colours by height, for heights in this range, and their name.
+    ///
+    /// # Errors
+    /// [`lodpack::Error::Model`] if the ramp does not fit.
+    pub fn ramp(&self, range: [f64; 2]) -> lodpack::Result<Option<(lodpack::heights::Ramp, String)>> {
+        let Some(ramp) = &self.options.ramp else { return Ok(None) };
+        let metres = self.unit.map(|unit| unit.metres * self.surface.height_scale);
+        // Heights in the file are those of the raster with `zero` added.
+        let over = ramp.over(range.map(|height| height - self.zero), metres)?;
+        let moved = over.stops().iter().map(|stop| RampStop { height: stop.height + self.zero, ..*stop });
+        Ok(Some((lodpack::heights::Ramp::new(moved.collect())?, ramp.name.clone())))
     }
 
     /// Whether all heights are integers.

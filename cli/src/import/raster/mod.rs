@@ -17,6 +17,7 @@ mod lines;
 mod mosaic;
 mod options;
 mod png;
+mod ramp;
 mod surface;
 mod tiff;
 mod triangulate;
@@ -35,7 +36,8 @@ pub use crs::is_geographic;
 use header::{Header, HeightRows};
 pub use heights::HeightSource;
 use mosaic::Mosaic;
-pub use options::{HeightCode, Nodata, Ramp, RasterOptions, SurfaceKind};
+pub use options::{HeightCode, Nodata, RasterOptions, SurfaceKind};
+pub use ramp::Ramp;
 use surface::Surface;
 
 /// Formats of rasters.

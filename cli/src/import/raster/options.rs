@@ -6,6 +6,7 @@ use lodpack::heights::Base;
 use lodpack::index::Placement;
 use serde::{Deserialize, Serialize};
 
+use super::ramp::Ramp;
 use crate::mesh::tolerance::Unit;
 
 /// How rasters become surfaces.
@@ -105,17 +106,6 @@ pub enum HeightCode {
     Terrarium,
 }
 
-/// Colours by height, by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Ramp {
-    /// Blue seas, green lowlands, brown mountains, white peaks; the shore is at 0.
-    Earth,
-    /// Black to white.
-    Grey,
-    /// Dark violet to yellow, even in lightness.
-    Viridis,
-}
-
 impl SurfaceKind {
     /// Name, kind and description of each.
     pub const ALL: [(&str, Self, &str); 3] = [
@@ -130,15 +120,6 @@ impl HeightCode {
     pub const ALL: [(&str, Self, &str); 2] = [
         ("grey", Self::Grey, "Shades of grey, 8 or 16 bits"),
         ("terrarium", Self::Terrarium, "Colours: 256 x red + green + blue / 256 - 32768 metres"),
-    ];
-}
-
-impl Ramp {
-    /// Name, ramp and description of each.
-    pub const ALL: [(&str, Self, &str); 3] = [
-        ("earth", Self::Earth, "Seas blue, lowlands green, mountains brown and white; the shore is at height 0"),
-        ("grey", Self::Grey, "From black at the lowest to white at the highest height"),
-        ("viridis", Self::Viridis, "From violet to yellow, even in lightness"),
     ];
 }
 
@@ -163,7 +144,7 @@ macro_rules! named {
     )*};
 }
 
-named!(SurfaceKind, HeightCode, Ramp);
+named!(SurfaceKind, HeightCode);
 
 impl std::str::FromStr for Nodata {
     type Err = String;

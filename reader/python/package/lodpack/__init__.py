@@ -12,7 +12,8 @@ Lengths are in the units of the file's coordinates. Opening reads 8 kB; what is 
 from ._build import build
 from ._errors import BuildError, Error, FormatError, LimitError, QueryError, SourceError, UnsupportedError
 from ._file import Cut, File, open
-from ._info import Channel, Info, Level, OverviewInfo
+from ._heights import HeightsFile, Window
+from ._info import Channel, HeightsInfo, Info, Level, OverviewInfo, RampInfo
 from ._lodpack import VERSION as __version__
 from ._mesh import Mesh, TexturedMesh
 
@@ -23,15 +24,19 @@ __all__ = [
     "Error",
     "File",
     "FormatError",
+    "HeightsFile",
+    "HeightsInfo",
     "Info",
     "Level",
     "LimitError",
     "Mesh",
     "OverviewInfo",
     "QueryError",
+    "RampInfo",
     "SourceError",
     "TexturedMesh",
     "UnsupportedError",
+    "Window",
     "__version__",
     "build",
     "open",

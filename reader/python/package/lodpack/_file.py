@@ -26,8 +26,8 @@ _MOST = 2**64 - 1
 
 def open(
     source: str | os.PathLike[str] | bytes | BinaryIO | Any, *, timeout: float = 30.0, limits: Mapping[str, int] | None = None
-) -> File:
-    """Opens a lodpack file. It reads 8 kB of a small file, and the rest of the index's beginning of a large one.
+) -> File | Any:  # What a file holds is seen when it is open; checkers let attributes of both kinds pass.
+    """Opens a lodpack file: a `File`, or a `HeightsFile` if it holds a grid of heights. It reads 8 kB of a small file, and the rest of the index's beginning of a large one.
 
     `source` is a path, an address (``http://``, ``https://``; others such as ``s3://`` where fsspec knows them), the file's bytes, or a
     binary file that can seek, such as what ``fsspec.open`` returns. Web servers have to support range requests. For headers,
@@ -42,7 +42,12 @@ def open(
     """
     if not 0 < timeout < math.inf:
         raise QueryError("a timeout must be a positive number of seconds")
-    return File(open_native(source, timeout, limits))
+    native = open_native(source, timeout, limits)
+    if isinstance(native, _lodpack.HeightsReader):
+        from ._heights import HeightsFile  # It needs this module.
+
+        return HeightsFile(native)
+    return File(native)
 
 
 class Cut:

@@ -46,6 +46,54 @@ class Channel(TypedDict):
     """Of all its images in the file."""
 
 
+class RampInfo(TypedDict):
+    """Colours by height."""
+
+    name: str
+    stops: list[tuple[float, tuple[int, int, int]]]
+    """Heights, and red, green and blue as screens show them (sRGB)."""
+
+
+class HeightsInfo(TypedDict):
+    """What is known about a file of heights as soon as it is open."""
+
+    holds: str
+    """``heights``."""
+    version: str
+    """Version of the format."""
+    generator: str
+    """Program and version that wrote the file."""
+    columns: int
+    """Of samples."""
+    rows: int
+    surface: str
+    """What heights stand on: ``plane``, ``sphere`` or ``ellipsoid``."""
+    first: tuple[float, float]
+    """Of the first sample, in the north-west: x and y, or degrees of longitude and latitude."""
+    spacing: tuple[float, float]
+    """What each column and each row adds. The second one is negative."""
+    wraps: bool
+    """Whether the grid closes around the globe."""
+    poles: tuple[bool, bool]
+    """Whether the first and the last row are a pole."""
+    step: float
+    """The difference of two neighbouring stored heights."""
+    sample_error: float
+    """How far a stored height may be from that of the input, in units of heights."""
+    unit: float | None
+    """Metres in a unit of heights, where that is known."""
+    height_scale: float
+    """Coordinates in a unit of heights."""
+    depth_count: int
+    ramp: RampInfo | None
+    crs: str
+    """The coordinate reference system, as EPSG and a number or as WKT; empty if there is none."""
+    origin: tuple[float, float, float]
+    """What is added to coordinates and heights to have those of the CRS."""
+    bounds: tuple[Point, Point] | None
+    """Smallest and largest coordinates in space; None for an empty file."""
+
+
 class Info(TypedDict):
     """What is known about a file as soon as it is open."""
 

@@ -33,6 +33,8 @@ class Mesh:
     """Why it is not finer: see `Cut.limited_by`."""
     channels: list[Channel]
     """The channels that were extracted with it."""
+    normals: NDArray[np.float32] | None
+    """Of heights the normal of each vertex, from the slopes of the heights: an array of shape (n, 3). None for other meshes."""
 
     def __init__(
         self,
@@ -46,11 +48,15 @@ class Mesh:
         cut: Cut | None = None,
         channels: list[Channel] | None = None,
         textured: _lodpack.Textured | None = None,
+        normals: Any = None,
+        vertex_colours: Any = None,
     ) -> None:
         self.positions, self.triangles = as_array(positions), as_array(triangles)
         self._triangle_nodes = triangle_nodes
         self.cut, self.error, self.error_everywhere, self.limited_by = cut, error, error_everywhere, limited_by
         self.channels, self._textured = channels or [], textured
+        self.normals = None if normals is None else as_array(normals)
+        self._colours = None if vertex_colours is None else as_array(vertex_colours)
 
     @property
     def triangle_nodes(self) -> NDArray[np.uint32] | None:
@@ -70,7 +76,11 @@ class Mesh:
     @property
     def colours(self) -> NDArray[np.uint8] | None:
         """Red, green, blue and opacity of each vertex (sRGB): an array of shape (n, 4), from the first channel of colours that was extracted.
-        None without one."""
+        None without one. Those of heights come from the file's ramp."""
+        if self._colours is not None:
+            import numpy as np
+
+            return np.concatenate([self._colours, np.full((len(self._colours), 1), 255, np.uint8)], axis=1)
         name = _first(self.channels)
         return None if name is None else self.values(name)
 

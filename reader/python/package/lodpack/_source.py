@@ -65,7 +65,7 @@ class FsspecRanges:
         return [bytes(part) for part in self._file_system.cat_ranges(paths, starts, ends, on_error="raise")]
 
 
-def open_native(source: Any, timeout: float, limits: Mapping[str, int] | None) -> _lodpack.Reader:
+def open_native(source: Any, timeout: float, limits: Mapping[str, int] | None) -> _lodpack.Reader | _lodpack.HeightsReader:
     """Opens whatever `source` is."""
     checked = None if limits is None else dict(limits)
     if isinstance(source, (bytes, bytearray, memoryview)):
@@ -94,7 +94,7 @@ def open_native(source: Any, timeout: float, limits: Mapping[str, int] | None) -
     raise TypeError(f"cannot open {type(source).__name__}; give a path, an address, bytes, or a binary file that can seek")
 
 
-def _open_with_fsspec(address: str, limits: dict[str, int] | None) -> _lodpack.Reader:
+def _open_with_fsspec(address: str, limits: dict[str, int] | None) -> _lodpack.Reader | _lodpack.HeightsReader:
     scheme = address.split("://")[0]
     try:
         import fsspec

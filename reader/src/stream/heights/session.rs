@@ -58,7 +58,7 @@ impl HeightsSession {
         let rules = rules(&options, [options.byte_cache, options.decoded_cache]);
         let this = Self {
             shared: Arc::new(Shared::new(Loading::new(Loader::new(content.clone(), rules)))),
-            chooser: Chooser::new(content.index()),
+            chooser: Chooser::new(content.index(), &options),
             content,
             options,
             picture: Picture::default(),
@@ -207,7 +207,8 @@ impl HeightsSession {
             counters.stall_time += now.saturating_sub(self.begun);
         }
         drop(loading);
-        let changes = self.seams.update(self.content.index(), &tiles, &mut self.picture);
+        let peek = |id: TileId| self.shared.lock().geometry.peek(id);
+        let changes = self.seams.update((self.content.index(), &peek), &tiles, &mut self.picture);
         self.count_borders(&changes);
         self.error_px =
             if self.query.as_ref().is_some_and(|(query, _)| query.view.is_some()) { drawable.error } else { 0.0 };

@@ -1,5 +1,8 @@
 //! Which tiles a frame wants, at which resolutions: the largest error on the screen becomes smaller first (Niski 2007, chapter 4).
 //!
+//! Images of tiles have an error of their own, the size of a sample on the screen: where that is too large ([`Options::sample_px`]), a tile gives way
+//! to its quarters, too, and these are drawn with as few triangles as their errors allow.
+//!
 //! It begins with the tiles at depth 0. As long as an error is larger than what is tolerated, the tile with the largest one becomes finer: the next
 //! resolution, or else its quarters, without those that the view does not show or that the globe hides. Everything is chosen from the index.
 
@@ -10,8 +13,9 @@ use std::{
 
 use crate::{
     error::{Error, Result},
-    heights::{HeightsIndex, Place, TileId, TileRecord, WantedPage, enclosed_ball, is_hidden, tile_box},
+    heights::{Base, HeightsIndex, Place, TileId, TileRecord, WantedPage, enclosed_ball, is_hidden, tile_box},
     select::{Limiter, OrientedBox, Projection, Query, Volume},
+    stream::Options,
 };
 
 /// Boxes that are kept.
@@ -83,6 +87,17 @@ impl Ord for Candidate {
     }
 }
 
+/// How far apart the samples of a tile are at most, in units of space.
+fn spacing(index: &HeightsIndex, id: TileId) -> f64 {
+    let (grid, surface) = (index.grid(), index.surface());
+    let lines = (1_u64 << (grid.depth() - id.depth.min(grid.depth()))) as f64;
+    let [column, row] = surface.spacing.map(f64::abs);
+    match surface.base {
+        Base::Plane => lines * column.max(row),
+        Base::Ellipsoid { axis, .. } => lines * column.max(row) * (std::f64::consts::PI / 180.0) * axis,
+    }
+}
+
 /// What a query shows, and how large.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sight {
@@ -117,11 +132,22 @@ pub(super) struct Chooser {
     boxes: HashMap<TileId, OrientedBox>,
     /// What hides the far side of a globe: see [`enclosed_ball`].
     ball: Option<f64>,
+    sample_px: f64,
 }
 
 impl Chooser {
-    pub fn new(index: &HeightsIndex) -> Self {
-        Self { boxes: HashMap::new(), ball: enclosed_ball(index) }
+    pub fn new(index: &HeightsIndex, options: &Options) -> Self {
+        Self { boxes: HashMap::new(), ball: enclosed_ball(index), sample_px: options.sample_px }
+    }
+
+    /// What decides whether a tile becomes finer: its error or, in a view, that of its images, of which the tolerance is a sample's size.
+    fn priority(&self, index: &HeightsIndex, tile: &WantedTile, sight: &Sight) -> f64 {
+        let is_level = tile.record.lowest == tile.record.highest;
+        if is_level || sight.projection.is_none() || !self.sample_px.is_finite() {
+            return tile.error();
+        }
+        let samples = tile.factor * spacing(index, tile.record.id) / self.sample_px.max(f64::MIN_POSITIVE);
+        tile.error().max(samples * sight.tolerance)
     }
 
     /// Pixels per unit of error, or 1 without a view; 0 for a tile that is not shown.
@@ -150,7 +176,7 @@ impl Chooser {
             let Some(tile) = self.tile(index, id, sight, f64::INFINITY) else { continue };
             if tile.factor > 0.0 {
                 counts = [counts[0] + tile.triangle_count(), counts[1] + 1];
-                waiting.push(Candidate { error: tile.error(), id });
+                waiting.push(Candidate { error: self.priority(index, &tile, sight), id });
             }
             wanted.tiles.insert(id, tile);
         }
@@ -161,10 +187,15 @@ impl Chooser {
                 break;
             }
             let Some(tile) = wanted.tiles.get(&id) else { continue };
-            let (before, finest) = (tile.triangle_count(), tile.resolution + 1 >= tile.record.resolutions.len());
+            // More triangles make no image finer.
+            let is_near = tile.error() <= sight.tolerance;
+            let finest = is_near || tile.resolution + 1 >= tile.record.resolutions.len();
+            let before = tile.triangle_count();
             let new = if finest {
                 if tile.record.children == 0 {
-                    wanted.limiter = Limiter::Finest;
+                    if !is_near {
+                        wanted.limiter = Limiter::Finest;
+                    }
                     continue;
                 }
                 let urgency = tile.error();
@@ -194,7 +225,7 @@ impl Chooser {
             }
             for tile in new {
                 if tile.factor > 0.0 {
-                    waiting.push(Candidate { error: tile.error(), id: tile.record.id });
+                    waiting.push(Candidate { error: self.priority(index, &tile, sight), id: tile.record.id });
                 }
                 wanted.tiles.insert(tile.record.id, tile);
             }

@@ -21,7 +21,7 @@ use crate::{
 
 const NOW: Duration = Duration::ZERO;
 
-fn terrains() -> Vec<(&'static str, Terrain)> {
+pub(super) fn terrains() -> Vec<(&'static str, Terrain)> {
     let island = |column: u64, row: u64| {
         let away = column.abs_diff(120).pow(2) + row.abs_diff(80).pow(2);
         away < 60_u64.pow(2) && away > 15_u64.pow(2) || column + row == 77 || column > 200 && row % 37 == 5
@@ -37,16 +37,16 @@ fn terrains() -> Vec<(&'static str, Terrain)> {
     ]
 }
 
-fn open(bytes: &[u8]) -> Heights<&[u8]> {
+pub(super) fn open(bytes: &[u8]) -> Heights<&[u8]> {
     Heights::open(bytes, Limits::default()).unwrap()
 }
 
-fn options(mode: Mode) -> Options {
+pub(super) fn options(mode: Mode) -> Options {
     Options { mode, ..Options::default() }
 }
 
 /// A view from anywhere around the terrain, mostly towards it.
-fn random_view(index: &HeightsIndex, random: &mut Random) -> View {
+pub(super) fn random_view(index: &HeightsIndex, random: &mut Random) -> View {
     let (grid, surface) = (index.grid(), index.surface());
     let mut at = |height: f64| {
         let [column, row] = grid.cells().map(|count| random.below(count + 1));
@@ -88,14 +88,14 @@ fn triangles_of(picture: &Picture, name: &str) -> Triangles {
 
 /// Jobs of a session, done in a random order.
 #[derive(Default)]
-struct Worker {
+pub(super) struct Worker {
     flying: Vec<Read>,
-    now: Duration,
+    pub(super) now: Duration,
 }
 
 impl Worker {
     /// Does some jobs; all if `most` is large.
-    fn work(&mut self, session: &HeightsSession, source: &[u8], most: u64, random: &mut Random) {
+    pub(super) fn work(&mut self, session: &HeightsSession, source: &[u8], most: u64, random: &mut Random) {
         for _ in 0..most {
             match session.poll(self.now) {
                 Some(Job::Read(read)) => self.flying.push(read),
@@ -110,13 +110,13 @@ impl Worker {
     }
 }
 
-fn frame(session: &mut HeightsSession, view: &View) -> Frame {
+pub(super) fn frame(session: &mut HeightsSession, view: &View) -> Frame {
     session.begin(&Query { view: Some(*view), ..Query::default() }, None, NOW).unwrap();
     session.end(NOW).unwrap()
 }
 
 /// Draws a frame after everything for it has come.
-fn settled(session: &mut HeightsSession, view: &View, source: &[u8]) -> Frame {
+pub(super) fn settled(session: &mut HeightsSession, view: &View, source: &[u8]) -> Frame {
     for second in 0..50 {
         let now = Duration::from_secs(second);
         session.begin(&Query { view: Some(*view), ..Query::default() }, None, now).unwrap();

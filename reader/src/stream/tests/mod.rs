@@ -2,6 +2,7 @@ mod borders;
 mod damage;
 mod following;
 mod heights;
+mod images;
 #[cfg(feature = "threads")]
 mod lists;
 mod loading;

@@ -127,10 +127,10 @@ pub struct BuildArgs {
     #[arg(long, value_name = "N", conflicts_with = "job", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub workers: Option<u32>,
     /// Keep the grid of rasters: the file gets a height for each sample in place of triangles, which makes it smaller and its build many times
-    /// faster. `extract`, `export`, `info`, `verify`, the viewers and JavaScript read such files; Python and C do not yet. The
+    /// faster. `extract`, `export`, `info`, `verify`, the viewers, JavaScript and Python read such files; C does not yet. The
     /// tolerance is how far a height may be off: 0 keeps integers as they are, and auto is half of what a sample is off the middle of its
     /// neighbours, on average.
-    #[arg(long, conflicts_with_all = ["job", "workers", "resume", "extensible", "drape", "ramp", "channels", "color_quality", "effort", "levels", "fillings", "up"])]
+    #[arg(long, conflicts_with_all = ["job", "workers", "resume", "extensible", "drape", "channels", "color_quality", "effort", "levels", "fillings", "up"])]
     pub heights: bool,
     /// Directory for temporary files. By default that of the output.
     #[arg(long, value_name = "DIR")]

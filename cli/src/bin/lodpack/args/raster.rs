@@ -35,16 +35,17 @@ pub struct RasterArgs {
     /// An image over the grid, which becomes its colour: a GeoTIFF where it says it is, another image over the whole grid.
     #[arg(long, value_name = "IMAGE", conflicts_with = "ramp")]
     pub drape: Option<PathBuf>,
-    /// Colours by height.
-    #[arg(long, value_name = "NAME", value_parser = parse_choice(Ramp::ALL))]
+    /// Colours by height: earth (seas blue, lowlands green, mountains brown and white, with the shore at height 0), grey (black to white) or
+    /// viridis (violet to yellow); or a file of lines 'height red green blue', as gdaldem color-relief takes it.
+    #[arg(long, value_name = "NAME|FILE")]
     pub ramp: Option<Ramp>,
 }
 
 impl RasterArgs {
     /// What was typed.
     pub fn options(&self) -> RasterOptions {
-        let &Self { surface, radius, vertical_unit, nodata, spacing, height_code, ramp, .. } = self;
-        let (bounds, drape) = (self.bounds.map(|bounds| bounds.0), self.drape.clone());
+        let &Self { surface, radius, vertical_unit, nodata, spacing, height_code, .. } = self;
+        let (bounds, drape, ramp) = (self.bounds.map(|bounds| bounds.0), self.drape.clone(), self.ramp.clone());
         RasterOptions {
             surface,
             radius,

@@ -15,6 +15,7 @@ use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh};
 use lodpack_cli::mesh::glb::write_textured_glb;
 use lodpack_cli::mesh::layers::{Layer, Look};
 use lodpack_cli::mesh::pages::PagedMesh;
+use lodpack_cli::mesh::shaded::{Shading, write_shaded_mesh};
 use lodpack_cli::mesh::textured::{material_file, png, write_coloured_ply, write_textured_obj};
 use lodpack_cli::pipeline::{Topology, cut_triangles, finish, painted};
 use serde::Serialize;
@@ -169,6 +170,8 @@ pub struct Drawn {
     pub topology: Topology,
     /// The same with images of its look.
     pub textured: Option<(TexturedMesh, Look)>,
+    /// Of heights: normals, and colours if there is a ramp.
+    pub shading: Option<Shading>,
 }
 
 impl Drawn {
@@ -183,6 +186,7 @@ impl Drawn {
             cut_triangles: None,
             topology: Topology::Kept,
             textured: None,
+            shading: None,
         }
     }
 
@@ -208,6 +212,7 @@ impl Drawn {
             cut_triangles: Some(self.triangles.len() as u64),
             topology: finished.topology,
             textured,
+            shading: None,
         })
     }
 }
@@ -293,6 +298,9 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
 }
 
 fn write(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: &Drawn) -> Result<()> {
+    if let Some(shading) = &mesh.shading {
+        return Ok(write_shaded_mesh(out, format, (&mesh.positions, &mesh.triangles), shading)?);
+    }
     let Some((textured, look)) = &mesh.textured else {
         return Ok(write_mesh(out, format, &mesh.positions, &mesh.triangles)?);
     };

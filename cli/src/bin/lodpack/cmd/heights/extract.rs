@@ -7,6 +7,7 @@ use crate::output::count;
 use anyhow::{Result, bail};
 use lodpack::Limiter;
 use lodpack::heights::{Heights, HeightsCut, HeightsMesh, HeightsQuery};
+use lodpack_cli::mesh::shaded::Shading;
 use lodpack_cli::pipeline::Topology;
 
 /// A budget is met after so many attempts, or not at all.
@@ -24,6 +25,9 @@ pub fn mesh_of(file: &Heights<Source>, tolerance: Option<f64>, args: &ExtractArg
     if cut.tiles.is_empty() {
         bail!("{name}: nothing touches the box; the grid reaches {}", super::reach(file));
     }
+    let normals = mesh.normals.iter().map(|normal| normal.map(|x| f32::from(x) / 32767.0)).collect();
+    let ramp = file.ramp().filter(|_| args.channels == "auto");
+    let colours = ramp.map(|ramp| mesh.heights.iter().map(|&height| ramp.colour(height)).collect());
     let drawn = Drawn {
         positions: mesh.positions,
         triangles: mesh.triangles,
@@ -33,6 +37,7 @@ pub fn mesh_of(file: &Heights<Source>, tolerance: Option<f64>, args: &ExtractArg
         cut_triangles: None,
         topology: Topology::Kept,
         textured: None,
+        shading: Some(Shading { normals, colours }),
     };
     Ok((drawn, cut.tiles.len() as u64))
 }

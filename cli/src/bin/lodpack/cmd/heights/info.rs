@@ -37,11 +37,20 @@ struct Info {
     highest: f64,
     step: f64,
     sample_error: f64,
+    ramp: Option<RampInfo>,
     placement: Option<PlacementInfo>,
     depths: Vec<Depth>,
     depth_count: u32,
     bytes_read: u64,
     requests: u64,
+}
+
+/// Colours by height.
+#[derive(Serialize)]
+struct RampInfo {
+    name: String,
+    /// Height, and red, green and blue from 0 to 255.
+    stops: Vec<(f64, [u8; 3])>,
 }
 
 /// The tiles of a depth.
@@ -92,6 +101,10 @@ pub fn run(file: &Heights<Source>, args: &InfoArgs) -> Result<()> {
         highest: about.height(range[1]),
         step: about.step,
         sample_error: about.sample_error,
+        ramp: file.ramp().map(|ramp| RampInfo {
+            name: about.ramp.clone(),
+            stops: ramp.stops().iter().map(|stop| (stop.height, stop.colour)).collect(),
+        }),
         placement: file.placement().map(PlacementInfo::new),
         depths,
         depth_count: grid.depth() + 1,
@@ -131,6 +144,9 @@ fn print(info: &Info, file: &Heights<Source>, args: &InfoArgs) -> Result<()> {
         say!("  place      {}", placement.text());
     }
     say!("  heights    {} to {}, in steps of {}", length(info.lowest), length(info.highest), length(info.step));
+    if let Some(ramp) = &info.ramp {
+        say!("  ramp       {}, {} colours", ramp.name, count(ramp.stops.len() as u64));
+    }
     say!("  error      samples {} at most", length(info.sample_error));
     say!("  size       {}, {:.2} bits per sample", bytes(info.bytes), info.bits_per_sample);
     for (number, depth) in info.depths.iter().enumerate() {

@@ -1,0 +1,202 @@
+"""An open file of heights: a grid on a plane or around a globe."""
+
+from __future__ import annotations
+
+import math
+import operator
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, NamedTuple, Sequence
+
+from . import _lodpack
+from ._errors import QueryError
+from ._file import _budget
+from ._info import HeightsInfo
+from ._mesh import Mesh, as_array
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Bounds = Sequence[Sequence[float]] | NDArray[np.floating[Any]]
+
+
+class Window(NamedTuple):
+    """Samples of a rectangle of a grid, and where they are."""
+
+    heights: NDArray[np.float64]
+    """From the north-west, row by row: an array of two dimensions, with NaN where there are no heights."""
+    first: tuple[float, float]
+    """x and y of the first sample, or its degrees of longitude and latitude."""
+    spacing: tuple[float, float]
+    """What each column and each row adds. The second one is negative."""
+    crs: str
+    """The coordinate reference system, as EPSG and a number or as WKT; empty if there is none."""
+
+    @property
+    def transform(self) -> tuple[float, float, float, float, float, float]:
+        """From column and row of a pixel's corner to coordinates, as rasterio and affine have it: ``Affine(*window.transform)``. Pixels
+        lie around samples."""
+        (x, y), (dx, dy) = self.first, self.spacing
+        return (dx, 0.0, x - dx / 2, 0.0, dy, y - dy / 2)
+
+
+class HeightsFile:
+    """An open file of heights. Threads may share it; while one of them reads or decodes, the others go on."""
+
+    def __init__(self, native: _lodpack.HeightsReader) -> None:
+        self._open: _lodpack.HeightsReader | None = native
+        self._name = native.name
+
+    @property
+    def _native(self) -> _lodpack.HeightsReader:
+        if self._open is None:
+            raise ValueError(f"{self._name} is closed")
+        return self._open
+
+    @property
+    def name(self) -> str:
+        """Path or address."""
+        return self._name
+
+    @property
+    def bounds(self) -> NDArray[np.float64] | None:
+        """Smallest and largest coordinates in space, as an array of two rows; None for an empty file."""
+        import numpy as np
+
+        bounds = self._native.bounds
+        return None if bounds is None else np.array(bounds)
+
+    @property
+    def bytes_read(self) -> int:
+        """Bytes read so far."""
+        return self._native.bytes_read
+
+    @property
+    def request_count(self) -> int:
+        """Requests made so far, each for one range of bytes."""
+        return self._native.request_count
+
+    def info(self) -> HeightsInfo:
+        """What the file holds. Reads nothing."""
+        return self._native.info()
+
+    def extract(
+        self, *, tolerance: float | None = None, triangles: int | None = None, bbox: Bounds | None = None
+    ) -> Mesh:
+        """Reads and decodes the mesh of the coarsest cut within the tolerance, or of the finest one. It has no cracks, whatever is coarse or fine.
+
+        `tolerance`: the error to reach, in units of coordinates.
+        `triangles`: the most triangles, without those that tiles of different depths add where they meet.
+        `bbox`: smallest and largest x and y, or longitude and latitude in degrees, as ((x0, y0), (x1, y1)); tiles that it touches are whole.
+
+        `Mesh.normals` are those of the slopes of the heights, and `Mesh.colours` those of the file's ramp, if it has one.
+
+        Raises `QueryError` for what is not a number."""
+        error, limited_by, (positions, corners, tiles, normals, colours) = self._native.extract(
+            tolerance=None if tolerance is None else float(tolerance),
+            bbox=None if bbox is None else _corners(bbox),
+            triangles=_budget(triangles, "triangles"),
+        )
+        return Mesh(
+            positions,
+            corners,
+            triangle_nodes=tiles,
+            error=error,
+            error_everywhere=error,
+            limited_by=limited_by,
+            normals=normals,
+            vertex_colours=colours,
+        )
+
+    def window(
+        self,
+        *,
+        bbox: Bounds | None = None,
+        columns: tuple[int, int] | None = None,
+        rows: tuple[int, int] | None = None,
+    ) -> Window:
+        """Reads the heights of a rectangle of samples: those within a box, or some columns and rows, from the first to before the last one;
+        all without either. Around a globe, columns go on from the beginning: (350, 370) of 360 crosses the end of the grid.
+
+        Raises `QueryError` if there are no such samples, or more than fit in memory."""
+        info = self._native.info()
+        if bbox is not None:
+            if columns is not None or rows is not None:
+                raise QueryError("give a box, or columns and rows, not both")
+            columns, rows = _within(info, _corners(bbox))
+        first, last = _range(columns, info["columns"], "columns")
+        north, south = _range(rows, info["rows"], "rows")
+        if last <= first or south <= north:
+            raise QueryError("a window has at least one column and one row")
+        heights = as_array(self._native.window((first, last), (north, south)))
+        (x, y), (dx, dy) = info["first"], info["spacing"]
+        return Window(heights, (x + first * dx, y + north * dy), (dx, dy), info["crs"])
+
+    def verify(self) -> None:
+        """Reads the complete file, and checks every checksum. Raises `FormatError` with the first damage."""
+        self._native.verify()
+
+    def close(self) -> None:
+        """Lets go of the file or the connection. Meshes and windows stay."""
+        self._open = None
+
+    def __enter__(self) -> HeightsFile:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        if self._open is None:
+            return f"<lodpack.HeightsFile {self._name!r}, closed>"
+        info = self.info()
+        return f"<lodpack.HeightsFile {self._name!r}: {info['columns']:,} x {info['rows']:,} samples>"
+
+
+def _corners(bbox: Any) -> list[list[float]]:
+    """The two corners of a box, as lists."""
+    try:
+        corners = [[float(value) for value in corner] for corner in bbox]
+    except TypeError:
+        corners = []
+    if [len(corner) for corner in corners] != [2, 2]:
+        raise QueryError("give bbox as two corners of a map: ((x0, y0), (x1, y1))")
+    if not all(math.isfinite(value) for corner in corners for value in corner):
+        raise QueryError(f"a coordinate of bbox is not a number: {corners}")
+    return corners
+
+
+def _within(info: HeightsInfo, corners: list[list[float]]) -> tuple[tuple[int, int], tuple[int, int]]:
+    """The columns and rows of samples within a box."""
+    (west, south), (east, north) = corners
+    (x, y), (dx, dy) = info["first"], info["spacing"]
+    if info["wraps"]:
+        # East of the box, perhaps once more around the globe.
+        around = info["columns"] * dx
+        east = west + min((east - west) % around if east < west else east - west, around - dx)
+        shift = ((west - x) // around) * around
+        west, east = west - shift, east - shift
+    first, last = math.ceil((west - x) / dx - 1e-9), math.floor((east - x) / dx + 1e-9) + 1
+    top, bottom = math.ceil((north - y) / dy - 1e-9), math.floor((south - y) / dy + 1e-9) + 1
+    if not info["wraps"]:
+        first, last = max(first, 0), min(last, info["columns"])
+    elif first >= info["columns"]:
+        first, last = first - info["columns"], last - info["columns"]
+    top, bottom = max(top, 0), min(bottom, info["rows"])
+    if last <= first or bottom <= top:
+        raise QueryError("no sample lies within the box")
+    return (first, last), (top, bottom)
+
+
+def _range(wanted: tuple[int, int] | None, count: int, name: str) -> tuple[int, int]:
+    if wanted is None:
+        return 0, count
+    try:
+        first, last = (operator.index(number) for number in wanted)
+    except (TypeError, ValueError):
+        raise QueryError(f"give {name} as two whole numbers: the first one, and that behind the last one") from None
+    if first < 0 or last < first or last > 2**63:
+        raise QueryError(f"{name} {first} to {last} are not in a grid of {count}")
+    return first, last
