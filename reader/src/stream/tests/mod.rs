@@ -39,6 +39,7 @@ const APART: Options = Options {
     max_attempts: 3,
     retry_delay: Duration::from_millis(10),
     may_stay_finer: true,
+    sample_px: f64::INFINITY,
 };
 
 /// A closed surface of 6 n^2 roots with four levels; one of four is a grid.
