@@ -1,6 +1,11 @@
 //! An open file of heights, and its answers.
 
-use crate::{array::Array, error::exception, reader::run, source::Source};
+use crate::{
+    array::Array,
+    error::exception,
+    reader::{Point, run},
+    source::Source,
+};
 use lodpack::{
     Limiter,
     heights::{Base, Heights, HeightsMesh, HeightsQuery},
@@ -56,7 +61,7 @@ impl HeightsReader {
     }
 
     #[getter]
-    fn bounds(&self) -> Option<((f64, f64, f64), (f64, f64, f64))> {
+    fn bounds(&self) -> Option<(Point, Point)> {
         self.file.index().bounds().map(|[low, high]| (low.into(), high.into()))
     }
 

@@ -22,7 +22,7 @@ use std::{path::PathBuf, sync::Arc, time::Duration};
 const SLOW_TRIANGLES: u64 = 100_000;
 
 /// A point as a tuple.
-type Point = (f64, f64, f64);
+pub type Point = (f64, f64, f64);
 
 /// An open file.
 #[pyclass(frozen, module = "lodpack._lodpack")]

@@ -81,8 +81,12 @@ fn a_shifted_tile_and_an_error_that_is_too_small_are_found() {
     // The first tiles below the root have numbers from 1.
     let shifted = checked(&path, 30, Some(Fault::ShiftedBorder(2, DVec3::new(0.0, 0.0, 40.0))));
     assert!(shifted.failures.iter().any(|failure| failure.starts_with("cracks")), "{:?}", shifted.lines);
-    let less = checked(&path, 30, Some(Fault::LessError(0, 1e-3)));
-    assert!(less.failures.iter().any(|failure| failure.starts_with("error")), "{:?}", less.lines);
+    // Which tiles are drawn coarsely depends on the views.
+    let is_found = |number: u32| {
+        let less = checked(&path, 30, Some(Fault::LessError(number, 1e-3)));
+        less.failures.iter().any(|failure| failure.starts_with("error"))
+    };
+    assert!((0..12).any(is_found));
 }
 
 #[test]
