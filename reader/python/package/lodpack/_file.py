@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import operator
 import os
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, BinaryIO, Mapping, Sequence, overload
 
 from . import _lodpack
 from ._errors import QueryError
 from ._info import Channel, Info
 from ._mesh import Mesh, as_array
+from ._opened import OpenFile
 from ._source import open_native
 
 if TYPE_CHECKING:
@@ -94,46 +94,13 @@ class Cut:
         return f"<lodpack.Cut of {self.triangle_count:,} triangles, error at most {self.error:g}, limited by {self.limited_by}>"
 
 
-class File:
+class File(OpenFile[_lodpack.Reader]):
     """An open lodpack file. Threads may share it; while one of them reads or decodes, the others go on."""
-
-    def __init__(self, native: _lodpack.Reader) -> None:
-        self._open: _lodpack.Reader | None = native
-        self._name = native.name
-
-    @property
-    def _native(self) -> _lodpack.Reader:
-        if self._open is None:
-            raise ValueError(f"{self._name} is closed")
-        return self._open
-
-    @property
-    def name(self) -> str:
-        """Path or address."""
-        return self._name
-
-    @property
-    def bounds(self) -> NDArray[np.float64] | None:
-        """Smallest and largest coordinates, as an array of two rows; None for an empty file."""
-        import numpy as np
-
-        bounds = self._native.bounds
-        return None if bounds is None else np.array(bounds)
 
     @property
     def channels(self) -> list[Channel]:
         """What the surface carries besides positions: colours, measured numbers."""
         return self._native.info()["channels"]
-
-    @property
-    def bytes_read(self) -> int:
-        """Bytes read so far."""
-        return self._native.bytes_read
-
-    @property
-    def request_count(self) -> int:
-        """Requests made so far, each for one range of bytes."""
-        return self._native.request_count
 
     def info(self) -> Info:
         """What the file holds. Reads nothing."""
@@ -249,18 +216,6 @@ class File:
         """Reads the complete file, checks every checksum and every rule of the format, and draws every root at every level. Raises
         `FormatError` with the first damage."""
         self._native.verify()
-
-    def close(self) -> None:
-        """Lets go of the file or the connection. Meshes stay."""
-        self._open = None
-
-    def __enter__(self) -> File:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         if self._open is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import operator
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, Sequence
 
 from . import _lodpack
@@ -12,6 +11,7 @@ from ._errors import QueryError
 from ._file import _budget
 from ._info import HeightsInfo
 from ._mesh import Mesh, as_array
+from ._opened import OpenFile
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,41 +40,8 @@ class Window(NamedTuple):
         return (dx, 0.0, x - dx / 2, 0.0, dy, y - dy / 2)
 
 
-class HeightsFile:
+class HeightsFile(OpenFile[_lodpack.HeightsReader]):
     """An open file of heights. Threads may share it; while one of them reads or decodes, the others go on."""
-
-    def __init__(self, native: _lodpack.HeightsReader) -> None:
-        self._open: _lodpack.HeightsReader | None = native
-        self._name = native.name
-
-    @property
-    def _native(self) -> _lodpack.HeightsReader:
-        if self._open is None:
-            raise ValueError(f"{self._name} is closed")
-        return self._open
-
-    @property
-    def name(self) -> str:
-        """Path or address."""
-        return self._name
-
-    @property
-    def bounds(self) -> NDArray[np.float64] | None:
-        """Smallest and largest coordinates in space, as an array of two rows; None for an empty file."""
-        import numpy as np
-
-        bounds = self._native.bounds
-        return None if bounds is None else np.array(bounds)
-
-    @property
-    def bytes_read(self) -> int:
-        """Bytes read so far."""
-        return self._native.bytes_read
-
-    @property
-    def request_count(self) -> int:
-        """Requests made so far, each for one range of bytes."""
-        return self._native.request_count
 
     def info(self) -> HeightsInfo:
         """What the file holds. Reads nothing."""
@@ -135,18 +102,6 @@ class HeightsFile:
     def verify(self) -> None:
         """Reads the complete file, and checks every checksum. Raises `FormatError` with the first damage."""
         self._native.verify()
-
-    def close(self) -> None:
-        """Lets go of the file or the connection. Meshes and windows stay."""
-        self._open = None
-
-    def __enter__(self) -> HeightsFile:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         if self._open is None:
