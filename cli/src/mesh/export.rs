@@ -63,7 +63,7 @@ pub fn write_mesh(
     }
     let mut out = BufWriter::with_capacity(1 << 20, out);
     match format {
-        MeshFormat::Ply => write_ply(&mut out, positions, triangles),
+        MeshFormat::Ply => write_ply::<0>(&mut out, positions, triangles, &[]),
         MeshFormat::Obj => write_obj(&mut out, positions, triangles),
         MeshFormat::Stl => write_stl(&mut out, positions, triangles),
         MeshFormat::Glb => write_glb(&mut out, positions, triangles),
@@ -71,23 +71,32 @@ pub fn write_mesh(
     out.flush()
 }
 
-fn write_ply(out: &mut impl Write, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> io::Result<()> {
+/// Writes binary PLY. Vertices have as many components of colour as there are in `colours`: one entry each, or none at all.
+pub(super) fn write_ply<const N: usize>(
+    out: &mut impl Write,
+    positions: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    colours: &[[u8; N]],
+) -> io::Result<()> {
     write!(
         out,
-        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n\
-         element face {}\nproperty list uchar uint vertex_indices\nend_header\n",
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n",
         positions.len(),
-        triangles.len()
     )?;
-    for p in positions {
-        for c in p {
-            out.write_all(&c.to_le_bytes())?;
-        }
+    for component in &["red", "green", "blue", "alpha"][..N] {
+        writeln!(out, "property uchar {component}")?;
     }
-    for t in triangles {
+    write!(out, "element face {}\nproperty list uchar uint vertex_indices\nend_header\n", triangles.len())?;
+    for (vertex, position) in positions.iter().enumerate() {
+        for x in position {
+            out.write_all(&x.to_le_bytes())?;
+        }
+        out.write_all(colours.get(vertex).map_or(&[], |colour| colour.as_slice()))?;
+    }
+    for triangle in triangles {
         out.write_all(&[3])?;
-        for v in t {
-            out.write_all(&v.to_le_bytes())?;
+        for vertex in triangle {
+            out.write_all(&vertex.to_le_bytes())?;
         }
     }
     Ok(())

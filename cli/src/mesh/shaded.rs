@@ -4,7 +4,7 @@ use std::io::{self, BufWriter, Write};
 
 use serde_json::json;
 
-use super::export::{MeshFormat, write_mesh};
+use super::export::{MeshFormat, write_mesh, write_ply};
 use super::srgb::linear_from_srgb;
 use super::textured::Binary;
 
@@ -35,38 +35,13 @@ pub fn write_shaded_mesh(
 ) -> io::Result<()> {
     match (format, &shading.colours) {
         (MeshFormat::Glb, _) => write_glb(out, (positions, triangles), shading),
-        (MeshFormat::Ply, Some(colours)) => write_ply(out, (positions, triangles), colours),
+        (MeshFormat::Ply, Some(colours)) => {
+            let mut out = BufWriter::with_capacity(1 << 20, out);
+            write_ply(&mut out, positions, triangles, colours)?;
+            out.flush()
+        }
         _ => write_mesh(out, format, positions, triangles),
     }
-}
-
-fn write_ply(
-    out: impl Write,
-    (positions, triangles): (&[[f64; 3]], &[[u32; 3]]),
-    colours: &[[u8; 3]],
-) -> io::Result<()> {
-    let mut out = BufWriter::with_capacity(1 << 20, out);
-    write!(
-        out,
-        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n\
-         property uchar red\nproperty uchar green\nproperty uchar blue\n\
-         element face {}\nproperty list uchar uint vertex_indices\nend_header\n",
-        positions.len(),
-        triangles.len()
-    )?;
-    for (position, colour) in positions.iter().zip(colours) {
-        for x in position {
-            out.write_all(&x.to_le_bytes())?;
-        }
-        out.write_all(colour)?;
-    }
-    for triangle in triangles {
-        out.write_all(&[3])?;
-        for vertex in triangle {
-            out.write_all(&vertex.to_le_bytes())?;
-        }
-    }
-    out.flush()
 }
 
 fn write_glb(out: impl Write, (positions, triangles): (&[[f64; 3]], &[[u32; 3]]), shading: &Shading) -> io::Result<()> {

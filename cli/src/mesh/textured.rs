@@ -32,26 +32,7 @@ pub fn write_coloured_ply(out: impl Write, textured: &TexturedMesh, channel: usi
     let mesh = &textured.mesh;
     let colours = vertex_colours(textured, channel);
     let mut out = BufWriter::with_capacity(1 << 20, out);
-    write!(
-        out,
-        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n\
-         property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n\
-         element face {}\nproperty list uchar uint vertex_indices\nend_header\n",
-        mesh.positions.len(),
-        mesh.triangles.len()
-    )?;
-    for (position, colour) in mesh.positions.iter().zip(colours) {
-        for x in position {
-            out.write_all(&x.to_le_bytes())?;
-        }
-        out.write_all(&colour)?;
-    }
-    for triangle in &mesh.triangles {
-        out.write_all(&[3])?;
-        for vertex in triangle {
-            out.write_all(&vertex.to_le_bytes())?;
-        }
-    }
+    super::export::write_ply(&mut out, &mesh.positions, &mesh.triangles, &colours)?;
     out.flush()
 }
 
