@@ -184,19 +184,31 @@ pub fn killed(mut command: Command, after: Duration, signal: &str) -> (bool, Str
     (!out.status.success(), String::from_utf8_lossy(&out.stderr).into_owned())
 }
 
-#[test]
-fn a_build_killed_again_and_again_ends_with_the_same_bytes() {
-    let folder = Folder::new();
-    let build = format!("build SCAN {LITTLE} -o out.lodpack --resume");
+/// Kills a build that resumes, again and again and later each time, until one gets to its end. Returns how often it was killed.
+pub fn kills_until_built(folder: &Folder, build: &str, first: i32) -> u32 {
     let mut kills = 0;
-    for round in 0.. {
-        let (was_running, _) = killed(folder.command(&build), later(round), "-KILL");
+    for round in first.. {
+        let (was_running, _) = killed(folder.command(build), later(round), "-KILL");
         if !was_running {
             break;
         }
         kills += 1;
-        assert!(!folder.path("out.lodpack").exists(), "a file has its final name before it is finished");
+        // The signal may come between the last rename and the end of the process, which then leaves its state behind.
+        if folder.path("out.lodpack").exists() {
+            assert!(folder.built("out.lodpack"), "a file has its final name before it is finished");
+            if folder.path("out.lodpack.building").exists() {
+                folder.ok(build);
+            }
+            break;
+        }
     }
+    kills
+}
+
+#[test]
+fn a_build_killed_again_and_again_ends_with_the_same_bytes() {
+    let folder = Folder::new();
+    let kills = kills_until_built(&folder, &format!("build SCAN {LITTLE} -o out.lodpack --resume"), 0);
     assert!(kills > 1 && folder.built("out.lodpack"), "{kills}");
     assert_eq!(fs::read_dir(folder.0.path()).expect("readable").count(), 1, "something was left behind");
 }

@@ -1,6 +1,6 @@
 //! Jobs whose planning is divided, too, as people run them: workers, kills in every stage, what `status` says, and recipes.
 
-use crate::jobs::{Folder, killed, later};
+use crate::jobs::{Folder, killed, kills_until_built, later};
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
@@ -96,16 +96,7 @@ fn twenty_kills_over_all_stages_change_nothing() {
 #[test]
 fn workers_end_with_a_killed_build_which_can_be_resumed() {
     let folder = Folder::new();
-    let build = "build SCAN --workers 2 -o out.lodpack --resume";
-    let mut kills = 0;
-    for round in 2.. {
-        let (was_running, _) = killed(folder.command(build), later(round), "-KILL");
-        if !was_running {
-            break;
-        }
-        kills += 1;
-        assert!(!folder.path("out.lodpack").exists(), "a file has its final name before it is finished");
-    }
+    let kills = kills_until_built(&folder, "build SCAN --workers 2 -o out.lodpack --resume", 2);
     assert!(kills > 0 && folder.built("out.lodpack"));
     assert_eq!(fs::read_dir(folder.path("")).expect("readable").count(), 1, "something was left behind");
 }
