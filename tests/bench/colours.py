@@ -3,7 +3,8 @@
     python3 tests/bench/colours.py INPUT OUTPUT [OUTPUT ...]     (OBJ with MTL and images, GLB, or PLY with colours of vertices)
 
 Spreads 100,000 points by area over the input, takes the closest point of each on the output, and compares colours: PSNR over the three
-components, in sRGB as screens show it. Needs numpy, pillow and pyvista, and shares no code with lodpack.
+components, in sRGB as screens show it. Between texels and between vertices, colours of both are interpolated in linear light, as renderers
+of glTF do; a second number is of bytes that are interpolated as they are. Needs numpy, pillow and pyvista, and shares no code with lodpack.
 """
 
 import io
@@ -19,8 +20,17 @@ from PIL import Image
 POINTS = 100_000
 
 
+def srgb_to_linear(screen):
+    share = screen / 255
+    return np.where(share <= 0.04045, share / 12.92, ((np.maximum(share, 0.04045) + 0.055) / 1.055) ** 2.4)
+
+
+def linear_to_srgb(linear):
+    return 255 * np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
+
+
 class Surface:
-    """Triangles with a colour at each point."""
+    """Triangles with a colour at each point. `images` are pairs of a factor, in linear light, and an image or none."""
 
     def __init__(self, positions, triangles, colours=None, places=None, place_triangles=None, images=None, image_of=None):
         self.positions, self.triangles = positions, triangles
@@ -31,28 +41,30 @@ class Surface:
         faces = np.concatenate([np.full((len(self.triangles), 1), 3), self.triangles], axis=1)
         return pyvista.PolyData(self.positions, faces.ravel())
 
-    def colour(self, triangles, weights):
+    def colour(self, triangles, weights, in_linear_light):
+        """What is shown at points, in sRGB."""
+        decoded, encoded = (srgb_to_linear, linear_to_srgb) if in_linear_light else (lambda x: x, lambda x: x)
         if self.colours is not None:
-            corners = self.colours[self.triangles[triangles]]
-            return (corners * weights[:, :, None]).sum(axis=1)
+            corners = decoded(self.colours[self.triangles[triangles]])
+            return encoded((corners * weights[:, :, None]).sum(axis=1))
         result = np.full((len(triangles), 3), 255.0)
         corners = self.places[self.place_triangles[triangles]]
         places = (corners * weights[:, :, None]).sum(axis=1)
         for number, (factor, image) in enumerate(self.images):
             of_image = self.image_of[triangles] == number
             if image is None:
-                result[of_image] = factor
+                result[of_image] = linear_to_srgb(factor)
                 continue
             height, width, _ = image.shape
             x = places[of_image, 0] * width - 0.5
             y = (1 - places[of_image, 1]) * height - 0.5
             left, top = np.floor(x).astype(int), np.floor(y).astype(int)
             right, down = (x - left)[:, None], (y - top)[:, None]
-            texel = lambda x, y: image[y % height, x % width].astype(float)
+            texel = lambda x, y: decoded(image[y % height, x % width].astype(float))
             above = texel(left, top) * (1 - right) + texel(left + 1, top) * right
             below = texel(left, top + 1) * (1 - right) + texel(left + 1, top + 1) * right
-            # Where there is a texture, lodpack takes Kd for a leftover: programs that write OBJ disagree about it.
-            result[of_image] = above * (1 - down) + below * down
+            shown = encoded(above * (1 - down) + below * down)
+            result[of_image] = shown if (factor == 1).all() else linear_to_srgb(srgb_to_linear(shown) * factor)
         return result
 
 
@@ -65,17 +77,13 @@ def read_materials(path):
                 continue
             if words[0] == "newmtl":
                 name = " ".join(words[1:])
-                materials[name] = [np.full(3, 255.0), None]
+                materials[name] = [np.ones(3), None]
             elif words[0] == "Kd" and name is not None:
-                materials[name][0] = linear_to_srgb(np.array([float(x) for x in words[1:4]]))
+                materials[name][0] = srgb_to_linear(255 * np.array([float(x) for x in words[1:4]]))
             elif words[0] == "map_Kd" and name is not None:
                 file = os.path.join(os.path.dirname(path), words[-1])
                 materials[name][1] = np.asarray(Image.open(file).convert("RGB"))
     return materials
-
-
-def linear_to_srgb(linear):
-    return 255 * np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
 
 
 def read_obj(path):
@@ -105,7 +113,9 @@ def read_obj(path):
                     triangles.append([vertex[0], vertex[k], vertex[k + 1]])
                     place_triangles.append([place[0], place[k], place[k + 1]])
                     image_of.append(material)
-    images = [tuple(materials.get(name, [np.full(3, 255.0), None])) for name in names]
+    images = [tuple(materials.get(name, [np.ones(3), None])) for name in names]
+    # Where there is a texture, lodpack takes Kd for a leftover: programs that write OBJ disagree about it.
+    images = [(np.ones(3) if image is not None else factor, image) for factor, image in images]
     return Surface(np.array(positions), np.array(triangles), None, np.array(places), np.array(place_triangles), images, np.array(image_of))
 
 
@@ -118,7 +128,7 @@ def read_ply(path):
 
 
 def read_glb(path):
-    """One mesh without transformations but translations, as lodpack and `gltfpack -noq` write them."""
+    """All nodes of the scene; base colours alone."""
     with open(path, "rb") as file:
         data = file.read()
     length = struct.unpack_from("<I", data, 12)[0]
@@ -143,10 +153,29 @@ def read_glb(path):
         start = view.get("byteOffset", 0)
         return np.asarray(Image.open(io.BytesIO(binary[start : start + view["byteLength"]])).convert("RGB"))
 
+    def local(node):
+        if "matrix" in node:
+            return np.array(node["matrix"]).reshape(4, 4).T
+        x, y, z, w = node.get("rotation", [0, 0, 0, 1])
+        turned = np.array([
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ])
+        matrix = np.eye(4)
+        matrix[:3, :3] = turned * np.array(node.get("scale", [1, 1, 1]))
+        matrix[:3, 3] = node.get("translation", [0, 0, 0])
+        return matrix
+
     positions, places, triangles, images, image_of, first = [], [], [], [], [], 0
-    for node in document["nodes"]:
+    waiting = [(number, np.eye(4)) for number in document["scenes"][document.get("scene", 0)]["nodes"]]
+    while waiting:
+        number, matrix = waiting.pop(0)
+        node = document["nodes"][number]
+        matrix = matrix @ local(node)
+        waiting += [(child, matrix) for child in node.get("children", [])]
         for primitive in document["meshes"][node["mesh"]]["primitives"] if "mesh" in node else []:
-            own = accessor(primitive["attributes"]["POSITION"]).astype(float) + node.get("translation", [0, 0, 0])
+            own = accessor(primitive["attributes"]["POSITION"]).astype(float) @ matrix[:3, :3].T + matrix[:3, 3]
             positions.append(own)
             uv = primitive["attributes"].get("TEXCOORD_0")
             # The first row of an image is at 0, other than in OBJ.
@@ -157,7 +186,7 @@ def read_glb(path):
             material = document.get("materials", [{}])[primitive.get("material", 0)].get("pbrMetallicRoughness", {})
             texture = material.get("baseColorTexture")
             image_of.append(np.full(len(corners), len(images)))
-            images.append((np.full(3, 255.0), image(texture["index"]) if texture else None))
+            images.append((np.array(material.get("baseColorFactor", [1, 1, 1])[:3]), image(texture["index"]) if texture else None))
     triangles = np.concatenate(triangles)
     return Surface(np.concatenate(positions), triangles, None, np.concatenate(places), triangles, images, np.concatenate(image_of))
 
@@ -187,15 +216,15 @@ def main():
     u[flip], v[flip] = 1 - u[flip], 1 - v[flip]
     weights = np.stack([1 - u - v, u, v], axis=1)
     points = (source.positions[source.triangles[triangles]] * weights[:, :, None]).sum(axis=1)
-    wanted = source.colour(triangles, weights)
+    wanted = [source.colour(triangles, weights, in_linear_light) for in_linear_light in [True, False]]
     for path in sys.argv[2:]:
         output = read(path)
         found, closest = output.mesh().find_closest_cell(points, return_closest_point=True)
-        shown = output.colour(found, weights_at(output, found, closest))
-        squares = ((shown - wanted) ** 2).mean(axis=1)
-        decibels = 10 * np.log10(255**2 / squares.mean())
-        worst = np.sqrt(np.sort(squares)[-POINTS // 100 :].mean())
-        print(f"{path}: {len(output.triangles)} triangles, {decibels:.2f} dB, worst 1 % off by {worst:.1f} of 255 on average")
+        own = weights_at(output, found, closest)
+        squares = [((output.colour(found, own, linear) - wanted[not linear]) ** 2).mean(axis=1) for linear in [True, False]]
+        decibels, of_bytes = (10 * np.log10(255**2 / each.mean()) for each in squares)
+        worst = np.sqrt(np.sort(squares[0])[-POINTS // 100 :].mean())
+        print(f"{path}: {len(output.triangles)} triangles, {decibels:.2f} dB ({of_bytes:.2f} between bytes), worst 1 % off by {worst:.1f} of 255 on average")
 
 
 if __name__ == "__main__":
