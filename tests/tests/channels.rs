@@ -72,7 +72,8 @@ pub fn lit_file() -> Vec<u8> {
         }
     }
     fs::write(folder.path("lit.obj"), text).expect("writable");
-    let materials = "newmtl metal\nKd 0.9 0.6 0.2\nPm 1\nPr 0.2\n\nnewmtl matt\nKd 0.2 0.4 0.9\nKe 0 0.3 0\nPm 0\nPr 0.9\n";
+    let materials =
+        "newmtl metal\nKd 0.9 0.6 0.2\nPm 1\nPr 0.2\n\nnewmtl matt\nKd 0.2 0.4 0.9\nKe 0 0.3 0\nPm 0\nPr 0.9\n";
     fs::write(folder.path("lit.mtl"), materials).expect("writable");
     folder.run("build lit.obj -o lit.lodpack --channels all --color-quality 95");
     folder.read("lit.lodpack")

@@ -71,7 +71,9 @@ describe('LodpackMesh', { skip }, () => {
         raycaster.setFromCamera(new Vector2(0, 0), camera);
         const [hit] = raycaster.intersectObject(scene, true);
         // Normals of samples light it, in the directions of the file.
-        const areShaded = mesh.children.every(({ material }) => material.normalMap?.image.data instanceof Uint16Array && material.normalMapType === 1 && !material.map);
+        // But for the triangle without area that stands for all of it at first.
+        const drawn = mesh.children.filter(({ geometry }) => geometry.drawRange.count > 3);
+        const areShaded = drawn.length > 0 && drawn.every(({ material }) => material.normalMap?.image.data instanceof Uint16Array && material.normalMapType === 1 && !material.map);
         return { areShaded, kind: mesh.file.kind, triangles: mesh.triangleCount, error: hit?.error, level: hit?.level };
       });
       assert.equal(result.kind, 'heights');
