@@ -127,8 +127,7 @@ fn channels_beside(channels: &[ChannelInfo], shown: u8, beside: u32) -> (Vec<u8>
     let mut factor =
         |name: &str| place(has_material, &|channel| channel.kind == ChannelKind::Factor && channel.name == name);
     let material = [factor("occlusion"), factor("roughness"), factor("metallic")];
-    let emissive =
-        place(has_material, &|channel| channel.kind == ChannelKind::Colour && channel.name == "emissive");
+    let emissive = place(has_material, &|channel| channel.kind == ChannelKind::Colour && channel.name == "emissive");
     let material = material.iter().any(Option::is_some).then_some(material);
     (numbers, Beside { normals, material, emissive })
 }

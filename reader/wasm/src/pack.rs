@@ -72,9 +72,15 @@ impl Beside {
     fn normals(&self, images: &[Option<ChannelImage>]) -> Option<Vec<u8>> {
         let Some(ChannelImage::Normals(image)) = images.get(self.normals?)? else { return None };
         let component = |byte: u8| ((f32::from(byte) - 128.0) * (127.5 / 127.0) + 127.5).round() as u8;
-        Some(image.data.as_chunks().0.iter().flat_map(|&[x, y, z]| {
-            [component(x), component(y), component(z), 255]
-        }).collect())
+        Some(
+            image
+                .data
+                .as_chunks()
+                .0
+                .iter()
+                .flat_map(|&[x, y, z]| [component(x), component(y), component(z), 255])
+                .collect(),
+        )
     }
 
     /// What a material has of occlusion, roughness and metalness; as a block without images is, where it lacks one.
