@@ -6,10 +6,39 @@ use crate::{
     error::{Error, Result},
     file::File,
     format::{header::kind, texels::table_bytes},
+    heights::{Heights, TileRecord},
     lattice::LatticePoint,
     select::{Cut, Node},
     source::{ReadAt, requests::Before},
 };
+
+/// Tiles of heights that are read together.
+const TILES_AT_ONCE: usize = 64;
+
+impl<S: ReadAt> Heights<S> {
+    /// Reads and decodes every tile that the file has, and with it every checksum and every rule of the format.
+    ///
+    /// # Errors
+    /// [`Error::Format`] with the location of the first damage, [`Error::Io`], [`Error::Limit`].
+    pub fn verify(&self) -> Result<()> {
+        let mut waiting = self.roots().to_vec();
+        while !waiting.is_empty() {
+            let ids = waiting.split_off(waiting.len().saturating_sub(TILES_AT_ONCE));
+            let mut read = 0;
+            self.for_each_tile(&ids, |_, _| {
+                read += 1;
+                Ok(())
+            })?;
+            for &id in &ids {
+                waiting.extend(self.record(id)?.iter().flat_map(TileRecord::child_tiles));
+            }
+            if read < ids.len() {
+                return Err(Error::format("a tile that the file names is not there"));
+            }
+        }
+        Ok(())
+    }
+}
 
 impl<S: ReadAt> File<S> {
     /// Reads the whole file and compares all checksums, including those of unknown sections.

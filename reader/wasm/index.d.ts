@@ -199,12 +199,18 @@ export interface Channel {
   imageBytes: number;
 }
 
-/** Colours: red, green, blue and opacity, as screens show them (sRGB). */
+/** Images of one size: four bytes a texel, row after row, the first one at v = 0. */
 export interface Image {
   width: number;
   height: number;
-  /** Row after row, the first one at v = 0. */
+  /** Red, green, blue and opacity, as screens show them (sRGB). */
   data: Uint8Array;
+  /** With `normals`, where the root has some: components from -1 to 1 are bytes from 0 to 255, and 255 follows. In the file's coordinates. */
+  normals?: Uint8Array;
+  /** With `materials`, where the file has any of these: occlusion, roughness and metalness from 0 to 255, and 255. */
+  material?: Uint8Array;
+  /** With `materials`, where the file has it: emitted light, as screens show it, and 255. */
+  emissive?: Uint8Array;
 }
 
 /** An image that many roots share. */
@@ -314,6 +320,10 @@ export interface StreamOptions {
   channel?: 'auto' | 'none' | (string & {});
   /** The values that get the first and the last colour of the ramp, for numbers; those of the coarsest level. */
   range?: readonly [number, number];
+  /** Whether images have the file's normals beside the channel, for light; false. 'auto' then takes normals where there are no colours. */
+  normals?: boolean;
+  /** Whether images have what else materials have beside the channel, if that is one of colours; false. */
+  materials?: boolean;
   /** Most reads at once; 6. */
   maxReads?: number;
   /** How far the camera's motion is predicted, milliseconds; 300. 0 turns prefetching off. */
@@ -389,7 +399,7 @@ export class Stream {
   /** The values of the ends of its ramp, where it has numbers. */
   readonly range: [number, number] | null;
   /** Shows another channel from the next frame on, which uploads everything. */
-  show(channel: 'auto' | 'none' | (string & {}), options?: { range?: readonly [number, number]; signal?: AbortSignal }): Promise<void>;
+  show(channel: 'auto' | 'none' | (string & {}), options?: { range?: readonly [number, number]; normals?: boolean; materials?: boolean; signal?: AbortSignal }): Promise<void>;
   /** The next frame uploads everything that is drawn: for a GPU that has lost it. */
   lose(): Promise<void>;
   /** Tries again what has been given up. */
@@ -419,14 +429,15 @@ export interface Slab {
   drawn: unknown;
 }
 
-/** A texture that holds the images of a slab's roots. */
+/** Textures of one size that hold the images of a slab's roots, which all have the same ones of these: see Image and TileImage. */
 export interface Atlas {
   readonly width: number;
   readonly height: number;
-  /** Red, green, blue and opacity, as screens show them (sRGB). Roots without any image have white without opacity. */
+  /** Roots without any image have white without opacity. */
   readonly data?: Uint8Array;
-  /** With `normals`: those of tiles of heights, as half floats, as in TileImage. Roots without any have 0 in all four numbers. */
-  readonly normals?: Uint16Array;
+  readonly normals?: Uint8Array | Uint16Array;
+  readonly material?: Uint8Array;
+  readonly emissive?: Uint8Array;
   /** Grows when height and data change, so that the texture has to be made anew. */
   readonly generation: number;
   /** What has changed. Empty this list after uploading. */
@@ -454,8 +465,6 @@ export class Pool {
     infoSize?: number;
     infoOf?: (entry: Pick<PoolEntry, 'root' | 'level' | 'error'>) => ArrayLike<number>;
     images?: boolean;
-    /** For heights: whether these have normals, too. */
-    normals?: boolean;
     maxTextureSize?: number;
   });
   readonly slabs: Slab[];

@@ -2,11 +2,14 @@ import type { Box3, Camera, Material, Object3D, Raycaster, Sphere } from 'three'
 import type { Channel, Frame, LodpackFile, OpenOptions, StreamOptions, open } from './index.js';
 
 export interface LodpackMeshOptions {
-  /** Flat-shaded: there are no normals. By default a MeshStandardMaterial. Where a channel is shown, copies of it have textures as `map`. */
+  /**
+   * Flat-shaded: there are no normals at vertices. By default a MeshStandardMaterial. Where a channel is shown, copies of it have textures: `map`, and
+   * where the file has them and the material takes them `normalMap`, `roughnessMap`, `metalnessMap`, `aoMap` and `emissiveMap`.
+   */
   material?: Material;
   /** False for a MeshBasicMaterial instead, which shows colours as they are in the file. */
   lit?: boolean;
-  /** The channel to show: 'auto' (the first one of colours), 'none' or a name; 'auto'. */
+  /** The channel to show: 'auto' (the first one of colours, or normals), 'none' or a name; 'auto'. Normals are seen by their light. */
   channel?: StreamOptions['channel'];
   /** The values that get the first and the last colour of the ramp, for numbers; those of the coarsest level. */
   range?: readonly [number, number];

@@ -105,6 +105,7 @@ fn write_reference(folder: &Path) {
     // Larger than the first request, as all files but the smallest are.
     write_answers(&build_file(&scan(), "0.1edge").0, folder, "valid-scan").expect("a writable folder");
     write_answers(&crate::channels::painted_file(), folder, "valid-painted").expect("a writable folder");
+    write_answers(&crate::channels::lit_file(), folder, "valid-lit").expect("a writable folder");
     for (name, bytes) in crate::heights::files() {
         write_heights(&bytes, folder, name).expect("a writable folder");
     }

@@ -52,6 +52,33 @@ pub fn painted_file() -> Vec<u8> {
     folder.read("painted.lodpack")
 }
 
+/// A file of a torus around z, of radius 1, with the normals of its vertices. Where y is above 0 it is of metal and yellow, elsewhere it is matt,
+/// blue, and shines green.
+pub fn lit_file() -> Vec<u8> {
+    let folder = Folder(tempfile::tempdir().expect("a temporary directory"));
+    let torus = torus(120);
+    let mut text = String::from("mtllib lit.mtl\n");
+    for &p in &torus.positions {
+        let outwards = p - DVec3::new(p.x, p.y, 0.0).normalize();
+        text += &format!("v {} {} {}\nvn {} {} {}\n", p.x, p.y, p.z, outwards.x, outwards.y, outwards.z);
+    }
+    for (material, is_above) in [("metal", true), ("matt", false)] {
+        text += &format!("usemtl {material}\n");
+        for triangle in &torus.triangles {
+            if (triangle.iter().map(|&v| torus.positions[v as usize].y).sum::<f64>() > 0.0) == is_above {
+                let [a, b, c] = triangle.map(|v| v + 1);
+                text += &format!("f {a}//{a} {b}//{b} {c}//{c}\n");
+            }
+        }
+    }
+    fs::write(folder.path("lit.obj"), text).expect("writable");
+    let materials =
+        "newmtl metal\nKd 0.9 0.6 0.2\nPm 1\nPr 0.2\n\nnewmtl matt\nKd 0.2 0.4 0.9\nKe 0 0.3 0\nPm 0\nPr 0.9\n";
+    fs::write(folder.path("lit.mtl"), materials).expect("writable");
+    folder.run("build lit.obj -o lit.lodpack --channels all --color-quality 95");
+    folder.read("lit.lodpack")
+}
+
 struct Folder(tempfile::TempDir);
 
 impl Folder {

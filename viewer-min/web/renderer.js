@@ -29,7 +29,7 @@ const FRAGMENT = `#version 300 es
 precision highp float;
 uniform vec4 projection; // And pixels per tangent.
 uniform vec4 mode; // Meaning of colours; number of levels; tolerance in pixels; 1 for lines.
-uniform vec3 channel; // 1 if there are images, 2 if they show classes; 1 without light; 1 with normals.
+uniform vec3 channel; // 1 if there are images, 2 if they show classes, 3 directions; 1 without light; 1 with normals of heights, 2 with others.
 uniform sampler2D texels;
 uniform sampler2D normals; // Components from 0 to 1, with 1 in the fourth one; 0 where there are none.
 uniform mat3 axes; // From directions of the file to those of the view.
@@ -72,11 +72,11 @@ void main() {
   normal = normalize(is_lost ? -view : normal);
   if (dot(normal, view) > 0.0) normal = -normal;
   bool is_front = gl_FrontFacing;
-  vec4 stored = channel.z == 1.0 ? mean_at(normals) : vec4(0.0);
+  vec4 stored = channel.z > 0.0 ? mean_at(normals) : vec4(0.0);
   if (stored.w > 0.5) {
     vec3 direction = normalize(axes * (2.0 * stored.xyz - stored.w));
     // Of slopes behind a ridge, a sample of a pixel may be seen.
-    is_front = is_front || dot(direction, normalize(view)) < 0.3;
+    is_front = is_front || channel.z == 1.0 && dot(direction, normalize(view)) < 0.3;
     normal = is_front ? direction : -direction;
   }
   float key = max(dot(normal, normalize(vec3(-0.45, 0.6, -0.66))), 0.0);
@@ -92,12 +92,16 @@ void main() {
   vec3 colour = sqrt(clamp(base * base * light, 0.0, 1.0));
   vec4 texel = channel.x > 0.0 ? texel_at() : vec4(0.0);
   // Without opacity there is no image yet, nor a mean.
+  // Light shows directions better than colours do.
+  if (channel.x == 3.0 && channel.y == 0.0) texel.a = 0.0;
   if (texel.a > 0.5 && mode.x == 0.0) colour = shown_of(texel.rgb * (channel.y == 1.0 ? 1.0 : light));
   result = vec4(colour, 1.0);
 }`;
 
 const COLOURS = { shading: 0, level: 1, error: 2 };
-const IMAGES = { colours: 1, classes: 2 };
+const IMAGES = { colours: 1, classes: 2, directions: 3 };
+/** By the bytes of their numbers: those of heights are half floats. */
+const NORMALS = { 1: 2, 2: 1 };
 
 export class Renderer {
   constructor(canvas) {
@@ -150,7 +154,7 @@ export class Renderer {
     return size;
   }
 
-  /** `image` says what images show: 'colours', 'classes', or nothing. */
+  /** `image` says what images show: 'colours', 'classes', 'directions', or nothing. */
   draw(pool, camera, origin, { colour, levelCount, tolerance, wireframe, image, isUnlit }) {
     const { gl, places } = this;
     if (this.isLost || gl.isContextLost()) return;
@@ -170,7 +174,7 @@ export class Renderer {
       for (const slab of pool.slabs) {
         const { array, count } = isLines ? this.#lines(slab) : this.#upload(slab);
         gl.bindVertexArray(array);
-        gl.uniform3f(places.channel, IMAGES[image] ?? 0, isUnlit ? 1 : 0, slab.drawn?.normals ? 1 : 0);
+        gl.uniform3f(places.channel, IMAGES[image] ?? 0, isUnlit ? 1 : 0, slab.drawn?.normals ? NORMALS[slab.atlas.normals.BYTES_PER_ELEMENT] : 0);
         gl.activeTexture(gl.TEXTURE1);
         gl.bindTexture(gl.TEXTURE_2D, slab.drawn?.normals ?? null);
         gl.activeTexture(gl.TEXTURE0);
@@ -256,7 +260,7 @@ export class Renderer {
     const isGrown = drawn.textureGeneration !== atlas.generation;
     // Colours are interpolated in linear light.
     if (atlas.data) drawn.texture = this.#uploadPlane(atlas, atlas.data, isGrown ? null : drawn.texture, drawn.texture, [gl.SRGB8_ALPHA8, gl.UNSIGNED_BYTE]);
-    if (atlas.normals) drawn.normals = this.#uploadPlane(atlas, atlas.normals, isGrown ? null : drawn.normals, drawn.normals, [gl.RGBA16F, gl.HALF_FLOAT]);
+    if (atlas.normals) drawn.normals = this.#uploadPlane(atlas, atlas.normals, isGrown ? null : drawn.normals, drawn.normals, atlas.normals.BYTES_PER_ELEMENT === 2 ? [gl.RGBA16F, gl.HALF_FLOAT] : [gl.RGBA8, gl.UNSIGNED_BYTE]);
     drawn.textureGeneration = atlas.generation;
     atlas.dirtyTiles.length = 0;
   }

@@ -32,7 +32,7 @@ async function show(from, name) {
     if (controller.signal.aborted) return file.close();
     const stream = await file.stream();
     const { maxTextureSize } = renderer;
-    const pool = new Pool({ infoSize: 2, infoOf: ({ level, error }) => [level, error], images: file.channels.length > 0, normals: file.kind === 'heights', maxTextureSize });
+    const pool = new Pool({ infoSize: 2, infoOf: ({ level, error }) => [level, error], images: file.channels.length > 0 || file.kind === 'heights', maxTextureSize });
     pool.onremove = (slab) => renderer.forget(slab);
     shown = { file, stream, pool, from, name };
     stream.onprogress = ask;
@@ -120,7 +120,7 @@ async function follow() {
   }
 }
 
-/** Offers the channels of a file: at first the first one of colours. */
+/** Offers the channels of a file: at first the first one of colours, or normals. */
 function listChannels(channels) {
   const known = channels.filter(({ kind }) => kind !== 'unknown');
   $('channel').replaceChildren(...known.map(({ name }) => new Option(name, `channel ${name}`)), new Option('none'));
@@ -131,7 +131,7 @@ function listChannels(channels) {
 
 /** What is chosen while nobody chooses. */
 function firstChannel() {
-  const first = shown?.file.channels.find(({ kind }) => kind === 'colour');
+  const first = ['colour', 'normal'].map((wanted) => shown?.file.channels.find(({ kind }) => kind === wanted)).find(Boolean);
   return first ? `channel ${first.name}` : 'none';
 }
 
@@ -150,7 +150,7 @@ async function showChannel() {
   if (shown.channel === wanted || (!shown.channel && chosenChannel() === 'none')) return;
   shown.channel = wanted;
   try {
-    await stream.show(chosenChannel(), { range: chosenRange() });
+    await stream.show(chosenChannel(), { range: chosenRange(), normals: true });
   } catch (error) {
     if (shown?.stream !== stream) return;
     shown.channel = undefined;
@@ -204,7 +204,8 @@ function frame(now) {
   $('hud').textContent = statistics();
 }
 const emptyPool = new Pool({ infoSize: 2 });
-const imageOf = (channel) => (channel ? (channel.kind === 'label' ? 'classes' : 'colours') : undefined);
+const IMAGES = { label: 'classes', normal: 'directions' };
+const imageOf = (channel) => (channel ? IMAGES[channel.kind] ?? 'colours' : undefined);
 
 let remembering;
 function moved() {

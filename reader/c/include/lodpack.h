@@ -1,4 +1,4 @@
-/* Reads .lodpack files: any part of a huge triangle mesh, at any certified error.
+/* Reads .lodpack files: any part of a huge triangle mesh or terrain, at any certified error.
  *
  * A file is opened, a query selects a cut of it, the cut is decoded to a mesh, and the mesh is copied to where the caller wants it:
  *
@@ -9,12 +9,15 @@
  *     lodpack_select(file, &query, &cut);
  *     lodpack_decode(file, cut, &mesh);
  *
+ * What the surface carries besides positions is asked for when a cut is decoded: lodpack_decode_channels(). A file of heights has queries of its own:
+ * lodpack_select_heights(). A program that draws for a moving camera opens a stream and asks for a frame at a time: lodpack_open_stream().
+ *
  * Every function that can fail returns a status, and lodpack_last_error() says what went wrong, where, and what to do. No function
  * panics, unwinds or exits. Where a status is not LODPACK_STATUS_OK, what a function should have written is a null pointer or unchanged.
  *
  * Pointers to handles may be null: functions then return LODPACK_STATUS_ARGUMENT, and those that free do nothing. All other pointers
  * have to be valid as C understands it. A file, cut or mesh may be used from several threads at once, and freed once, when no
- * thread uses it any more. A cut and a mesh stay valid when their file is closed.
+ * thread uses it any more; a stream is for one thread at a time. A cut, a mesh and a stream stay valid when their file is closed.
  *
  * The sources in src make this header: LODPACK_WRITE_HEADER=1 cargo test -p lodpack-c */
 
@@ -66,14 +69,79 @@ typedef enum {
   LODPACK_LIMITER_BYTES = 4,
 } lodpack_limiter;
 
-// A level for each root that is drawn.
+// What a file holds.
+typedef enum {
+  // A mesh.
+  LODPACK_KIND_MESH = 0,
+  // A grid of heights: terrain.
+  LODPACK_KIND_HEIGHTS = 1,
+} lodpack_kind;
+
+// What the values of a channel mean.
+typedef enum {
+  // This version of lodpack does not know.
+  LODPACK_MEANING_UNKNOWN = 0,
+  // Colours as screens show them (sRGB): three components, or four with opacity.
+  LODPACK_MEANING_COLOUR = 1,
+  // Measured numbers.
+  LODPACK_MEANING_SCALAR = 2,
+  // Directions of length 1.
+  LODPACK_MEANING_NORMAL = 3,
+  // Numbers of classes, between which nothing lies.
+  LODPACK_MEANING_LABEL = 4,
+  // Numbers from 0 to 1, such as the roughness of a material.
+  LODPACK_MEANING_FACTOR = 5,
+} lodpack_meaning;
+
+// What heights stand on.
+typedef enum {
+  // A plane: coordinates are x and y, and z is up.
+  LODPACK_GROUND_PLANE = 0,
+  // A sphere around the origin: coordinates are degrees of longitude and latitude.
+  LODPACK_GROUND_SPHERE = 1,
+  // An ellipsoid of revolution around the origin, in the same coordinates.
+  LODPACK_GROUND_ELLIPSOID = 2,
+} lodpack_ground;
+
+// What a frame draws.
+typedef enum {
+  // Nothing is there yet.
+  LODPACK_SHOWN_NOTHING = 0,
+  // The overview (lodpack_decode_overview()), until the coarsest level is there.
+  LODPACK_SHOWN_OVERVIEW = 1,
+  // All roots that were uploaded and not dropped.
+  LODPACK_SHOWN_PICTURE = 2,
+} lodpack_shown;
+
+// A level for each root that is drawn; of heights a resolution for each tile.
 typedef struct lodpack_cut lodpack_cut;
 
-// An open file.
+// An open file of either kind.
 typedef struct lodpack_file lodpack_file;
 
-// The triangles of a cut.
+// Triangles: of a cut, of the overview, of a root in a frame.
 typedef struct lodpack_mesh lodpack_mesh;
+
+// Frames of a moving camera, and threads that load for them.
+typedef struct lodpack_stream lodpack_stream;
+
+// What the surface carries besides positions. A value is `low + number * step` of a stored number.
+typedef struct {
+  // In UTF-8; valid until the file is closed.
+  const char *name;
+  // A lodpack_meaning.
+  int32_t meaning;
+  // Numbers of a value, 1 to 4.
+  uint32_t component_count;
+  // Bytes of each of these numbers in pages: 1 (uint8_t), or 2 (uint16_t).
+  uint32_t number_bytes;
+  // The value that the number 0 stands for.
+  double low;
+  // What a number adds for each 1.
+  double step;
+  // Stated bound on the error of a value; 0 where none is stated.
+  double bound;
+} lodpack_channel;
 
 // A file that the caller reads, such as one in an archive of assets.
 typedef struct {
@@ -88,19 +156,23 @@ typedef struct {
 
 // What is known about a file as soon as it is open. Lengths are in the units of the file's coordinates.
 typedef struct {
+  // A lodpack_kind: what the file holds.
+  int32_t kind;
   // Version of the format.
   uint32_t format_major;
   // A newer minor version adds what a reader may skip.
   uint32_t format_minor;
-  // Number of levels; 0 is the coarsest.
+  // Number of levels; 0 is the coarsest. Heights have none.
   uint32_t level_count;
-  // Number of roots; 0 for an empty file, whose bounds are all zero.
+  // Number of roots; 0 for an empty file, whose bounds are all zero, and for heights.
   uint32_t root_count;
+  // Number of channels: what the surface carries besides positions.
+  uint32_t channel_count;
   // Smallest coordinates.
   double bounds_low[3];
   // Largest coordinates.
   double bounds_high[3];
-  // Coordinates are multiples of it, from the file's origin on.
+  // Coordinates are multiples of it, from the file's origin on; 0 for heights.
   double lattice_step;
   // Mean edge length of the input; 0 if the file does not say.
   double mean_edge_length;
@@ -125,6 +197,60 @@ typedef struct {
   // Bytes that this level adds to the coarser ones.
   uint64_t page_bytes;
 } lodpack_level;
+
+// What is known about a file of heights as soon as it is open.
+typedef struct {
+  // A lodpack_ground.
+  int32_t ground;
+  // Whether the last column is followed by the first one, around a globe.
+  int32_t wraps;
+  // Whether the file has a ramp of colours.
+  int32_t has_ramp;
+  // The tolerance of a query is met by tiles of so many depths.
+  uint32_t depth_count;
+  // Columns of samples.
+  uint64_t column_count;
+  // Rows of samples.
+  uint64_t row_count;
+  // Coordinates of the first column and the first row, which is the northernmost.
+  double first[2];
+  // What each column and each row adds to them. Rows go to the south, so theirs is negative.
+  double spacing[2];
+  // Stored heights are multiples of it, but for a constant.
+  double step;
+  // No stored height is further from the sample that it was made from.
+  double sample_error;
+  // Units of positions in a unit of heights.
+  double height_scale;
+  // Metres in a unit of heights; 0 if nobody has said.
+  double unit;
+  // The coordinate reference system, as "EPSG:" and a number or as WKT; empty if there is none. Valid until the file is closed.
+  const char *crs;
+} lodpack_heights_info;
+
+// What to draw of heights, and how finely. lodpack_heights_query_default() fills all of it.
+typedef struct {
+  // The error to reach, in units of positions. By default 0: as fine as possible.
+  double tolerance;
+  // The least coordinates: x and y, or degrees of longitude and latitude; by default minus infinity. Tiles that meet the box are drawn whole.
+  double low[2];
+  // The greatest coordinates; by default infinity. On a globe the least longitude may be larger: then the box crosses the end of the grid.
+  double high[2];
+  // The most triangles, without those that close the lines between tiles; by default UINT64_MAX.
+  uint64_t max_triangles;
+} lodpack_heights_query;
+
+// A page: an image over a part of a mesh's triangles.
+typedef struct {
+  // Texels in a row.
+  uint32_t width;
+  // Rows, the first one at the top.
+  uint32_t height;
+  // The number of the first triangle that lies in it; the others follow.
+  size_t first_triangle;
+  // How many these are.
+  size_t triangle_count;
+} lodpack_page;
 
 // A camera. What it does not show is outside.
 typedef struct {
@@ -174,21 +300,91 @@ typedef struct {
   double error_everywhere;
   // The largest error in the view, pixels; 0 without a view.
   double pixel_error;
-  // Exact number of triangles of the mesh.
+  // Exact number of triangles of the mesh; of heights without those that close the lines between tiles.
   uint64_t triangle_count;
-  // Number of nodes: roots at a level each.
+  // Number of nodes: roots at a level each; of heights tiles.
   uint64_t node_count;
   // A lodpack_limiter: why it is not finer.
   int32_t limited_by;
 } lodpack_cut_info;
 
+// How a stream behaves. lodpack_stream_options_default() fills all of it.
+typedef struct {
+  // Most bytes of the file that are kept in memory.
+  uint64_t page_cache_bytes;
+  // Most bytes of decoded triangles.
+  uint64_t mesh_cache_bytes;
+  // Most bytes of decoded images.
+  uint64_t texel_cache_bytes;
+  // Threads that read and decode; at least 1.
+  uint32_t thread_count;
+  // Whether frames wait until everything that they want is there. By default they do not: what is missing is drawn coarser.
+  int32_t waits;
+  // The channels to show, by number; by default none. All roots of heights have their normals and colours anyway.
+  const uint32_t *channels;
+  // How many these are.
+  size_t channel_count;
+} lodpack_stream_options;
+
+// What is new in a frame.
+typedef struct {
+  // A lodpack_shown: what to draw.
+  int32_t shows;
+  // Whether everything is drawn as wanted.
+  int32_t is_complete;
+  // Roots to upload, instead of what they had: see lodpack_get_upload().
+  size_t upload_count;
+  // Roots to draw no longer: see lodpack_get_drop().
+  size_t drop_count;
+  // Roots that are drawn coarser than wanted, since they are not there yet.
+  uint64_t late_root_count;
+  // Roots to draw.
+  uint64_t root_count;
+  // Their triangles.
+  uint64_t triangle_count;
+  // Bytes read since the last frame.
+  uint64_t byte_count;
+} lodpack_frame;
+
+// A root to upload.
+typedef struct {
+  // Its number. What had this number before is drawn no longer.
+  uint32_t root;
+  // The level at which it is drawn.
+  uint32_t level;
+  // Bound of the two-sided distance between it and the input.
+  double error;
+} lodpack_upload;
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
 
-// Opens a file: a path, or an address that begins with http:// or https://, in UTF-8. Reads 8 kB of a small file. Web servers have to
+// Writes what the file says about a channel. Reads nothing. A file of heights has one: its heights.
+lodpack_status lodpack_get_channel(const lodpack_file *file, uint32_t number, lodpack_channel *channel);
+
+// Copies the colour of each vertex to `rgba`, which has room for `capacity` vertices, `stride_bytes` from one to the next (0 for no gaps):
+// red, green, blue and opacity as screens show them (sRGB). White where nothing is known. `channel` counts those that the mesh was
+// decoded with. Measured numbers get colours of a ramp from dark blue to yellow, classes one each. Of heights channel 0 has the colours of the
+// file's ramp.
+lodpack_status lodpack_copy_colours(const lodpack_mesh *mesh,
+                                    uint32_t channel,
+                                    uint8_t *rgba,
+                                    size_t capacity,
+                                    size_t stride_bytes);
+
+// Copies the values of each vertex to `values`, `component_count` of the channel each: numbers in units of the channel. NaN where nothing
+// is known. `channel` counts those that the mesh was decoded with. Of heights channel 0 has the heights.
+lodpack_status lodpack_copy_values(const lodpack_mesh *mesh, uint32_t channel, double *values, size_t capacity, size_t stride_bytes);
+
+// Copies the normal of each vertex to `normals`: of heights, or of a mesh that was decoded with a channel of normals. Length 1, or 0 where
+// nothing is known.
+lodpack_status lodpack_copy_normals(const lodpack_mesh *mesh, float *normals, size_t capacity, size_t stride_bytes);
+
+// Opens a file of either kind: a path, or an address that begins with http:// or https://, in UTF-8. Reads 8 kB of a small file. Web servers have to
 // support range requests.
-lodpack_status lodpack_open(const char *path, lodpack_file **file);
+lodpack_status lodpack_open(const char *path,
+                            lodpack_file **file);
 
 // Opens a file in memory. The bytes are copied.
 lodpack_status lodpack_open_memory(const uint8_t *data, size_t length, lodpack_file **file);
@@ -208,8 +404,40 @@ lodpack_status lodpack_get_level(const lodpack_file *file, uint32_t number, lodp
 // Reads the complete file, and checks every checksum and every rule of the format.
 lodpack_status lodpack_verify(const lodpack_file *file);
 
-// Reads, decodes and joins the triangles of a cut of this file. The mesh is watertight where the whole surface is.
-lodpack_status lodpack_decode(const lodpack_file *file, const lodpack_cut *cut, lodpack_mesh **mesh);
+// Writes what a file of heights says of itself. Reads nothing.
+lodpack_status lodpack_get_heights_info(const lodpack_file *file, lodpack_heights_info *info);
+
+// A query for everything at the finest resolution.
+lodpack_heights_query lodpack_heights_query_default(void);
+
+// Finds the coarsest tiles within the tolerance, or the finest ones that keep the budget. lodpack_decode() makes their mesh, without cracks.
+lodpack_status lodpack_select_heights(const lodpack_file *file,
+                                      const lodpack_heights_query *query,
+                                      lodpack_cut **cut);
+
+// Reads a window of samples to `heights`, which has room for `capacity` numbers: `row_count` rows of `column_count`, from the north; NaN where
+// there are none. Around a globe a window may go on beyond the last column.
+lodpack_status lodpack_read_heights(const lodpack_file *file,
+                                    uint64_t first_column,
+                                    uint64_t column_count,
+                                    uint64_t first_row,
+                                    uint64_t row_count,
+                                    double *heights,
+                                    size_t capacity);
+
+// Reads, decodes and joins the triangles of a cut of this file. The mesh is watertight where the whole surface is. Of heights it has normals and
+// colours, too.
+lodpack_status lodpack_decode(const lodpack_file *file,
+                              const lodpack_cut *cut,
+                              lodpack_mesh **mesh);
+
+// As lodpack_decode(), with the images of `channel_count` channels, by number. lodpack_copy_colours() and lodpack_copy_values() then tell
+// what the surface carries at vertices, and lodpack_make_pages() makes textures of it. The bytes of other channels are not read.
+lodpack_status lodpack_decode_channels(const lodpack_file *file,
+                                       const lodpack_cut *cut,
+                                       const uint32_t *channels,
+                                       size_t channel_count,
+                                       lodpack_mesh **mesh);
 
 // Decodes the overview: one small mesh of everything, which came with opening. Without an overview the mesh is a null pointer.
 lodpack_status lodpack_decode_overview(const lodpack_file *file, lodpack_mesh **mesh);
@@ -239,6 +467,37 @@ lodpack_status lodpack_copy_triangles(const lodpack_mesh *mesh, uint32_t *indice
 // Frees a mesh.
 void lodpack_free_mesh(lodpack_mesh *mesh);
 
+// Makes another mesh, whose vertices have a place in a page of images each: those on borders between images are there several times. Pages have
+// at most `most_texels` texels along each side (such as 4096), unless one image is larger. All channels share these places.
+lodpack_status lodpack_make_pages(const lodpack_mesh *mesh,
+                                  uint32_t most_texels,
+                                  lodpack_mesh **pages);
+
+// Number of pages; 0 for a mesh without.
+size_t lodpack_page_count(const lodpack_mesh *mesh);
+
+// Writes how large a page is, and which triangles lie in it. Triangles after those of the last page have no texels.
+lodpack_status lodpack_get_page(const lodpack_mesh *mesh, size_t number, lodpack_page *page);
+
+// Copies the place of each vertex in its page to `places`, which has room for `capacity` vertices, `stride_bytes` from one to the next (0 for
+// no gaps): texture coordinates from 0 to 1, where the first row of texels is at 0.
+lodpack_status lodpack_copy_places(const lodpack_mesh *mesh,
+                                   float *places,
+                                   size_t capacity,
+                                   size_t stride_bytes);
+
+// Copies a page of a channel to `rgba`, which has room for `capacity` texels of four bytes: row by row from the top, in the colours of
+// lodpack_copy_colours(). `channel` counts those that the mesh was decoded with.
+lodpack_status lodpack_copy_page_colours(const lodpack_mesh *mesh, uint32_t channel, size_t number, uint8_t *rgba, size_t capacity);
+
+// Copies a page of a channel to `numbers`, which has room for `capacity_bytes`: row by row from the top, `component_count` numbers a texel, of
+// `number_bytes` each (see lodpack_channel). `channel` counts those that the mesh was decoded with. 0 where nothing is known.
+lodpack_status lodpack_copy_page_numbers(const lodpack_mesh *mesh,
+                                         uint32_t channel,
+                                         size_t number,
+                                         void *numbers,
+                                         size_t capacity_bytes);
+
 // A view from the origin along the negative z axis: 60 degrees, 1920 x 1080, one pixel.
 lodpack_view lodpack_view_default(void);
 
@@ -261,6 +520,43 @@ const char *lodpack_last_error(void);
 
 // The version of this library, such as "0.1.0".
 const char *lodpack_version(void);
+
+// Options that suit most programs: 64 MiB of the file, 256 MiB of triangles and of images, four threads.
+lodpack_stream_options lodpack_stream_options_default(void);
+
+// Starts threads that load a file of either kind for a moving camera; null `options` are the default ones. A stream may be used by one thread at a
+// time. Its file may be closed before it, but what the file is read from has to stay until both are.
+lodpack_status lodpack_open_stream(const lodpack_file *file,
+                                   const lodpack_stream_options *options,
+                                   lodpack_stream **stream);
+
+// Draws a frame: what a query wants, as far as it is loaded, without cracks. It does not wait, unless the stream was opened so. Call it again for
+// the next picture, also where the camera stands still, until the frame is complete. The query needs a view, or a tolerance.
+lodpack_status lodpack_draw_frame(lodpack_stream *stream,
+                                  const lodpack_query *query,
+                                  lodpack_frame *frame);
+
+// Writes which root of the last frame to upload, and its mesh, which the caller frees. Where the stream shows channels and the root's images are there, the
+// mesh has one page with all of them, else none. Of heights it has normals, and colours if there is a ramp.
+lodpack_status lodpack_get_upload(const lodpack_stream *stream,
+                                  size_t number,
+                                  lodpack_upload *upload,
+                                  lodpack_mesh **mesh);
+
+// Writes the number of a root of the last frame that is drawn no longer.
+lodpack_status lodpack_get_drop(const lodpack_stream *stream, size_t number, uint32_t *root);
+
+// Waits until everything that the last frame wanted is loaded, or given up. The next frame draws it.
+lodpack_status lodpack_settle(const lodpack_stream *stream);
+
+// The next thing that a stream could not load and draws coarser: a text that is valid until the next call with the stream, or null.
+const char *lodpack_next_problem(lodpack_stream *stream);
+
+// Has later frames try again what could not be loaded.
+lodpack_status lodpack_retry(lodpack_stream *stream);
+
+// Ends the threads of a stream.
+void lodpack_close_stream(lodpack_stream *stream);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -3,15 +3,23 @@
 //! | module | holds |
 //! |---|---|
 //! | `file` | opening, closing, and what a file says of itself |
+//! | `channels` | what the surface carries besides positions |
 //! | `query` | queries and cuts |
+//! | `heights` | the same of files of heights, and their samples |
 //! | `mesh` | decoding, and copies into the caller's memory |
+//! | `pages` | meshes of which each vertex has a place in an image |
+//! | `stream` | frames of a moving camera |
 //! | `source` | files that the caller reads |
 //! | `status` | statuses, messages, and panics, none of which gets out |
 //! | `pointer` | the only place that follows a caller's pointers |
 
+mod channels;
 mod file;
+mod heights;
 mod mesh;
+mod pages;
 mod pointer;
 mod query;
 mod source;
 mod status;
+mod stream;

@@ -1,24 +1,137 @@
 //! Decoding, and copies into the caller's memory.
 #![expect(unsafe_code, reason = "the names are C's")]
 
+use std::sync::Arc;
+
+use lodpack::heights::{HeightsMesh, Ramp};
+
 use crate::{
+    channels::Textured,
     file::File,
-    pointer::{borrow, copy_rows, give, release, write},
+    pages::Paged,
+    pointer::{borrow, copy_rows, give, release, slice, write},
     query::Cut,
     status::{Failure, Status, guard},
 };
 
-/// The triangles of a cut.
-pub struct Mesh(lodpack::Mesh);
+/// Triangles: of a cut, of the overview, of a root in a frame.
+pub enum Mesh {
+    Bare(lodpack::Mesh),
+    Heights(Lit),
+    Textured(Arc<Textured>),
+    Paged(Paged),
+}
 
-/// Reads, decodes and joins the triangles of a cut of this file. The mesh is watertight where the whole surface is.
+/// Triangles of heights.
+pub struct Lit {
+    pub positions: Vec<[f64; 3]>,
+    pub triangles: Vec<[u32; 3]>,
+    /// For each vertex, of length 1.
+    pub normals: Vec<[f32; 3]>,
+    /// For each vertex. Those of frames have none.
+    pub heights: Vec<f64>,
+    /// For each vertex, if the file has a ramp.
+    pub colours: Option<Vec<[u8; 3]>>,
+}
+
+impl Lit {
+    fn new(mesh: HeightsMesh, ramp: Option<&Ramp>) -> Self {
+        let HeightsMesh { positions, triangles, normals, heights, .. } = mesh;
+        let normals = normals.into_iter().map(|normal| normal.map(|x| f32::from(x) / 32767.0)).collect();
+        let colours = ramp.map(|ramp| heights.iter().map(|&height| ramp.colour(height)).collect());
+        Self { positions, triangles, normals, heights, colours }
+    }
+
+    /// Heights have one channel.
+    pub fn of_channel(&self, channel: u32) -> Result<&Self, Failure> {
+        let missing = || Failure::argument(format!("there is no channel {channel}: heights have channel 0 alone"));
+        (channel == 0).then_some(self).ok_or_else(missing)
+    }
+}
+
+impl Mesh {
+    pub fn positions(&self) -> &[[f64; 3]] {
+        match self {
+            Self::Bare(mesh) => &mesh.positions,
+            Self::Heights(lit) => &lit.positions,
+            Self::Textured(textured) => &textured.mesh.mesh.positions,
+            Self::Paged(paged) => &paged.positions,
+        }
+    }
+
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        match self {
+            Self::Bare(mesh) => &mesh.triangles,
+            Self::Heights(lit) => &lit.triangles,
+            Self::Textured(textured) => &textured.mesh.mesh.triangles,
+            Self::Paged(paged) => &paged.triangles,
+        }
+    }
+
+    /// What it was decoded with.
+    pub fn textured(&self) -> Result<&Textured, Failure> {
+        match self {
+            Self::Textured(textured) => Ok(textured),
+            Self::Paged(paged) => paged.textured().ok_or_else(|| {
+                Failure::argument("roots of frames have values in pages alone: see lodpack_copy_page_colours()".into())
+            }),
+            _ => Err(Failure::argument("the mesh has no channels: decode it with lodpack_decode_channels()".into())),
+        }
+    }
+
+    /// Of a mesh in pages, for each vertex the one that it is in the mesh without.
+    pub fn source_vertices(&self) -> Option<impl ExactSizeIterator<Item = usize> + '_> {
+        match self {
+            Self::Paged(Paged { sources, .. }) => Some(sources.iter().map(|&vertex| vertex as usize)),
+            _ => None,
+        }
+    }
+}
+
+/// Reads, decodes and joins the triangles of a cut of this file. The mesh is watertight where the whole surface is. Of heights it has normals and
+/// colours, too.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_decode(file: *const File, cut: *const Cut, mesh: *mut *mut Mesh) -> Status {
     guard(|| {
         write(mesh, std::ptr::null_mut(), "mesh")?;
-        let File { file, name } = borrow(file, "file")?;
-        let Cut(cut) = borrow(cut, "cut")?;
-        give(mesh, Mesh(file.extract(cut).map_err(|error| Failure::from(error).of(name))?))
+        let file = borrow(file, "file")?;
+        match borrow(cut, "cut")? {
+            Cut::Mesh(cut) => give(mesh, Mesh::Bare(file.mesh()?.extract(cut).map_err(|error| file.blame(error))?)),
+            Cut::Heights(cut) => {
+                let heights = file.heights()?;
+                let found = heights.mesh(cut).map_err(|error| file.blame(error))?;
+                give(mesh, Mesh::Heights(Lit::new(found, heights.ramp())))
+            }
+        }
+    })
+}
+
+/// As lodpack_decode(), with the images of `channel_count` channels, by number. lodpack_copy_colours() and lodpack_copy_values() then tell
+/// what the surface carries at vertices, and lodpack_make_pages() makes textures of it. The bytes of other channels are not read.
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_decode_channels(
+    file: *const File,
+    cut: *const Cut,
+    channels: *const u32,
+    channel_count: usize,
+    mesh: *mut *mut Mesh,
+) -> Status {
+    guard(|| {
+        write(mesh, std::ptr::null_mut(), "mesh")?;
+        let file = borrow(file, "file")?;
+        let mesh_file = file.mesh()?;
+        let (mut numbers, mut infos) = (vec![], vec![]);
+        for &channel in slice(channels, channel_count, "channels")? {
+            let info = mesh_file.channels().get(channel as usize);
+            let missing = || format!("there is no channel {channel}; the file has {}", mesh_file.channels().len());
+            infos.push(info.ok_or_else(|| Failure::argument(missing()))?.clone());
+            numbers.push(channel as u8);
+        }
+        let Cut::Mesh(cut) = borrow(cut, "cut")? else {
+            return Err(Failure::argument("the cut is one of heights, and the file holds a mesh".into()));
+        };
+        let found = mesh_file.extract_textured(cut, &numbers).map_err(|error| file.blame(error))?;
+        give(mesh, Mesh::Textured(Arc::new(Textured { mesh: found, channels: infos })))
     })
 }
 
@@ -27,9 +140,9 @@ pub extern "C" fn lodpack_decode(file: *const File, cut: *const Cut, mesh: *mut 
 pub extern "C" fn lodpack_decode_overview(file: *const File, mesh: *mut *mut Mesh) -> Status {
     guard(|| {
         write(mesh, std::ptr::null_mut(), "mesh")?;
-        let File { file, name } = borrow(file, "file")?;
-        match file.overview().map_err(|error| Failure::from(error).of(name))? {
-            Some(overview) => give(mesh, Mesh(overview.mesh(&file.lattice()))),
+        let file = borrow(file, "file")?;
+        match file.mesh()?.overview().map_err(|error| file.blame(error))? {
+            Some(overview) => give(mesh, Mesh::Bare(overview.mesh(&file.mesh()?.lattice()))),
             None => Ok(()),
         }
     })
@@ -38,13 +151,13 @@ pub extern "C" fn lodpack_decode_overview(file: *const File, mesh: *mut *mut Mes
 /// Number of vertices; 0 for a null pointer.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_vertex_count(mesh: *const Mesh) -> usize {
-    borrow(mesh, "mesh").map_or(0, |mesh| mesh.0.positions.len())
+    borrow(mesh, "mesh").map_or(0, |mesh| mesh.positions().len())
 }
 
 /// Number of triangles; 0 for a null pointer.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_triangle_count(mesh: *const Mesh) -> usize {
-    borrow(mesh, "mesh").map_or(0, |mesh| mesh.0.triangles.len())
+    borrow(mesh, "mesh").map_or(0, |mesh| mesh.triangles().len())
 }
 
 /// Copies the vertices' positions to `positions`, which has room for `capacity` vertices, `stride_bytes` from one to the next (0 for no
@@ -56,7 +169,7 @@ pub extern "C" fn lodpack_copy_positions(
     capacity: usize,
     stride_bytes: usize,
 ) -> Status {
-    guard(|| copy_rows(borrow(mesh, "mesh")?.0.positions.iter().copied(), positions, capacity, stride_bytes))
+    guard(|| copy_rows(borrow(mesh, "mesh")?.positions().iter().copied(), positions, capacity, stride_bytes))
 }
 
 /// As lodpack_copy_positions(), in single precision relative to `origin`: three coordinates near the mesh, such as the middle of its
@@ -70,9 +183,9 @@ pub extern "C" fn lodpack_copy_positions_float(
     stride_bytes: usize,
 ) -> Status {
     guard(|| {
-        let mesh = &borrow(mesh, "mesh")?.0;
+        let mesh = borrow(mesh, "mesh")?;
         let origin = if origin.is_null() { [0.0; 3] } else { *borrow(origin.cast::<[f64; 3]>(), "origin")? };
-        let near = mesh.positions.iter().map(|point| [0, 1, 2].map(|axis| (point[axis] - origin[axis]) as f32));
+        let near = mesh.positions().iter().map(|point| [0, 1, 2].map(|axis| (point[axis] - origin[axis]) as f32));
         copy_rows(near, positions, capacity, stride_bytes)
     })
 }
@@ -81,7 +194,7 @@ pub extern "C" fn lodpack_copy_positions_float(
 /// outside.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_copy_triangles(mesh: *const Mesh, indices: *mut u32, capacity: usize) -> Status {
-    guard(|| copy_rows(borrow(mesh, "mesh")?.0.triangles.iter().copied(), indices, capacity, 0))
+    guard(|| copy_rows(borrow(mesh, "mesh")?.triangles().iter().copied(), indices, capacity, 0))
 }
 
 /// Frees a mesh.

@@ -46,40 +46,62 @@ pub fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a str, Failure> 
     text.to_str().map_err(|_| Failure::argument(format!("{name} is not UTF-8")))
 }
 
-/// Bytes of the caller, for as long as a call lasts.
-pub fn bytes<'a>(pointer: *const u8, length: usize) -> Result<&'a [u8], Failure> {
+/// Numbers of the caller, for as long as a call lasts.
+pub fn slice<'a, T: Copy>(pointer: *const T, length: usize, name: &str) -> Result<&'a [T], Failure> {
     if pointer.is_null() {
-        return if length == 0 { Ok(&[]) } else { Err(Failure::null("bytes")) };
+        return if length == 0 { Ok(&[]) } else { Err(Failure::null(name)) };
     }
-    if isize::try_from(length).is_err() {
-        return Err(Failure::argument("length is larger than any memory".into()));
+    if length.checked_mul(size_of::<T>()).is_none_or(|bytes| isize::try_from(bytes).is_err()) {
+        return Err(Failure::argument(format!("the length of {name} is larger than any memory")));
     }
-    // SAFETY: the header asks for null or a pointer to `length` bytes, and half the address space at most was checked.
+    // SAFETY: the header asks for null or a pointer to `length` numbers, and half the address space at most was checked.
     Ok(unsafe { std::slice::from_raw_parts(pointer, length) })
 }
 
-/// Copies rows of three numbers into the caller's memory, `stride` bytes from row to row, 0 for no gaps. The caller's rows need no
+/// What a pointer points to, to change it, for as long as a call lasts.
+pub fn borrow_mut<'a, T>(pointer: *mut T, name: &str) -> Result<&'a mut T, Failure> {
+    // SAFETY: the header asks for null or a valid pointer to what nobody else uses during the call.
+    unsafe { pointer.as_mut() }.ok_or_else(|| Failure::null(name))
+}
+
+/// Copies rows of N numbers into the caller's memory, `stride` bytes from row to row, 0 for no gaps. The caller's rows need no
 /// alignment. The bytes between them stay as they are.
-pub fn copy_rows<T: Copy>(
-    rows: impl ExactSizeIterator<Item = [T; 3]>,
+pub fn copy_rows<T: Copy, const N: usize>(
+    rows: impl ExactSizeIterator<Item = [T; N]>,
     out: *mut T,
     capacity: usize,
     stride: usize,
 ) -> Result<(), Failure> {
-    let row_bytes = size_of::<[T; 3]>();
+    let row_bytes = size_of::<[T; N]>();
     let stride = if stride == 0 { row_bytes } else { stride };
     if stride < row_bytes {
         return Err(Failure::argument(format!("a stride of {stride} bytes is shorter than a row of {row_bytes}")));
     }
     if rows.len() > capacity {
-        return Err(Failure::argument(format!("there is room for {capacity} rows, and the mesh has {}", rows.len())));
+        return Err(Failure::argument(format!("there is room for {capacity} rows, and there are {}", rows.len())));
     }
     if out.is_null() && rows.len() > 0 {
         return Err(Failure::null("out"));
     }
     for (number, row) in rows.enumerate() {
         // SAFETY: the header asks for room for `capacity` rows, `stride` bytes from one to the next, and `number` is below it.
-        unsafe { out.cast::<u8>().add(number * stride).cast::<[T; 3]>().write_unaligned(row) };
+        unsafe { out.cast::<u8>().add(number * stride).cast::<[T; N]>().write_unaligned(row) };
     }
     Ok(())
+}
+
+/// As [`copy_rows`], of each row the first 1 to 4 numbers.
+pub fn copy_some<T: Copy>(
+    rows: impl ExactSizeIterator<Item = [T; 4]>,
+    count: usize,
+    out: *mut T,
+    capacity: usize,
+    stride: usize,
+) -> Result<(), Failure> {
+    match count {
+        1 => copy_rows(rows.map(|[a, ..]| [a]), out, capacity, stride),
+        2 => copy_rows(rows.map(|[a, b, ..]| [a, b]), out, capacity, stride),
+        3 => copy_rows(rows.map(|[a, b, c, _]| [a, b, c]), out, capacity, stride),
+        _ => copy_rows(rows, out, capacity, stride),
+    }
 }

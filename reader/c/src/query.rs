@@ -1,6 +1,8 @@
 //! Queries and cuts.
 #![expect(unsafe_code, reason = "the names are C's")]
 
+use lodpack::heights::HeightsCut;
+
 use crate::{
     file::File,
     pointer::{borrow, give, release, write},
@@ -87,16 +89,19 @@ pub struct CutInfo {
     pub error_everywhere: f64,
     /// The largest error in the view, pixels; 0 without a view.
     pub pixel_error: f64,
-    /// Exact number of triangles of the mesh.
+    /// Exact number of triangles of the mesh; of heights without those that close the lines between tiles.
     pub triangle_count: u64,
-    /// Number of nodes: roots at a level each.
+    /// Number of nodes: roots at a level each; of heights tiles.
     pub node_count: u64,
     /// A lodpack_limiter: why it is not finer.
     pub limited_by: i32,
 }
 
-/// A level for each root that is drawn.
-pub struct Cut(pub(crate) lodpack::Cut);
+/// A level for each root that is drawn; of heights a resolution for each tile.
+pub enum Cut {
+    Mesh(lodpack::Cut),
+    Heights(HeightsCut),
+}
 
 /// A view from the origin along the negative z axis: 60 degrees, 1920 x 1080, one pixel.
 #[unsafe(no_mangle)]
@@ -135,13 +140,13 @@ pub extern "C" fn lodpack_query_default() -> Query {
 pub extern "C" fn lodpack_select(file: *const File, query: *const Query, cut: *mut *mut Cut) -> Status {
     guard(|| {
         write(cut, std::ptr::null_mut(), "cut")?;
-        let File { file, name } = borrow(file, "file")?;
+        let file = borrow(file, "file")?;
         let query = checked(borrow(query, "query")?)?;
-        give(cut, Cut(file.select(&query).map_err(|error| Failure::from(error).of(name))?))
+        give(cut, Cut::Mesh(file.mesh()?.select(&query).map_err(|error| file.blame(error))?))
     })
 }
 
-fn checked(query: &Query) -> Result<lodpack::Query, Failure> {
+pub fn checked(query: &Query) -> Result<lodpack::Query, Failure> {
     let everywhere = lodpack_query_default();
     let is_limited = query.box_low != everywhere.box_low || query.box_high != everywhere.box_high;
     let view = match query.view.is_null() {
@@ -174,25 +179,37 @@ fn checked(query: &Query) -> Result<lodpack::Query, Failure> {
     })
 }
 
+fn limiter(limiter: lodpack::Limiter) -> Limiter {
+    match limiter {
+        lodpack::Limiter::Tolerance => Limiter::Tolerance,
+        lodpack::Limiter::Finest => Limiter::Finest,
+        lodpack::Limiter::Triangles => Limiter::Triangles,
+        lodpack::Limiter::Nodes => Limiter::Nodes,
+        _ => Limiter::Bytes,
+    }
+}
+
 /// Writes what is known of a cut.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_get_cut_info(cut: *const Cut, info: *mut CutInfo) -> Status {
     guard(|| {
-        let Cut(cut) = borrow(cut, "cut")?;
-        let limiter = match cut.limited_by {
-            lodpack::Limiter::Tolerance => Limiter::Tolerance,
-            lodpack::Limiter::Finest => Limiter::Finest,
-            lodpack::Limiter::Triangles => Limiter::Triangles,
-            lodpack::Limiter::Nodes => Limiter::Nodes,
-            _ => Limiter::Bytes,
-        };
-        let value = CutInfo {
-            error: cut.error,
-            error_everywhere: cut.node_errors.iter().copied().fold(0.0, f64::max),
-            pixel_error: cut.pixel_error,
-            triangle_count: cut.triangle_count,
-            node_count: cut.nodes.len() as u64,
-            limited_by: limiter as i32,
+        let value = match borrow(cut, "cut")? {
+            Cut::Mesh(cut) => CutInfo {
+                error: cut.error,
+                error_everywhere: cut.node_errors.iter().copied().fold(0.0, f64::max),
+                pixel_error: cut.pixel_error,
+                triangle_count: cut.triangle_count,
+                node_count: cut.nodes.len() as u64,
+                limited_by: limiter(cut.limited_by) as i32,
+            },
+            Cut::Heights(cut) => CutInfo {
+                error: cut.error,
+                error_everywhere: cut.error,
+                pixel_error: 0.0,
+                triangle_count: cut.triangle_count,
+                node_count: cut.tiles.len() as u64,
+                limited_by: limiter(cut.limiter) as i32,
+            },
         };
         write(info, value, "info")
     })

@@ -18,6 +18,16 @@ fn vectors() -> PathBuf {
     package().join("../../format-spec/vectors")
 }
 
+/// A file of a torus of 2,304 triangles with colours, normals and a number at each vertex.
+fn painted() -> PathBuf {
+    package().join("tests/painted.lodpack")
+}
+
+/// The sound files: meshes, heights, and one that has channels whose texels are real.
+fn sound() -> Vec<PathBuf> {
+    [lodpack_files(&vectors()), lodpack_files(&vectors().join("heights")), vec![painted()]].concat()
+}
+
 /// The files of a folder that are lodpack files by their names.
 fn lodpack_files(folder: &Path) -> Vec<PathBuf> {
     let entries =
@@ -102,13 +112,16 @@ fn a_program_reads_sound_files_and_survives_all_others_without_a_leak() {
     }
     let dir = tempfile::tempdir().expect("a temporary directory");
     let invalid = lodpack_files(&vectors().join("invalid"));
-    let sound = lodpack_files(&vectors());
-    assert!(invalid.len() > 100 && sound.len() > 10);
+    let sound = sound();
+    assert!(invalid.len() > 100 && sound.len() > 20);
     let programs = [compile("reads.c", false, dir.path()), compile("reads.c", true, dir.path())];
     for program in &programs {
         let said = succeeds(Command::new(program).arg("sound").args(&sound));
         assert!(said.contains("files, all as expected"), "{said}");
         succeeds(Command::new(program).arg("invalid").args(&invalid));
+        // Three channels, in each of the three ways to open the file; and what a flight shows.
+        let said = succeeds(Command::new(program).arg("sound").arg(painted()));
+        assert_eq!((number(&said, "channels"), number(&said, "frames")), (9, 6), "{said}");
     }
     if is_there("valgrind") {
         for (kind, files) in [("sound", &sound), ("invalid", &invalid)] {
@@ -130,7 +143,8 @@ fn changed_files_with_right_checksums_are_refused_or_drawn_without_a_leak() {
     }
     let dir = tempfile::tempdir().expect("a temporary directory");
     let program = compile("reads.c", false, dir.path());
-    let seeds = corpus::vectors();
+    let mut seeds = corpus::vectors();
+    seeds.push(corpus::Seed::new("painted", std::fs::read(painted()).expect("a readable file")));
     // Valgrind takes fifty times as long, so it gets a share of them.
     for (count, checker) in [(64, None), (1, Some("valgrind"))] {
         let folder = dir.path().join(count.to_string());

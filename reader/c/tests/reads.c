@@ -14,7 +14,7 @@ typedef enum { SOUND, INVALID, HOSTILE } nature;
 
 static int failures = 0;
 static const char *current = "";
-static int opened = 0, drawn = 0;
+static int opened = 0, drawn = 0, channels = 0, frames = 0;
 
 #define EXPECT(condition)                                                                                     \
     do {                                                                                                      \
@@ -60,6 +60,270 @@ static int read_memory(void *context, uint64_t offset, uint8_t *buffer, size_t l
 static int is_refusal(lodpack_status status) {
     return status == LODPACK_STATUS_FORMAT || status == LODPACK_STATUS_UNSUPPORTED || status == LODPACK_STATUS_LIMIT ||
            status == LODPACK_STATUS_QUERY;
+}
+
+/* Memory for exactly so many bytes, so that valgrind sees a byte too many. */
+static void *room(size_t bytes) { return malloc(bytes + (bytes == 0)); }
+
+/* What the surface carries at vertices. */
+static void look_at_vertices(const lodpack_mesh *mesh, uint32_t channel, const lodpack_channel *about) {
+    size_t vertices = lodpack_vertex_count(mesh);
+    uint8_t *colours = room(4 * vertices);
+    double *values = room(vertices * about->component_count * sizeof(double));
+    EXPECT(lodpack_copy_colours(mesh, channel, colours, vertices, 0) == LODPACK_STATUS_OK);
+    EXPECT(lodpack_copy_values(mesh, channel, values, vertices, 0) == LODPACK_STATUS_OK);
+    for (size_t i = 0; i < vertices; i++) {
+        double first = values[i * about->component_count];
+        EXPECT(isnan(first) || about->meaning == LODPACK_MEANING_NORMAL || first >= about->low);
+        if (about->meaning == LODPACK_MEANING_COLOUR && !isnan(first)) {
+            EXPECT(fabs((first - about->low) / about->step - colours[4 * i]) <= 1);
+        }
+    }
+    if (vertices) {
+        EXPECT(lodpack_copy_colours(mesh, channel, colours, vertices - 1, 0) == LODPACK_STATUS_ARGUMENT);
+        EXPECT(lodpack_copy_values(mesh, channel, values, vertices, 7) == LODPACK_STATUS_ARGUMENT);
+    }
+    EXPECT(lodpack_copy_colours(mesh, 64, colours, vertices, 0) == LODPACK_STATUS_ARGUMENT);
+    if (about->meaning == LODPACK_MEANING_NORMAL) {
+        float *normals = room(vertices * 3 * sizeof(float));
+        EXPECT(lodpack_copy_normals(mesh, normals, vertices, 0) == LODPACK_STATUS_OK);
+        for (size_t i = 0; i < vertices; i++) {
+            float *n = normals + 3 * i, length = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+            EXPECT(length == 0 || fabs(length - 1) < 1e-4);
+        }
+        free(normals);
+    }
+    free(colours);
+    free(values);
+}
+
+/* Pages of a channel, and where vertices lie in them. */
+static void look_at_pages(const lodpack_mesh *mesh, uint32_t channel, const lodpack_channel *about) {
+    size_t vertices = lodpack_vertex_count(mesh), last = 0;
+    float *places = room(vertices * 2 * sizeof(float));
+    EXPECT(lodpack_copy_places(mesh, places, vertices, 0) == LODPACK_STATUS_OK);
+    for (size_t i = 0; i < 2 * vertices; i++) {
+        EXPECT(places[i] >= 0 && places[i] <= 1);
+    }
+    free(places);
+    lodpack_page page;
+    for (size_t number = 0; number < lodpack_page_count(mesh); number++) {
+        EXPECT(lodpack_get_page(mesh, number, &page) == LODPACK_STATUS_OK);
+        EXPECT(page.first_triangle == last && page.width > 0 && page.height > 0);
+        last += page.triangle_count;
+        size_t texels = (size_t)page.width * page.height, bytes = texels * about->component_count * about->number_bytes;
+        uint8_t *colours = room(4 * texels), *numbers = room(bytes);
+        EXPECT(lodpack_copy_page_colours(mesh, channel, number, colours, texels) == LODPACK_STATUS_OK);
+        EXPECT(lodpack_copy_page_numbers(mesh, channel, number, numbers, bytes) == LODPACK_STATUS_OK);
+        EXPECT(about->meaning != LODPACK_MEANING_COLOUR || (colours[0] == numbers[0] && colours[1] == numbers[1]));
+        EXPECT(lodpack_copy_page_colours(mesh, channel, number, colours, texels - 1) == LODPACK_STATUS_ARGUMENT);
+        EXPECT(lodpack_copy_page_numbers(mesh, channel, number, numbers, bytes - 1) == LODPACK_STATUS_ARGUMENT);
+        free(colours);
+        free(numbers);
+    }
+    EXPECT(last <= lodpack_triangle_count(mesh));
+    EXPECT(lodpack_get_page(mesh, lodpack_page_count(mesh), &page) == LODPACK_STATUS_ARGUMENT);
+}
+
+/* Decodes everything with all channels. */
+static void look_at_channels(const lodpack_file *file, uint32_t count, int is_sound) {
+    lodpack_query query = lodpack_query_default();
+    lodpack_cut *cut;
+    lodpack_mesh *mesh, *bare, *pages;
+    uint32_t numbers[64];
+    for (uint32_t number = 0; number < count && number < 64; number++) {
+        numbers[number] = number;
+    }
+    uint32_t missing = count;
+    if (lodpack_select(file, &query, &cut) != LODPACK_STATUS_OK) {
+        EXPECT(!is_sound);
+        return;
+    }
+    EXPECT(lodpack_decode_channels(file, cut, &missing, 1, &mesh) == LODPACK_STATUS_ARGUMENT && mesh == NULL);
+    EXPECT(lodpack_decode_channels(file, cut, NULL, 1, &mesh) == LODPACK_STATUS_ARGUMENT && mesh == NULL);
+    lodpack_status status = lodpack_decode_channels(file, cut, numbers, count, &mesh);
+    /* The texels of the format's vectors are bytes made up: a mesh is sound where they are not. */
+    EXPECT(status == LODPACK_STATUS_OK || (mesh == NULL && is_refusal(status)));
+    if (status == LODPACK_STATUS_OK && lodpack_decode(file, cut, &bare) == LODPACK_STATUS_OK) {
+        EXPECT(lodpack_vertex_count(mesh) == lodpack_vertex_count(bare));
+        EXPECT(lodpack_copy_colours(bare, 0, NULL, 0, 0) == LODPACK_STATUS_ARGUMENT);
+        EXPECT(lodpack_page_count(mesh) == 0 && lodpack_copy_places(mesh, NULL, 0, 0) == LODPACK_STATUS_ARGUMENT);
+        EXPECT(lodpack_make_pages(bare, 256, &pages) == LODPACK_STATUS_ARGUMENT && pages == NULL);
+        EXPECT(lodpack_make_pages(mesh, 256, &pages) == LODPACK_STATUS_OK);
+        lodpack_free_mesh(bare);
+        EXPECT(lodpack_triangle_count(pages) == lodpack_triangle_count(mesh));
+        EXPECT(lodpack_vertex_count(pages) >= lodpack_vertex_count(mesh) || !is_sound);
+        for (uint32_t number = 0; number < count; number++) {
+            lodpack_channel about;
+            EXPECT(lodpack_get_channel(file, number, &about) == LODPACK_STATUS_OK);
+            EXPECT(about.name && about.name[0] && about.component_count >= 1 && about.component_count <= 4);
+            look_at_vertices(mesh, number, &about);
+            look_at_vertices(pages, number, &about);
+            look_at_pages(pages, number, &about);
+            channels++;
+        }
+        /* Pages stay when what they were made from is freed. */
+        lodpack_free_mesh(mesh);
+        mesh = pages;
+        EXPECT(lodpack_copy_triangles(mesh, NULL, 0) == (lodpack_triangle_count(mesh) ? LODPACK_STATUS_ARGUMENT : LODPACK_STATUS_OK));
+    }
+    lodpack_free_mesh(mesh);
+    lodpack_free_cut(cut);
+}
+
+/* The mesh of a cut of heights. */
+static void look_at_heights(const lodpack_file *file, const lodpack_heights_query *query, int has_ramp, int is_sound) {
+    lodpack_cut *cut;
+    lodpack_mesh *mesh;
+    lodpack_cut_info info;
+    lodpack_status status = lodpack_select_heights(file, query, &cut);
+    EXPECT((status == LODPACK_STATUS_OK) == (cut != NULL));
+    if (status != LODPACK_STATUS_OK) {
+        EXPECT(is_sound ? status == LODPACK_STATUS_QUERY : is_refusal(status));
+        return;
+    }
+    EXPECT(lodpack_get_cut_info(cut, &info) == LODPACK_STATUS_OK);
+    status = lodpack_decode(file, cut, &mesh);
+    lodpack_free_cut(cut);
+    if (status != LODPACK_STATUS_OK) {
+        EXPECT(!is_sound && mesh == NULL && is_refusal(status));
+        return;
+    }
+    drawn++;
+    size_t vertices = lodpack_vertex_count(mesh), triangles = lodpack_triangle_count(mesh);
+    double *positions = room(vertices * 3 * sizeof(double)), *heights = room(vertices * sizeof(double));
+    float *normals = room(vertices * 3 * sizeof(float));
+    uint32_t *indices = room(triangles * 3 * sizeof(uint32_t));
+    uint8_t *colours = room(vertices * 4);
+    EXPECT(lodpack_copy_positions(mesh, positions, vertices, 0) == LODPACK_STATUS_OK);
+    EXPECT(lodpack_copy_triangles(mesh, indices, triangles) == LODPACK_STATUS_OK);
+    EXPECT(lodpack_copy_normals(mesh, normals, vertices, 0) == LODPACK_STATUS_OK);
+    EXPECT(lodpack_copy_values(mesh, 0, heights, vertices, 0) == LODPACK_STATUS_OK);
+    EXPECT(lodpack_copy_values(mesh, 1, heights, vertices, 0) == LODPACK_STATUS_ARGUMENT);
+    EXPECT(lodpack_copy_colours(mesh, 0, colours, vertices, 0) == (has_ramp ? LODPACK_STATUS_OK : LODPACK_STATUS_ARGUMENT));
+    for (size_t i = 0; i < vertices; i++) {
+        float *n = normals + 3 * i, length = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+        EXPECT(fabs(length - 1) < 1e-3);
+        EXPECT(!has_ramp || colours[4 * i + 3] == 255);
+        EXPECT(isfinite(heights[i]));
+    }
+    for (size_t i = 0; i < 3 * triangles; i++) {
+        EXPECT(indices[i] < vertices);
+    }
+    free(positions);
+    free(heights);
+    free(normals);
+    free(indices);
+    free(colours);
+    lodpack_free_mesh(mesh);
+}
+
+static void ask_heights(const lodpack_file *file, int is_sound) {
+    lodpack_heights_info info;
+    EXPECT(lodpack_get_heights_info(file, &info) == LODPACK_STATUS_OK);
+    EXPECT(info.column_count > 0 && info.row_count > 0 && info.spacing[0] > 0 && info.spacing[1] < 0 && info.crs);
+    lodpack_heights_query query = lodpack_heights_query_default();
+    query.max_triangles = 20000;
+    look_at_heights(file, &query, info.has_ramp, is_sound);
+    query.tolerance = INFINITY;
+    look_at_heights(file, &query, info.has_ramp, is_sound);
+    for (int axis = 0; axis < 2; axis++) {
+        double ends[2] = {info.first[axis], info.first[axis] + info.spacing[axis] * (axis ? info.row_count : info.column_count) / 2.0};
+        query.low[axis] = fmin(ends[0], ends[1]);
+        query.high[axis] = fmax(ends[0], ends[1]);
+    }
+    look_at_heights(file, &query, info.has_ramp, is_sound);
+    lodpack_cut *cut;
+    lodpack_query other = lodpack_query_default();
+    EXPECT(lodpack_select(file, &other, &cut) == LODPACK_STATUS_ARGUMENT && strstr(lodpack_last_error(), "holds heights"));
+    query.low[0] = NAN;
+    EXPECT(lodpack_select_heights(file, &query, &cut) == LODPACK_STATUS_QUERY || !is_sound);
+
+    uint64_t columns = info.column_count < 5 ? info.column_count : 5, rows = info.row_count < 3 ? info.row_count : 3;
+    double *heights = room(columns * rows * sizeof(double));
+    lodpack_status status = lodpack_read_heights(file, info.column_count - columns, columns, 0, rows, heights, columns * rows);
+    EXPECT(status == LODPACK_STATUS_OK || (!is_sound && is_refusal(status)));
+    for (uint64_t i = 0; status == LODPACK_STATUS_OK && i < columns * rows; i++) {
+        double steps = heights[i] / info.step;
+        EXPECT(isnan(steps) || isfinite(steps));
+    }
+    EXPECT(lodpack_read_heights(file, 0, columns, 0, rows, heights, columns * rows - 1) == LODPACK_STATUS_ARGUMENT);
+    EXPECT(lodpack_read_heights(file, 0, UINT64_MAX, 0, 3, heights, columns * rows) == LODPACK_STATUS_ARGUMENT);
+    EXPECT(lodpack_read_heights(file, 0, 1, info.row_count, 1, heights, 1) == LODPACK_STATUS_QUERY);
+    free(heights);
+}
+
+/* Flies past a file, and counts the roots that a viewer would have. */
+static void fly(const lodpack_file *file, const lodpack_info *info, int is_sound) {
+    uint32_t channel = 0;
+    lodpack_stream_options options = lodpack_stream_options_default();
+    options.waits = 1;
+    options.thread_count = 2;
+    options.channels = &channel;
+    options.channel_count = info->kind == LODPACK_KIND_MESH && info->channel_count > 0;
+    lodpack_stream *stream;
+    lodpack_status status = lodpack_open_stream(file, &options, &stream);
+    EXPECT((status == LODPACK_STATUS_OK) == (stream != NULL));
+    if (status != LODPACK_STATUS_OK) {
+        EXPECT(!is_sound && is_refusal(status));
+        return;
+    }
+    lodpack_channel about;
+    EXPECT(options.channel_count == 0 || lodpack_get_channel(file, 0, &about) == LODPACK_STATUS_OK);
+    lodpack_view view = lodpack_view_default();
+    lodpack_query query = lodpack_query_default();
+    query.view = &view;
+    double size = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        view.position[axis] = (info->bounds_low[axis] + info->bounds_high[axis]) / 2;
+        size = fmax(size, info->bounds_high[axis] - info->bounds_low[axis]);
+    }
+    view.near_plane = fmax(size / 1e6, 1e-12);
+    uint64_t held = 0, triangles = 0;
+    for (int number = 0; number < 6; number++) {
+        view.position[2] = info->bounds_high[2] + size * (number < 4 ? 4.0 / (1 << number) : 4);
+        lodpack_frame frame;
+        status = lodpack_draw_frame(stream, &query, &frame);
+        EXPECT(status == LODPACK_STATUS_OK || (!is_sound && is_refusal(status)));
+        if (status != LODPACK_STATUS_OK) {
+            break;
+        }
+        frames++;
+        held += frame.upload_count;
+        for (size_t i = 0; i < frame.upload_count; i++) {
+            lodpack_upload upload;
+            lodpack_mesh *mesh;
+            EXPECT(lodpack_get_upload(stream, i, &upload, &mesh) == LODPACK_STATUS_OK);
+            triangles += lodpack_triangle_count(mesh);
+            if (lodpack_page_count(mesh)) {
+                EXPECT(options.channel_count == 1);
+                look_at_pages(mesh, 0, &about);
+            }
+            if (info->kind == LODPACK_KIND_HEIGHTS) {
+                float *normals = room(lodpack_vertex_count(mesh) * 12);
+                EXPECT(lodpack_copy_normals(mesh, normals, lodpack_vertex_count(mesh), 0) == LODPACK_STATUS_OK);
+                free(normals);
+            }
+            lodpack_free_mesh(mesh);
+        }
+        lodpack_mesh *none;
+        lodpack_upload upload;
+        EXPECT(lodpack_get_upload(stream, frame.upload_count, &upload, &none) == LODPACK_STATUS_ARGUMENT && none == NULL);
+        for (size_t i = 0; i < frame.drop_count; i++) {
+            uint32_t root;
+            EXPECT(lodpack_get_drop(stream, i, &root) == LODPACK_STATUS_OK);
+        }
+        /* What waits is complete, and everything of the first picture is new. */
+        EXPECT(!is_sound || frame.is_complete);
+        EXPECT(number > 0 || held == frame.root_count || frame.shows != LODPACK_SHOWN_PICTURE);
+        EXPECT(number > 0 || triangles == frame.triangle_count || frame.shows != LODPACK_SHOWN_PICTURE);
+    }
+    EXPECT(lodpack_settle(stream) == LODPACK_STATUS_OK);
+    EXPECT(lodpack_retry(stream) == LODPACK_STATUS_OK);
+    const char *problem = lodpack_next_problem(stream);
+    EXPECT(!is_sound || problem == NULL || strstr(problem, "texels"));
+    EXPECT(problem == NULL || strlen(problem) > 0);
+    lodpack_close_stream(stream);
 }
 
 /* Decodes a cut and looks at what comes out. */
@@ -124,7 +388,18 @@ static void ask_everything(const lodpack_file *file, int is_sound) {
     lodpack_info info;
     lodpack_level level;
     lodpack_mesh *overview;
+    lodpack_heights_info heights;
     EXPECT(lodpack_get_info(file, &info) == LODPACK_STATUS_OK);
+    lodpack_channel about;
+    EXPECT(lodpack_get_channel(file, info.channel_count, &about) == LODPACK_STATUS_ARGUMENT);
+    if (info.kind == LODPACK_KIND_HEIGHTS) {
+        ask_heights(file, is_sound);
+        return;
+    }
+    EXPECT(lodpack_get_heights_info(file, &heights) == LODPACK_STATUS_ARGUMENT);
+    if (info.channel_count) {
+        look_at_channels(file, info.channel_count, is_sound);
+    }
     for (uint32_t number = 0; number < info.level_count; number++) {
         EXPECT(lodpack_get_level(file, number, &level) == LODPACK_STATUS_OK);
     }
@@ -189,6 +464,14 @@ static void ask_null(void) {
     EXPECT(lodpack_select(NULL, &query, &cut) == LODPACK_STATUS_ARGUMENT && cut == NULL);
     EXPECT(lodpack_decode(NULL, NULL, &mesh) == LODPACK_STATUS_ARGUMENT && mesh == NULL);
     EXPECT(lodpack_copy_triangles(NULL, NULL, 0) == LODPACK_STATUS_ARGUMENT);
+    lodpack_stream *stream;
+    lodpack_frame frame;
+    EXPECT(lodpack_open_stream(NULL, NULL, &stream) == LODPACK_STATUS_ARGUMENT && stream == NULL);
+    EXPECT(lodpack_draw_frame(NULL, &query, &frame) == LODPACK_STATUS_ARGUMENT);
+    EXPECT(lodpack_next_problem(NULL) == NULL && lodpack_page_count(NULL) == 0);
+    EXPECT(lodpack_read_heights(NULL, 0, 1, 0, 1, NULL, 1) == LODPACK_STATUS_ARGUMENT);
+    EXPECT(lodpack_copy_normals(NULL, NULL, 0, 0) == LODPACK_STATUS_ARGUMENT);
+    lodpack_close_stream(NULL);
     EXPECT(lodpack_vertex_count(NULL) == 0 && lodpack_triangle_count(NULL) == 0);
     EXPECT(strlen(lodpack_version()) >= 5);
     lodpack_close(NULL);
@@ -217,6 +500,10 @@ static void read_file(const char *path, nature kind) {
         }
         opened += i == 0;
         ask_everything(files[i], is_sound);
+        lodpack_info info;
+        if (i == 1 && lodpack_get_info(files[i], &info) == LODPACK_STATUS_OK) {
+            fly(files[i], &info, is_sound);
+        }
         lodpack_status verified = lodpack_verify(files[i]);
         EXPECT(verified == LODPACK_STATUS_OK || is_refusal(verified));
         EXPECT(kind == HOSTILE || (verified == LODPACK_STATUS_OK) == is_sound);
@@ -246,6 +533,7 @@ int main(int argc, char **argv) {
     for (int i = 2; i < argc; i++) {
         read_file(argv[i], kind);
     }
-    printf("%d files, %s; %d opened, %d meshes\n", argc - 2, failures ? "some not as expected" : "all as expected", opened, drawn);
+    printf("%d files, %s; %d opened, %d meshes, %d channels, %d frames\n", argc - 2,
+           failures ? "some not as expected" : "all as expected", opened, drawn, channels, frames);
     return failures != 0;
 }

@@ -149,7 +149,7 @@ impl<S: ReadAt> Heights<S> {
     }
 
     /// Hands out the samples of tiles, along a Z; a tile that draws nothing is left out. Tiles above them are decoded once.
-    pub(super) fn for_each_tile(
+    pub(crate) fn for_each_tile(
         &self,
         ids: &[TileId],
         mut with: impl FnMut(TileId, &Arc<TileValues>) -> Result<()>,

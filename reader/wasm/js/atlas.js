@@ -17,20 +17,26 @@ export function isLarge({ width, height }) {
 }
 
 /**
- * Images in shelves: rows of the texture, each as high as its first image. Colours are red, green, blue and opacity, as screens show them;
- * normals are half floats from 0 to 1 for components from -1 to 1, with a 1.
+ * What an image may have beside its size, four numbers a texel each: colours as screens show them (red, green, blue, opacity); normals, whose
+ * components from -1 to 1 are bytes or half floats from 0 to 1, with a 1; occlusion, roughness and metalness; and emitted light.
  */
+export const PLANES = ['data', 'normals', 'material', 'emissive'];
+
+/** What images have that go into one atlas, as text. */
+export const planesOf = (image) => PLANES.filter((name) => image[name]).map((name) => `${name} ${image[name].BYTES_PER_ELEMENT}`).join();
+
+/** Images in shelves: rows of the texture, each as high as its first image. */
 export class Atlas {
   #shelves = []; // From the top: { y, height, free, tiles }.
 
-  /** A texture for an image, and for more like it. */
-  constructor(maxSize, { width, height }, { colours = true, normals = false } = {}) {
-    const isOwn = isLarge({ width, height }) || Math.max(width, height) > SIDE;
+  /** A texture for an image, and for more with the same planes. */
+  constructor(maxSize, image) {
+    const { width, height } = image;
+    const isOwn = isLarge(image) || Math.max(width, height) > SIDE;
     [this.width, this.maxHeight] = isOwn ? [width, height] : [Math.min(SIDE, maxSize), Math.min(SIDE, maxSize)];
     this.height = isOwn ? height : Math.min(FIRST_HEIGHT, this.maxHeight);
-    /** Texels of both kinds, or of one. */
-    this.data = colours ? new Uint8Array(4 * this.width * this.height) : undefined;
-    this.normals = normals ? new Uint16Array(4 * this.width * this.height) : undefined;
+    this.planes = planesOf(image);
+    for (const name of PLANES) this[name] = image[name] && new image[name].constructor(4 * this.width * this.height);
     /** Grows when the texture has to be made anew, because it has more rows. */
     this.generation = 0;
     /** Tiles that have been written since whoever draws has emptied this list. */
@@ -82,13 +88,11 @@ export class Atlas {
   #grow(rows) {
     if (rows <= this.height) return;
     while (this.height < rows) this.height = Math.min(2 * this.height, this.maxHeight);
-    const grown = (data, type) => {
-      if (!data) return undefined;
-      const all = new type(4 * this.width * this.height);
-      all.set(data);
-      return all;
-    };
-    [this.data, this.normals] = [grown(this.data, Uint8Array), grown(this.normals, Uint16Array)];
+    for (const name of PLANES.filter((name) => this[name])) {
+      const all = new this[name].constructor(4 * this.width * this.height);
+      all.set(this[name]);
+      this[name] = all;
+    }
     this.generation += 1;
     this.dirtyTiles.length = 0;
   }
@@ -108,32 +112,23 @@ export class Atlas {
     if (this.#shelves.at(-1)?.tiles === 0) this.#shelves.pop();
   }
 
-  /** Puts an image into its place. Where it lacks colours or normals, texels are white without opacity, or 0. */
-  write(tile, data, normals) {
-    const put = (all, part, none) => all && this.#rows(tile, (begin, length, row) => {
-      if (part) all.set(part.subarray(row * length, (row + 1) * length), begin);
-      else for (let at = begin; at < begin + length; at += 4) all.set(none, at);
-    });
-    put(this.data, data, [255, 255, 255, 0]);
-    put(this.normals, normals, [0, 0, 0, 0]);
+  /** Puts an image into its place. */
+  write(tile, image) {
+    for (const name of PLANES.filter((name) => this[name])) {
+      this.#rows(tile, (begin, length, row) => this[name].set(image[name].subarray(row * length, (row + 1) * length), begin));
+    }
     this.dirtyTiles.push(tile);
   }
 
-  /** The colours in a place. */
+  /** The image in a place. */
   read(tile) {
-    return this.#read(this.data, tile);
-  }
-
-  /** The normals in a place. */
-  readNormals(tile) {
-    return this.#read(this.normals, tile);
-  }
-
-  #read(all, tile) {
-    if (!all) return undefined;
-    const data = new all.constructor(4 * tile.width * tile.height);
-    this.#rows(tile, (begin, length, row) => data.set(all.subarray(begin, begin + length), row * length));
-    return data;
+    const image = { width: tile.width, height: tile.height };
+    for (const name of PLANES.filter((name) => this[name])) {
+      const data = new this[name].constructor(4 * tile.width * tile.height);
+      this.#rows(tile, (begin, length, row) => data.set(this[name].subarray(begin, begin + length), row * length));
+      image[name] = data;
+    }
+    return image;
   }
 
   #rows({ x, y, width, height }, visit) {

@@ -17,10 +17,15 @@ export function unpackChannels(numbers, names) {
   });
 }
 
-/** The number of the channel that is meant: 'auto' is the first one of colours. NO_CHANNEL is none. */
-export function channelNumber(channels, wanted = 'none') {
+/**
+ * The number of the channel that is meant: 'auto' is the first one of colours or, if there is none, one of a kind that will do as well.
+ * NO_CHANNEL is none.
+ */
+export function channelNumber(channels, wanted = 'none', alsoKind = undefined) {
   if (wanted === null || wanted === 'none') return NO_CHANNEL;
-  const number = wanted === 'auto' ? channels.findIndex(({ kind }) => kind === 'colour') : channels.findIndex(({ name }) => name === wanted);
+  const first = (is) => channels.findIndex(({ kind }) => kind === is);
+  const automatic = first('colour') >= 0 ? first('colour') : first(alsoKind);
+  const number = wanted === 'auto' ? automatic : channels.findIndex(({ name }) => name === wanted);
   if (number >= 0) return number;
   if (wanted === 'auto') return NO_CHANNEL;
   const names = channels.map(({ name }) => name).join(', ');

@@ -142,9 +142,9 @@ export class CoreStream {
     }
   }
 
-  /** Shows a channel, or none. Its number, and the values of the ends of its ramp. */
-  show(channel, [low, high]) {
-    this.#channel = [channel, low, high];
+  /** Shows a channel, or none: its number, the values of the ends of its ramp, and what comes with it. */
+  show(channel, [low, high], beside) {
+    this.#channel = [channel, low, high, beside];
     if (this.#stream !== undefined) this.#core.call('show', this.#stream, ...this.#channel);
   }
 

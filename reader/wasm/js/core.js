@@ -112,11 +112,11 @@ export class Core {
   }
 
   /** Makes a stream show a channel. Returns the values of the ends of its ramp, or null. */
-  async show({ stream, channel, range }, signal) {
+  async show({ stream, channel, range, beside }, signal) {
     const isNone = channel === NO_CHANNEL;
     const hasRamp = !isNone && !['colour', 'normal', 'label', 'factor'].includes(this.#channels[channel].kind);
     const values = hasRamp ? range ?? (await this.channelRange({ channel }, signal)) : null;
-    this.#stream(stream).show(channel, values ?? [0, 1]);
+    this.#stream(stream).show(channel, values ?? [0, 1], beside);
     return values;
   }
 

@@ -111,13 +111,13 @@ export class LodpackFile {
   async stream(options = {}) {
     const middle = this.bounds ? this.bounds.min.map((low, axis) => (low + this.bounds.max[axis]) / 2) : [0, 0, 0];
     const { origin = middle, byteCache = 64 << 20, decodedCache = 256 << 20, texelCache = 128 << 20, maxReads = 6, ahead = 300 } = options;
-    const { channel = 'none', range } = options;
+    const { channel = 'none', range, normals, materials } = options;
     channelNumber(this.channels, channel); // Before anything is started.
     const overviewError = this.overviewSummary?.error ?? Infinity;
     const number = await this.#reader.call('openStream', { origin, byteCache, decodedCache, texelCache, maxReads, ahead, overviewError });
     const stream = new Stream(this.#reader, this.#reading, number, origin, this.channels, () => this.#streams.delete(number));
     this.#streams.set(number, stream);
-    if (channel !== 'none' && channel !== null) await stream.show(channel, { range });
+    if (channel !== 'none' && channel !== null) await stream.show(channel, { range, normals, materials });
     return stream;
   }
 
@@ -154,10 +154,14 @@ export class Stream {
     return frame;
   }
 
-  /** Shows a channel from the next frame on: 'auto', 'none' or a name; numbers by a ramp between two values. */
-  async show(channel, { range, signal } = {}) {
-    const number = channelNumber(this.#channels, channel);
-    const values = await this.#reader.call('show', { stream: this.#number, channel: number, range: checkedRange(range) }, signal);
+  /**
+   * Shows a channel from the next frame on: 'auto', 'none' or a name; numbers by a ramp between two values. With `normals`, images have those of the
+   * file beside it, and with `materials` what else materials have beside colours.
+   */
+  async show(channel, { range, normals = false, materials = false, signal } = {}) {
+    const number = channelNumber(this.#channels, channel, normals ? 'normal' : undefined);
+    const beside = (normals ? 1 : 0) + (materials && this.#channels[number]?.kind === 'colour' ? 2 : 0);
+    const values = await this.#reader.call('show', { stream: this.#number, channel: number, range: checkedRange(range), beside }, signal);
     [this.channel, this.range] = [this.#channels[number] ?? null, values];
     this.notify();
   }

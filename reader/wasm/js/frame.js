@@ -8,6 +8,8 @@ const SHOWS_CHANNEL = 1;
 const HAS_PLACES = 2;
 const HAS_NORMALS = 4;
 const HAS_COLOURS = 8;
+/** Bits of what comes with the image of a channel: four bytes a texel each, in this order. */
+const BESIDE = { normals: 16, material: 32, emissive: 64 };
 const SHOWS = ['nothing', 'overview', 'picture'];
 const LIMITERS = [undefined, 'tolerance', 'finest', 'triangles', 'nodes', 'bytes'];
 
@@ -33,8 +35,10 @@ export function unpackFrame(buffer) {
     if (flags & HAS_NORMALS) {
       const data = flags & HAS_COLOURS ? take(Uint8Array, 4 * width * height) : undefined;
       upload.image = { width, height, data, normals: take(Uint16Array, 4 * width * height) };
-    } else if (width > 0) upload.image = { width, height, data: take(Uint8Array, 4 * width * height) };
-    else if (!(flags & SHOWS_CHANNEL)) upload.image = null;
+    } else if (width > 0) {
+      upload.image = { width, height, data: take(Uint8Array, 4 * width * height) };
+      for (const [name, bit] of Object.entries(BESIDE)) if (flags & bit) upload.image[name] = take(Uint8Array, 4 * width * height);
+    } else if (!(flags & SHOWS_CHANNEL)) upload.image = null;
     return upload;
   });
   return {

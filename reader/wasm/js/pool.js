@@ -1,6 +1,6 @@
 // Geometry and images of many roots in a few buffers: what three.js and WebGL draw with one call each.
 
-import { Atlas, isLarge } from './atlas.js';
+import { Atlas, isLarge, planesOf } from './atlas.js';
 import { LodpackError } from './errors.js';
 import { FreeRanges } from './free-ranges.js';
 
@@ -11,14 +11,14 @@ const NO_IMAGE = { width: 1, height: 1, data: new Uint8Array([255, 255, 255, 0])
 
 /** Buffers that hold some roots. What no root uses draws nothing: its triangles are points. */
 export class Slab {
-  constructor(vertexCapacity, indexCapacity, { infoSize, infoType, maxTextureSize, planes }, image) {
+  constructor(vertexCapacity, indexCapacity, { infoSize, infoType, maxTextureSize }, image) {
     this.positions = new Float32Array(3 * vertexCapacity);
     this.info = infoSize ? new infoType(infoSize * vertexCapacity) : undefined;
     this.indices = new Uint32Array(indexCapacity);
     /** With images: where each vertex lies in the atlas, in texels, and the rectangle that interpolation must not leave. */
     this.places = image ? new Float32Array(2 * vertexCapacity) : undefined;
     this.rectangles = image ? new Uint16Array(4 * vertexCapacity) : undefined;
-    this.atlas = image ? new Atlas(maxTextureSize, image, planes) : undefined;
+    this.atlas = image ? new Atlas(maxTextureSize, image) : undefined;
     this.freeVertices = new FreeRanges(vertexCapacity);
     this.freeIndices = new FreeRanges(indexCapacity);
     this.rootCount = 0;
@@ -37,11 +37,11 @@ export class Slab {
 
 /** All roots that are drawn, in slabs. */
 export class Pool {
-  constructor({ infoSize = 0, infoType = Float32Array, infoOf = () => [], images = false, normals = false, maxTextureSize = 4096 } = {}) {
+  constructor({ infoSize = 0, infoType = Float32Array, infoOf = () => [], images = false, maxTextureSize = 4096 } = {}) {
     /** Numbers of each vertex beside its position: what `infoOf` returns for its root. */
     Object.assign(this, { infoSize, infoType, infoOf });
-    /** Whether slabs have images, which of colours and normals these have, and the longest side of one. */
-    Object.assign(this, { images: images || normals, planes: { colours: images, normals }, maxTextureSize });
+    /** Whether slabs have images, and the longest side of one. Images of one slab have the same planes. */
+    Object.assign(this, { images, maxTextureSize });
     this.slabs = [];
     this.roots = new Map();
     this.triangleCount = 0;
@@ -156,12 +156,14 @@ export class Pool {
     }
     // A large image is drawn alone, with some room for the border to change.
     const [vertices, indices] = image && isLarge(image) ? [2 * vertexCount, 2 * indexCount] : [SLAB_VERTICES, SLAB_INDICES];
-    const slab = new Slab(Math.max(vertices, vertexCount), Math.max(indices, indexCount), this, image);
+    const slab = new Slab(Math.max(vertices, vertexCount), Math.max(indices, indexCount), this, image?.slab ? image.slab.atlas.read(image) : image);
     this.slabs.push(slab);
     return this.#roomIn(slab, vertexCount, indexCount, image);
   }
 
   #roomIn(slab, vertexCount, indexCount, image) {
+    // Roots with normals and roots without have materials of their own.
+    if (image && slab.atlas.planes !== (image.slab?.atlas.planes ?? planesOf(image))) return null;
     const firstVertex = slab.freeVertices.take(vertexCount);
     const firstIndex = firstVertex < 0 ? -1 : slab.freeIndices.take(indexCount);
     const tile = firstIndex < 0 || !image ? undefined : this.#tileIn(slab, image);
@@ -176,9 +178,7 @@ export class Pool {
     if (image.slab === slab) return image;
     const tile = slab.atlas.take(image.width, image.height);
     if (!tile) return null;
-    const from = image.slab?.atlas;
-    if (from) slab.atlas.write(tile, from.read(image), from.readNormals(image));
-    else slab.atlas.write(tile, image.data, image.normals);
+    slab.atlas.write(tile, image.slab ? image.slab.atlas.read(image) : image);
     image.slab?.atlas.give(image);
     return Object.assign(tile, { isWhole: image.isWhole });
   }

@@ -3,32 +3,38 @@
 import {
   DataTexture, HalfFloatType, LinearFilter, NearestFilter, NoColorSpace, ObjectSpaceNormalMap, RGBAFormat, SRGBColorSpace, UnsignedByteType,
 } from 'three';
+import { PLANES } from './atlas.js';
 
 /** Rows that are uploaded one by one. More are uploaded with all others at once. */
 const FEW_ROWS = 256;
 
-/** The properties of an atlas that textures show, and those of materials that show them. */
-const PLANES = [
-  { texels: 'data', map: 'map', type: UnsignedByteType, colorSpace: SRGBColorSpace },
-  { texels: 'normals', map: 'normalMap', type: HalfFloatType, colorSpace: NoColorSpace },
-];
+/** What three.js has for the planes of an atlas: properties of materials that show one, and what these need beside it. */
+const USES = {
+  data: { maps: ['map'], colorSpace: SRGBColorSpace },
+  normals: { maps: ['normalMap'], colorSpace: NoColorSpace, fit: (material) => { material.normalMapType = ObjectSpaceNormalMap; } },
+  // Each takes its own component, and is multiplied.
+  material: { maps: ['roughnessMap', 'metalnessMap', 'aoMap'], colorSpace: NoColorSpace, fit: (material) => { material.roughness = material.metalness = 1; } },
+  emissive: { maps: ['emissiveMap'], colorSpace: SRGBColorSpace, fit: (material) => { material.emissive.setRGB(1, 1, 1); } },
+};
 
-/** The textures of a slab: of colours, of normals, or of both. */
+/** The textures of a slab: one for each plane of its atlas. */
 export class SlabTexture {
   #atlas;
   #planes;
   #material;
   #version; // Of the program's material.
 
-  constructor(atlas, isBlended) {
+  constructor(atlas, look) {
     this.#atlas = atlas;
-    this.#planes = PLANES.filter(({ texels }) => atlas[texels]).map((plane) => new Plane(atlas, plane));
-    this.blend(isBlended);
+    this.#planes = PLANES.filter((name) => atlas[name]).map((name) => new Plane(atlas, name));
+    this.look(look);
   }
 
-  /** Whether something lies between two texels of colours. */
-  blend(isBlended) {
-    for (const plane of this.#planes) plane.blend(isBlended || plane.map !== 'map');
+  /** Whether something lies between two texels of colours, and whether these are the directions of normals, which light shows better. */
+  look({ isBlended, hasDirections }) {
+    this.hasDirections = hasDirections;
+    if (this.#material) this.#material.needsUpdate = true;
+    for (const plane of this.#planes) plane.blend(isBlended || plane.name !== 'data');
   }
 
   /** Hands new images to three.js. */
@@ -39,7 +45,8 @@ export class SlabTexture {
 
   /** A program's material with these textures; its own one, where it has no use for them. */
   materialLike(material) {
-    const planes = this.#planes.filter(({ map }) => map in material);
+    const isShown = ({ name, maps }) => maps[0] in material && !(name === 'data' && this.hasDirections && 'normalMap' in material);
+    const planes = this.#planes.filter(isShown);
     if (planes.length === 0) return material;
     if (this.#material?.constructor !== material.constructor) {
       this.#material?.dispose();
@@ -51,9 +58,9 @@ export class SlabTexture {
     const { onBeforeCompile, customProgramCacheKey, version } = material;
     if (version !== this.#version) this.#material.needsUpdate = true;
     this.#version = version;
-    for (const { map, texture } of planes) {
-      this.#material[map] = texture;
-      if (map === 'normalMap') this.#material.normalMapType = ObjectSpaceNormalMap;
+    for (const { maps, fit, texture } of planes) {
+      for (const map of maps) this.#material[map] = texture;
+      fit?.(this.#material);
     }
     return Object.assign(this.#material, { onBeforeCompile, customProgramCacheKey });
   }
@@ -67,14 +74,15 @@ export class SlabTexture {
 /** One texture of a slab. */
 class Plane {
   #atlas;
-  #texels;
   #generation;
   #isWhole = true; // Whether all of it waits to be uploaded.
 
-  constructor(atlas, { texels, map, type, colorSpace }) {
-    [this.#atlas, this.#texels, this.map] = [atlas, texels, map];
-    this.texture = new DataTexture(atlas[texels], atlas.width, atlas.height, RGBAFormat, type);
-    this.texture.colorSpace = colorSpace;
+  constructor(atlas, name) {
+    this.#atlas = atlas;
+    Object.assign(this, USES[name], { name });
+    const type = atlas[name] instanceof Uint16Array ? HalfFloatType : UnsignedByteType;
+    this.texture = new DataTexture(atlas[name], atlas.width, atlas.height, RGBAFormat, type);
+    this.texture.colorSpace = this.colorSpace;
     this.texture.onUpdate = () => { this.#isWhole = false; };
     this.#fit();
   }
@@ -94,7 +102,7 @@ class Plane {
   #fit() {
     const { width, height, generation } = this.#atlas;
     if (this.#generation !== undefined) this.texture.dispose(); // Its size changes.
-    this.texture.image = { data: this.#atlas[this.#texels], width, height };
+    this.texture.image = { data: this.#atlas[this.name], width, height };
     this.texture.repeat.set(1 / width, 1 / height);
     this.#uploadAll();
     this.#generation = generation;

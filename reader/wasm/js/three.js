@@ -9,6 +9,8 @@ import { Pool } from './pool.js';
 import { SlabTexture } from './three-texture.js';
 
 const nothing = () => {};
+/** Whether a mesh of these options is lit. */
+const takesLight = ({ material, lit = true }) => (material ? 'normalMap' in material : lit);
 
 /** Draws a file as finely as the camera needs, in a few buffers with one material. */
 export class LodpackMesh extends Object3D {
@@ -18,6 +20,7 @@ export class LodpackMesh extends Object3D {
   #textures = new Map(); // By slab, where they have images.
   #ownsFile = false;
   #ownsMaterial;
+  #beside; // What the stream shows beside a channel.
   #query; // What was asked for last, as text.
   #isAsking = false;
   #hasMore = true; // Whether the same question has another answer by now.
@@ -40,20 +43,24 @@ export class LodpackMesh extends Object3D {
   static async of(file, options = {}) {
     // Colours of roots and those of the file exclude each other.
     const { channel = options.colorOf ? 'none' : 'auto', range } = options;
-    return new LodpackMesh(file, await file.stream({ channel, range, ...options.stream }), options);
+    // A material without light needs colours alone.
+    const beside = takesLight(options) ? { normals: true, materials: true } : {};
+    return new LodpackMesh(file, await file.stream({ channel, range, ...beside, ...options.stream }), options);
   }
 
   /** @private Use load() or of(). */
-  constructor(file, stream, { material, pixelTolerance = 1, colorOf, lit = true } = {}) {
+  constructor(file, stream, options = {}) {
+    const { material, pixelTolerance = 1, colorOf, lit = true } = options;
     super();
     this.type = 'LodpackMesh';
     this.isLodpackMesh = true;
     Object.assign(this, { file, pixelTolerance });
-    /** Flat shading needs no normals, which would have seams where roots meet. Heights bring normals of their own, as a texture. */
+    /** Flat shading needs no normals at vertices, which would have seams where roots meet. Normals of the file, and of heights, come as a texture. */
     this.material = material ?? (lit
       ? new MeshStandardMaterial({ flatShading: true, vertexColors: Boolean(colorOf) })
       : new MeshBasicMaterial({ vertexColors: Boolean(colorOf) }));
     this.#ownsMaterial = !material;
+    this.#beside = takesLight(options) ? { normals: true, materials: true } : {};
     /** The last frame, with its counters; null before the first. */
     this.frame = null;
     /** Called after something new has been put in place, for programs that draw only when something changes. */
@@ -64,7 +71,7 @@ export class LodpackMesh extends Object3D {
     /** Of everything, in the object's own coordinates. */
     this.boundingBox = new Box3(new Vector3(...min), new Vector3(...max));
     this.boundingSphere = this.boundingBox.getBoundingSphere(new Sphere());
-    this.#pool = new Pool({ images: file.channels.length > 0, normals: file.kind === 'heights', ...(colorOf ? { infoSize: 3, infoOf: colorOf } : {}) });
+    this.#pool = new Pool({ images: file.channels.length > 0 || file.kind === 'heights', ...(colorOf ? { infoSize: 3, infoOf: colorOf } : {}) });
     this.#pool.onremove = (slab) => this.#remove(slab);
     this.#stream = stream;
     stream.onprogress = () => {
@@ -88,15 +95,15 @@ export class LodpackMesh extends Object3D {
 
   /** Shows another channel: 'auto', 'none' or a name; numbers by a ramp between two values. */
   async show(channel, options = {}) {
-    await this.#stream.show(channel, options);
-    for (const texture of this.#textures.values()) texture.blend(this.#isBlended);
+    await this.#stream.show(channel, { ...this.#beside, ...options });
+    for (const texture of this.#textures.values()) texture.look(this.#look);
     this.#hasMore = true;
     this.onchange?.();
   }
 
-  /** Between classes there is nothing. */
-  get #isBlended() {
-    return this.channel?.kind !== 'label';
+  get #look() {
+    // Between classes there is nothing.
+    return { isBlended: this.channel?.kind !== 'label', hasDirections: this.channel?.kind === 'normal' };
   }
 
   /** Texels that roots use, and texels that textures have. */
@@ -192,7 +199,7 @@ export class LodpackMesh extends Object3D {
     if (slab.info) geometry.setAttribute('color', attribute(slab.info, 3));
     if (slab.atlas) {
       geometry.setAttribute('uv', attribute(slab.places, 2));
-      this.#textures.set(slab, new SlabTexture(slab.atlas, this.#isBlended));
+      this.#textures.set(slab, new SlabTexture(slab.atlas, this.#look));
     }
     geometry.setIndex(attribute(slab.indices, 1));
     const origin = new Vector3(...this.#stream.origin);

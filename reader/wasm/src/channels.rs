@@ -15,7 +15,7 @@ use crate::{
 #[cfg(feature = "channels")]
 use crate::{
     answer::{put_all, put_triangles, words, wrong},
-    pack::Painter,
+    pack::{Beside, Painter},
 };
 
 impl State {
@@ -48,10 +48,11 @@ impl State {
         Ok(index.channels().len() as u32)
     }
 
-    /// Makes a stream show a channel, or none if there is none of this number. Of heights number 0 is the ramp.
-    pub fn show(&mut self, stream: u32, channel: u32, range: [f64; 2]) -> Answer {
+    /// Makes a stream show a channel, or none if there is none of this number; with normals if `beside` is odd, and with materials if it is 2 or 3.
+    /// Of heights number 0 is the ramp.
+    pub fn show(&mut self, stream: u32, channel: u32, range: [f64; 2], beside: u32) -> Answer {
         let has_ramp = self.heights_index().map(|index| index.ramp().is_some());
-        let Ok(has_ramp) = has_ramp else { return self.show_of_mesh(stream, channel, range) };
+        let Ok(has_ramp) = has_ramp else { return self.show_of_mesh(stream, channel, range, beside) };
         self.stream(stream)?.0.show_colours(has_ramp && channel == 0);
         Ok(0)
     }
@@ -80,12 +81,14 @@ impl State {
         Ok(1)
     }
 
-    fn show_of_mesh(&mut self, stream: u32, channel: u32, range: [f64; 2]) -> Answer {
-        let painter = self.appearance(channel).ok().map(|(number, mut appearance)| {
-            appearance.set_values(range);
-            (number, Painter::new(appearance))
-        });
-        self.stream(stream)?.0.show(painter)?;
+    fn show_of_mesh(&mut self, stream: u32, channel: u32, range: [f64; 2], beside: u32) -> Answer {
+        let Ok((number, mut appearance)) = self.appearance(channel) else {
+            self.stream(stream)?.0.show(None)?;
+            return Ok(0);
+        };
+        appearance.set_values(range);
+        let (numbers, beside) = channels_beside(self.index()?.channels(), number, beside);
+        self.stream(stream)?.0.show(Some((numbers, Painter::new(appearance, beside))))?;
         Ok(0)
     }
 
@@ -107,6 +110,28 @@ impl State {
     }
 }
 
+/// The channels of a stream that shows one of them, and which of them come with it.
+#[cfg(feature = "channels")]
+fn channels_beside(channels: &[ChannelInfo], shown: u8, beside: u32) -> (Vec<u8>, Beside) {
+    let mut numbers = vec![shown];
+    let mut place = |is_wanted: bool, is_it: &dyn Fn(&ChannelInfo) -> bool| {
+        let number = channels.iter().position(is_it).filter(|_| is_wanted)? as u8;
+        let known = numbers.iter().position(|&known| known == number);
+        Some(known.unwrap_or_else(|| {
+            numbers.push(number);
+            numbers.len() - 1
+        }))
+    };
+    let normals = place(beside & 1 != 0, &|channel| channel.kind == ChannelKind::Normal);
+    let has_material = beside & 2 != 0;
+    let mut factor =
+        |name: &str| place(has_material, &|channel| channel.kind == ChannelKind::Factor && channel.name == name);
+    let material = [factor("occlusion"), factor("roughness"), factor("metallic")];
+    let emissive = place(has_material, &|channel| channel.kind == ChannelKind::Colour && channel.name == "emissive");
+    let material = material.iter().any(Option::is_some).then_some(material);
+    (numbers, Beside { normals, material, emissive })
+}
+
 /// What a module without channels answers.
 #[cfg(not(feature = "channels"))]
 impl State {
@@ -119,7 +144,7 @@ impl State {
         Self::without()
     }
 
-    fn show_of_mesh(&mut self, stream: u32, channel: u32, _range: [f64; 2]) -> Answer {
+    fn show_of_mesh(&mut self, stream: u32, channel: u32, _range: [f64; 2], _beside: u32) -> Answer {
         if self.index()?.channels().get(channel as usize).is_some() {
             return Self::without();
         }

@@ -159,10 +159,11 @@ pub extern "C" fn lodpack_extract_textured(question: u32, channel_count: u32, pa
     call(|state| state.extract_textured(question, channel_count, page_side))
 }
 
-/// Makes a stream show a channel, with these values at the ends of its ramp; none if the number is that of no channel.
+/// Makes a stream show a channel, with these values at the ends of its ramp; none if the number is that of no channel. `beside` is the sum of 1, if
+/// normals are to come with it, and 2, if what else materials have is.
 #[unsafe(no_mangle)]
-pub extern "C" fn lodpack_show(stream: u32, channel: u32, low: f64, high: f64) -> i32 {
-    call(|state| state.show(stream, channel, [low, high]))
+pub extern "C" fn lodpack_show(stream: u32, channel: u32, low: f64, high: f64, beside: u32) -> i32 {
+    call(|state| state.show(stream, channel, [low, high], beside))
 }
 
 /// How many boundary edges the mesh of the cut in the input has.

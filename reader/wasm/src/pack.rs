@@ -7,7 +7,7 @@ use std::{
 
 use lodpack::{
     Lattice,
-    decode::{Appearance, Look, texels::Piece},
+    decode::{Appearance, ChannelImage, Look, texels::Piece},
     stream::{ByPiece, Changes, DrawnRoot, DrawnTexture, Picture, TileImages},
 };
 
@@ -31,24 +31,87 @@ enum HasChannels {
     Yes,
 }
 
-/// The channel that is shown, and the images that the page has.
+/// The channels that come with the one that is shown: where they are among those of the session.
+#[derive(Clone, Debug, Default)]
+pub struct Beside {
+    pub normals: Option<usize>,
+    /// Occlusion, roughness and metalness, if there is any of them.
+    pub material: Option<[Option<usize>; 3]>,
+    pub emissive: Option<usize>,
+}
+
+/// The channel that is shown, what comes with it, and the images that the page has.
 #[derive(Debug)]
 pub struct Painter {
     _has: HasChannels,
     appearance: Appearance,
+    beside: Beside,
     sent: BTreeMap<u32, Sent>,
 }
 
-/// An image to upload.
+/// An image to upload, and others of its size: four bytes a texel in all of them.
 struct Painted {
     size: [u32; 2],
     texels: Vec<u8>,
+    /// Components from 0 to 255 for -1 to 1, and 255.
+    normals: Option<Vec<u8>>,
+    /// Occlusion, roughness and metalness, and 255.
+    material: Option<Vec<u8>>,
+    /// Red, green, blue and 255.
+    emissive: Option<Vec<u8>>,
+}
+
+impl Painted {
+    fn of_texel(texel: [u8; 4]) -> Self {
+        Self { size: [1; 2], texels: texel.to_vec(), normals: None, material: None, emissive: None }
+    }
+}
+
+impl Beside {
+    /// The image of normals, if the block has one.
+    fn normals(&self, images: &[Option<ChannelImage>]) -> Option<Vec<u8>> {
+        let Some(ChannelImage::Normals(image)) = images.get(self.normals?)? else { return None };
+        let component = |byte: u8| ((f32::from(byte) - 128.0) * (127.5 / 127.0) + 127.5).round() as u8;
+        Some(
+            image
+                .data
+                .as_chunks()
+                .0
+                .iter()
+                .flat_map(|&[x, y, z]| [component(x), component(y), component(z), 255])
+                .collect(),
+        )
+    }
+
+    /// What a material has of occlusion, roughness and metalness; as a block without images is, where it lacks one.
+    fn material(&self, images: &[Option<ChannelImage>], texel_count: usize) -> Option<Vec<u8>> {
+        let mut texels = [255, 255, 0, 255].repeat(texel_count);
+        for (k, number) in self.material?.into_iter().enumerate() {
+            let image = number.and_then(|number| images.get(number)?.as_ref());
+            if let Some(ChannelImage::Factors(image)) = image {
+                let values = image.data.iter().step_by(usize::from(image.components.max(1)));
+                texels.as_chunks_mut::<4>().0.iter_mut().zip(values).for_each(|(texel, &value)| texel[k] = value);
+            }
+        }
+        Some(texels)
+    }
+
+    /// Emitted light.
+    fn emissive(&self, images: &[Option<ChannelImage>], texel_count: usize) -> Option<Vec<u8>> {
+        match images.get(self.emissive?)? {
+            Some(ChannelImage::Colours(image)) => {
+                let texels = image.data.chunks_exact(usize::from(image.components.max(3)));
+                Some(texels.flat_map(|texel| [texel[0], texel[1], texel[2], 255]).collect())
+            }
+            _ => Some([0, 0, 0, 255].repeat(texel_count)),
+        }
+    }
 }
 
 impl Painter {
     #[cfg(feature = "channels")]
-    pub fn new(appearance: Appearance) -> Self {
-        Self { _has: HasChannels::Yes, appearance, sent: BTreeMap::new() }
+    pub fn new(appearance: Appearance, beside: Beside) -> Self {
+        Self { _has: HasChannels::Yes, appearance, beside, sent: BTreeMap::new() }
     }
 
     /// Forgets which images the page has.
@@ -67,7 +130,14 @@ impl Painter {
             let mut texels = Vec::new();
             self.appearance.paint(image, &mut texels);
             self.sent.insert(root, Sent::Image(Arc::clone(texture)));
-            return Some(Painted { size: texture.texture.map.as_ref().map_or([0; 2], |map| map.size), texels });
+            let (images, count) = (&texture.texture.images[..], texels.len() / 4);
+            return Some(Painted {
+                size: texture.texture.map.as_ref().map_or([0; 2], |map| map.size),
+                texels,
+                normals: self.beside.normals(images),
+                material: self.beside.material(images, count),
+                emissive: self.beside.emissive(images, count),
+            });
         }
         // Classes have no mean. White without opacity says that nothing is known.
         let mean = drawn.mean(0).filter(|_| self.appearance.look() != Look::Classes);
@@ -76,7 +146,7 @@ impl Painter {
             return None;
         }
         self.sent.insert(root, Sent::Mean(texel));
-        Some(Painted { size: [1; 2], texels: texel.to_vec() })
+        Some(Painted::of_texel(texel))
     }
 }
 
@@ -92,7 +162,8 @@ struct Packed<'p> {
 }
 
 impl Packed<'_> {
-    /// Whether it has a channel, places, normals, and colours beside these; and the size of its new image, if it has one.
+    /// Whether it has a channel, places, normals of a tile, and colours beside these; then normals, a material and emitted light of its new image;
+    /// and the size of that, if it has one.
     fn flags(&self, shows_channel: bool, shows_colours: bool) -> [u32; 3] {
         let is_tile = self.drawn.images().is_some();
         let bits = [
@@ -100,6 +171,9 @@ impl Packed<'_> {
             self.pieces.is_some() || is_tile,
             self.tile_images.is_some(),
             shows_colours && self.tile_images.is_some_and(|images| images.colours.is_some()),
+            self.image.as_ref().is_some_and(|image| image.normals.is_some()),
+            self.image.as_ref().is_some_and(|image| image.material.is_some()),
+            self.image.as_ref().is_some_and(|image| image.emissive.is_some()),
         ];
         let flags = bits.iter().zip(0..).map(|(&bit, k)| u32::from(bit) << k).sum();
         let size = self.image.as_ref().map_or([0; 2], |image| image.size);
@@ -110,7 +184,7 @@ impl Packed<'_> {
 
 /// Packs what has changed: the error of each changed root (f64), lost roots, removed roots, seven words for each changed root, and then for
 /// each its positions (f32) and triangles; where it has an image, the place (f32) and the rectangle (u16) of each vertex in it; and the
-/// image, if it is new: of a tile of heights colours, if these are shown, and normals.
+/// image, if it is new, with what comes with it: of a tile of heights colours, if these are shown, and normals.
 pub fn put_changes(
     output: &mut Vec<u8>,
     (picture, lattice, origin): (&Picture, &Lattice, [f64; 3]),
@@ -161,6 +235,7 @@ pub fn put_changes(
         }
         if let Some(image) = image {
             output.extend(image.texels);
+            [image.normals, image.material, image.emissive].into_iter().flatten().for_each(|more| output.extend(more));
         }
         if let Some(images) = tile_images {
             put_images(output, images, dresser.shows_colours);

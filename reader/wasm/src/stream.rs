@@ -93,13 +93,13 @@ impl Stream {
         })
     }
 
-    /// Shows a channel from now on, by number, or none. The next frame packs everything.
-    pub fn show(&mut self, channel: Option<(u8, Painter)>) -> Result<()> {
-        let numbers: Vec<u8> = channel.iter().map(|&(number, _)| number).collect();
+    /// Shows the first of some channels from now on, by number, or none. The next frame packs everything.
+    pub fn show(&mut self, channels: Option<(Vec<u8>, Painter)>) -> Result<()> {
+        let (numbers, painter) = channels.unzip();
         if let Following::Mesh(mesh) = &mut self.following {
-            mesh.1.show_channels(&numbers)?;
+            mesh.1.show_channels(numbers.as_deref().unwrap_or_default())?;
         }
-        self.painter = channel.map(|(_, painter)| painter);
+        self.painter = painter;
         self.is_lost = true;
         Ok(())
     }

@@ -6,11 +6,12 @@ import { join } from 'node:path';
 import { describe, test } from 'node:test';
 import { Atlas } from '../js/atlas.js';
 import { BytesSource, Pool, SharedPromiseCache, open } from '../js/index.js';
-import { edgesOf, edgesOfMesh, nodesOf, paintedColour, paintedHeight, settle, viewOf } from './picture.js';
+import { edgesOf, edgesOfMesh, nodesOf, outwardsOfTorus, paintedColour, paintedHeight, settle, viewOf } from './picture.js';
 
 const folder = process.env.LODPACK_REFERENCE;
 const skip = !folder && 'cargo test --release -p lodpack-cli makes the file that it needs';
 const painted = () => readFile(join(folder, 'valid-painted.lodpack'));
+const lit = () => readFile(join(folder, 'valid-lit.lodpack'));
 /** A tolerance in pixels at which the file is drawn as several roots. */
 const FINE = 0.1;
 const bare = () => readFile(join(folder, 'valid-scan.lodpack'));
@@ -201,6 +202,60 @@ describe('channels', { skip }, () => {
     file.close();
   });
 
+  test('normals and materials come beside colours where they are asked for', async () => {
+    const planes = { normals: 'data 1,normals 1', materials: 'data 1,material 1,emissive 1', all: 'data 1,normals 1,material 1,emissive 1' };
+    const drawn = async (options) => {
+      const source = noting(await lit());
+      const file = await open(source, { cache: new SharedPromiseCache() });
+      const [stream, pool] = [await file.stream(options), new Pool({ images: true })];
+      await settle(stream, pool, { tolerance: 0 });
+      const names = [...new Set([...pool.roots.values()].map(({ slab }) => slab.atlas.planes))];
+      const bytes = source.ranges.reduce((sum, [begin, end]) => sum + end - begin, 0);
+      file.close();
+      return { pool, names, bytes, origin: stream.origin, channel: stream.channel.name };
+    };
+    const bare = await drawn({ channel: 'auto' });
+    assert.deepEqual(bare.names, ['data 1']);
+    // Numbers by a ramp, and normals, have no material.
+    for (const [options, name] of [
+      [{ channel: 'auto', normals: true }, planes.normals], [{ channel: 'auto', materials: true }, planes.materials],
+      [{ channel: 'auto', normals: true, materials: true }, planes.all], [{ channel: 'normal', normals: true, materials: true }, planes.normals],
+      [{ channel: 'roughness', materials: true }, 'data 1'],
+    ]) {
+      const { names } = await drawn(options);
+      assert.deepEqual(names, [name], JSON.stringify(options));
+    }
+    const { pool, bytes, origin, channel } = await drawn({ channel: 'auto', normals: true, materials: true });
+    assert.ok(bytes > 2 * bare.bytes, `${bytes} and ${bare.bytes} bytes`);
+    assert.equal(channel, 'colour');
+    const [angles, wrong] = [[], []];
+    for (const { slab, tile, firstVertex, vertexCount } of pool.roots.values()) {
+      const image = slab.atlas.read(tile);
+      for (let vertex = firstVertex; vertex < firstVertex + vertexCount; vertex += 1) {
+        const [x, y] = [slab.places[2 * vertex] - tile.x, slab.places[2 * vertex + 1] - tile.y].map(Math.floor);
+        const texel = (plane) => [...image[plane].subarray(4 * (y * image.width + x), 4 * (y * image.width + x) + 4)];
+        const point = [0, 1, 2].map((axis) => slab.positions[3 * vertex + axis] + origin[axis]);
+        const normal = texel('normals').slice(0, 3).map((byte) => byte / 127.5 - 1);
+        const outwards = outwardsOfTorus(point);
+        angles.push((180 / Math.PI) * Math.acos(Math.min(normal.reduce((sum, n, axis) => sum + n * outwards[axis], 0) / Math.hypot(...normal), 1)));
+        if (Math.abs(point[1]) < 0.1) continue;
+        const [material, emissive] = point[1] > 0 ? [[255, 51, 255, 255], [0, 0, 0, 255]] : [[255, 230, 0, 255], [0, 77, 0, 255]];
+        const off = [...texel('material').map((n, k) => n - material[k]), ...texel('emissive').map((n, k) => n - emissive[k])];
+        wrong.push(Math.max(...off.map(Math.abs)));
+      }
+    }
+    assert.ok(rootMeanSquare(angles) < 3, `normals are ${rootMeanSquare(angles)} degrees off`);
+    assert.ok(Math.max(...wrong) < 12, `materials are off by ${Math.max(...wrong)} of 255`);
+  });
+
+  test('without colours normals are shown, if light is wanted', async () => {
+    const file = await open(await lit());
+    file.channels.forEach((channel) => { if (channel.kind === 'colour') channel.kind = 'unknown'; });
+    const shown = async (options) => (await file.stream({ channel: 'auto', ...options })).channel?.name;
+    assert.deepEqual([await shown({ normals: true }), await shown({})], ['normal', undefined]);
+    file.close();
+  });
+
   test('what makes no sense is refused with words', async () => {
     const file = await open(await painted());
     const cut = await file.selectLevel(0);
@@ -263,7 +318,7 @@ function texelsOf(bytes) {
 }
 
 test('an atlas has room for what was given back, and none lie on each other', () => {
-  const atlas = new Atlas(1024, { width: 10, height: 10 });
+  const atlas = new Atlas(1024, { width: 10, height: 10, data: new Uint8Array(400) });
   const owner = new Map();
   const live = [];
   let seed = 7;
@@ -285,12 +340,12 @@ test('an atlas has room for what was given back, and none lie on each other', ()
     const clash = live.find((other) => tile.x < other.x + other.width && other.x < tile.x + width && tile.y < other.y + other.height && other.y < tile.y + height);
     assert.equal(clash, undefined);
     const data = new Uint8Array(4 * width * height).fill(step % 251);
-    atlas.write(tile, data);
+    atlas.write(tile, { width, height, data });
     owner.set(tile, step % 251);
     live.push(tile);
     most = Math.max(most, atlas.usedTexels);
   }
-  for (const tile of live) assert.ok(atlas.read(tile).every((value) => value === owner.get(tile)));
+  for (const tile of live) assert.ok(atlas.read(tile).data.every((value) => value === owner.get(tile)));
   assert.ok(most > 0.55 * 1024 * 1024, `at most ${most} texels were in use`);
   live.forEach((tile) => atlas.give(tile));
   assert.equal(atlas.usedTexels, 0);

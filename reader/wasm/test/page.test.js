@@ -8,6 +8,7 @@ import { serve } from './server.js';
 const skip = !process.env.LODPACK_REFERENCE && 'cargo test --release -p lodpack-cli runs it';
 const SCAN = '/files/valid-scan.lodpack';
 const PAINTED = '/files/valid-painted.lodpack';
+const LIT = '/files/valid-lit.lodpack';
 const GLOBE = '/files/heights-globe.lodpack';
 
 describe('the viewer page', { skip }, () => {
@@ -340,6 +341,51 @@ describe('the viewer page', { skip }, () => {
       }
     }
     return { error: Math.sqrt(sum / count), far: far / count, count };
+  });
+
+  /** How far the light of the picture is from that of the input's normals: root mean square of its shades, of 255. */
+  const lightError = () => page.evaluate(async () => {
+    const { outwardsOfTorus } = await import('/lodpack/test/picture.js');
+    const { renderer, pick, shown, camera } = globalThis.lodpackViewer;
+    const { gl, canvas } = renderer;
+    // Directions that are lit have no colours: the surface is of one colour.
+    renderer.draw(shown.pool, camera, shown.stream.origin, { colour: 'shading', levelCount: 1, tolerance: 1, wireframe: false, image: 'directions', isUnlit: false });
+    const pixels = new Uint8Array(4 * canvas.width * canvas.height);
+    gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    const dot = (a, b) => a.reduce((sum, x, k) => sum + x * b[k], 0);
+    const unit = (a) => a.map((x) => x / Math.hypot(...a));
+    const [right, up, forward] = camera.axes;
+    let [sum, count] = [0, 0];
+    for (let y = 2; y < canvas.height; y += 5) {
+      for (let x = 2; x < canvas.width; x += 5) {
+        const hit = pick((2 * x + 1) / canvas.width - 1, (2 * y + 1) / canvas.height - 1);
+        if (!hit) continue;
+        const outwards = outwardsOfTorus(hit.point.map((value, axis) => value + shown.stream.origin[axis]));
+        const normal = [right, up, forward].map((axis) => dot(axis, outwards));
+        const [key, fill] = [[-0.45, 0.6, -0.66], [0.8, 0, -0.6]].map((light) => Math.max(dot(normal, unit(light)), 0));
+        const light = 0.16 + 0.92 * key + 0.18 * fill + 0.08 * normal[1];
+        const wanted = 255 * Math.sqrt(Math.min(Math.max(0.86 * 0.86 * light, 0), 1));
+        sum += (wanted - pixels[4 * (y * canvas.width + x)]) ** 2;
+        count += 1;
+      }
+    }
+    return { error: Math.sqrt(sum / count), count };
+  });
+
+  test('few triangles are lit with the normals of the file', async () => {
+    const errors = {};
+    for (const [name, hash] of [['coarse', '#px=12'], ['directions', '#px=12&channel=normal'], ['fine', ''], ['flat', '#px=12&channel=none']]) {
+      await visit(`/?url=${LIT}${hash}`);
+      await isComplete();
+      await page.waitForFunction(() => /complete/.test(document.getElementById('hud').textContent));
+      errors[name] = await lightError();
+      assert.ok(errors[name].count > 500, JSON.stringify(errors));
+      if (name === 'flat') continue;
+      await page.close();
+      await server.close();
+    }
+    assert.ok(errors.fine.error < 6 && errors.coarse.error < errors.flat.error / 2, JSON.stringify(errors));
+    assert.deepEqual(errors.directions, errors.coarse);
   });
 
   test('colours are those of the input, and the device that is lost gets them again', async () => {

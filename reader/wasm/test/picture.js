@@ -79,3 +79,10 @@ export function paintedColour([x, y, z]) {
 export function paintedHeight([, , z]) {
   return 10 * z;
 }
+
+/** The normal of the file *valid-lit*: a torus around z, of radius 1. */
+export function outwardsOfTorus([x, y, z]) {
+  const radius = Math.hypot(x, y);
+  const outwards = [x - x / radius, y - y / radius, z];
+  return outwards.map((value) => value / Math.hypot(...outwards));
+}

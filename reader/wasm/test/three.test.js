@@ -9,6 +9,7 @@ import { serve } from './server.js';
 const skip = !process.env.LODPACK_REFERENCE && 'cargo test --release -p lodpack-cli runs it';
 const SCAN = '/files/valid-scan.lodpack';
 const PAINTED = '/files/valid-painted.lodpack';
+const LIT = '/files/valid-lit.lodpack';
 const TERRAIN = '/files/heights-flat.lodpack';
 
 async function visit(address, options, action) {
@@ -70,7 +71,9 @@ describe('LodpackMesh', { skip }, () => {
         raycaster.setFromCamera(new Vector2(0, 0), camera);
         const [hit] = raycaster.intersectObject(scene, true);
         // Normals of samples light it, in the directions of the file.
-        const areShaded = mesh.children.every(({ material }) => material.normalMap?.image.data instanceof Uint16Array && material.normalMapType === 1 && !material.map);
+        // But for the triangle without area that stands for all of it at first.
+        const drawn = mesh.children.filter(({ geometry }) => geometry.drawRange.count > 3);
+        const areShaded = drawn.length > 0 && drawn.every(({ material }) => material.normalMap?.image.data instanceof Uint16Array && material.normalMapType === 1 && !material.map);
         return { areShaded, kind: mesh.file.kind, triangles: mesh.triangleCount, error: hit?.error, level: hit?.level };
       });
       assert.equal(result.kind, 'heights');
@@ -153,6 +156,51 @@ describe('LodpackMesh', { skip }, () => {
       // three.js keeps a texture of its own for its lights.
       assert.deepEqual([result.before - result.slabs, result.textures, result.geometries], [result.after, result.after, 0]);
       assert.ok(result.after <= 1);
+    });
+  });
+
+  test('materials have the normals and maps of the file, as far as they take them', async () => {
+    await visit(`/lodpack/examples/three.html?url=${LIT}`, {}, async (page) => {
+      await page.waitForFunction(() => globalThis.mesh?.frame?.isComplete);
+      const result = await page.evaluate(async () => {
+        const { mesh, camera, scene, renderer } = globalThis;
+        const { MeshBasicMaterial, MeshPhongMaterial, ObjectSpaceNormalMap } = await import('three');
+        const settled = async () => {
+          for (let k = 0; k < 400 && !(mesh.frame.isComplete && k > 5); k += 1) {
+            renderer.render(scene, camera);
+            await new Promise((resolve) => setTimeout(resolve, 20));
+          }
+          renderer.render(scene, camera);
+        };
+        /** What draws the roots: not the triangle without area that stands for all of them at first. */
+        const maps = () => {
+          const { material } = mesh.children.reduce((a, b) => (a.geometry.drawRange.count > b.geometry.drawRange.count ? a : b));
+          return ['map', 'normalMap', 'roughnessMap', 'metalnessMap', 'aoMap', 'emissiveMap'].filter((name) => material[name]);
+        };
+        await settled();
+        const standard = maps();
+        const { material } = mesh.children.at(-1);
+        const factors = [material.normalMapType === ObjectSpaceNormalMap, material.metalness, material.roughness, material.emissive.getHex(), mesh.material.emissive.getHex()];
+        mesh.material = new MeshPhongMaterial({ flatShading: true });
+        await settled();
+        const phong = maps();
+        mesh.material = new MeshBasicMaterial();
+        await settled();
+        const basic = maps();
+        mesh.material = new MeshPhongMaterial({ flatShading: true });
+        await mesh.show('normal');
+        await settled();
+        const directions = maps();
+        mesh.dispose();
+        renderer.render(scene, camera);
+        return { standard, factors, phong, basic, directions, textures: renderer.info.memory.textures };
+      });
+      assert.deepEqual(result.standard, ['map', 'normalMap', 'roughnessMap', 'metalnessMap', 'aoMap', 'emissiveMap']);
+      assert.deepEqual(result.factors, [true, 1, 1, 0xffffff, 0]);
+      assert.deepEqual(result.phong, ['map', 'normalMap', 'emissiveMap']);
+      assert.deepEqual(result.basic, ['map']);
+      assert.deepEqual(result.directions, ['normalMap']);
+      assert.ok(result.textures <= 1);
     });
   });
 
