@@ -17,16 +17,20 @@ def cpu(children=True):
 
 def sizes(lodpack, path, tolerance, folder):
     import lerc
-    z = np.asarray(Image.open(path)).astype("float32")
-    bits = lambda count: 8 * count / z.size
+    image = Image.open(path)
+    z = np.asarray(image).astype("float32")
+    # Samples without data are known to all codecs, and do not count.
+    nodata = getattr(image, "tag_v2", {}).get(42113)
+    known = z != np.float32(nodata) if nodata else np.ones(z.shape, bool)
+    bits = lambda count: 8 * count / known.sum()
     out = os.path.join(folder, "out.lodpack")
     before = cpu()
     subprocess.run([lodpack, "build", path, "-o", out, "--heights", "--force", "--tolerance", str(tolerance)], check=True, capture_output=True)
     ours, our_time = bits(os.path.getsize(out)), cpu() - before
     before = cpu(False)
-    _, length, blob, *_ = lerc.encode(z, 1, False, None, tolerance, 1)
+    _, length, blob, *_ = lerc.encode(z, 1, not known.all(), None if known.all() else known.astype("uint8"), tolerance, 1)
     lerc_time, blob = cpu(False) - before, bytes(blob)[:length]
-    steps = np.round((z - z.min()) / (2 * tolerance)).astype(np.int64)
+    steps = np.where(known, np.round((z - z[known].min()) / (2 * tolerance)) + (not known.all()), 0).astype(np.int64)
     row = {"lodpack": ours, "LERC": bits(len(blob)), "LERC+zlib": bits(len(zlib.compress(blob, 9)))}
     if steps.max() < 65536:
         png = io.BytesIO()
@@ -42,20 +46,25 @@ def sizes(lodpack, path, tolerance, folder):
 
 
 def vertical(z, vertices, triangles):
-    """The largest vertical distance of samples from triangles of samples."""
-    heights, worst = z[vertices[:, 1], vertices[:, 0]].astype(float), 0.0
-    for corners in triangles:
-        (a, b, c), (p, q, r) = vertices[corners].astype(float), heights[corners]
-        low, high = vertices[corners].min(0), vertices[corners].max(0)
-        area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
+    """The largest vertical distance of samples from triangles of samples. Triangles of one shape are looked at together."""
+    corners = vertices[triangles]
+    shapes, kinds = np.unique((corners - corners[:, :1])[:, 1:].reshape(-1, 4), axis=0, return_inverse=True)
+    heights, worst = z.astype(float), 0.0
+    order = np.argsort(kinds.reshape(-1), kind="stable")
+    ends = np.searchsorted(kinds.reshape(-1)[order], np.arange(len(shapes) + 1))
+    for number, (bx, by, cx, cy) in enumerate(shapes.astype(float)):
+        area = bx * cy - cx * by
         if area == 0:
             continue
-        x, y = np.meshgrid(np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1))
-        s = ((x - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (y - a[1])) / area
-        t = ((b[0] - a[0]) * (y - a[1]) - (x - a[0]) * (b[1] - a[1])) / area
+        x, y = np.meshgrid(np.arange(min(0, bx, cx), max(0, bx, cx) + 1), np.arange(min(0, by, cy), max(0, by, cy) + 1))
+        s, t = (x * cy - cx * y) / area, (bx * y - x * by) / area
         inside = (s > -1e-9) & (t > -1e-9) & (s + t < 1 + 1e-9)
-        off = np.abs(p + s * (q - p) + t * (r - p) - z[low[1]:high[1] + 1, low[0]:high[0] + 1])[inside]
-        worst = max(worst, off.max(initial=0.0))
+        x, y, s, t = x[inside].astype(int), y[inside].astype(int), s[inside], t[inside]
+        own = order[ends[number]:ends[number + 1]]
+        for part in np.array_split(own, max(1, len(own) * len(x) // 4_000_000)):
+            a, p = corners[part, 0], heights[corners[part, :, 1], corners[part, :, 0]]
+            drawn = p[:, :1] + s * (p[:, 1:2] - p[:, :1]) + t * (p[:, 2:] - p[:, :1])
+            worst = max(worst, np.abs(drawn - heights[a[:, 1:] + y, a[:, :1] + x]).max(initial=0.0))
     return worst
 
 
@@ -68,13 +77,21 @@ def triangles(lodpack, path, tolerances, folder):
     # Fine enough that rounding counts for nothing beside what is asked for.
     subprocess.run([lodpack, "build", path, "-o", out, "--heights", "--force", "--tolerance", str(min(tolerances) / 50)], check=True, capture_output=True)
     tile = Martini(z.shape[0]).create_tile(z)
+
+    def extract(*options):
+        before = cpu()
+        said = subprocess.run([lodpack, "extract", out, "-o", ply, "--force", "--json", *options], check=True, capture_output=True)
+        return json.loads(said.stdout)["triangles"], cpu() - before
+
     for tolerance in tolerances:
-        said = subprocess.run([lodpack, "extract", out, "-o", ply, "--force", "--json", "--tolerance", str(tolerance)], check=True, capture_output=True)
-        ours = json.loads(said.stdout)["triangles"]
+        ours, _ = extract("--tolerance", str(tolerance))
+        tin, tin_time = extract("--tin", "--tolerance", str(tolerance))
+        before = cpu(False)
         delatin = len(np.asarray(Delatin(z.copy(), max_error=tolerance).triangles).reshape(-1, 3))
+        delatin_time = cpu(False) - before
         # Martini's own number is not the largest error: it is asked for less until the largest error is the same.
-        low, high = 0.0, tolerance
-        for _ in range(7):
+        low, high, martini = 0.0, tolerance, 2 * (z.shape[0] - 1) ** 2
+        for _ in range(6):
             middle = 0.5 * (low + high)
             vertices, found = (np.asarray(part) for part in tile.get_mesh(middle))
             found = found.reshape(-1, 3)
@@ -82,8 +99,8 @@ def triangles(lodpack, path, tolerances, folder):
                 low, martini = middle, len(found)
             else:
                 high = middle
-        print(f"{os.path.basename(path)} at {tolerance}: lodpack {ours}, delatin {delatin} ({ours / delatin:.2f}), martini {martini} "
-              f"({ours / martini:.2f})", flush=True)
+        print(f"{os.path.basename(path)} at {tolerance}: lodpack {ours}, --tin {tin}, delatin {delatin}, martini {martini}; --tin {tin / delatin:.2f} of "
+              f"delatin, {tin / martini:.2f} of martini; CPU s --tin {tin_time:.1f}, delatin {delatin_time:.1f}", flush=True)
 
 
 def main():

@@ -12,7 +12,7 @@ use lodpack_tests::terrain::{Fractal, Grid};
 use std::path::{Path, PathBuf};
 
 /// Builds a file of heights in memory.
-fn built(path: &Path, raster: &RasterOptions, tolerance: Tolerance, memory: u64) -> (Vec<u8>, HeightsSummary) {
+pub fn built(path: &Path, raster: &RasterOptions, tolerance: Tolerance, memory: u64) -> (Vec<u8>, HeightsSummary) {
     let source = HeightSource::open(&[path.to_owned()], raster, &Silent).expect("sound").expect("a raster");
     let options = HeightsOptions { tolerance, memory, folder: std::env::temp_dir() };
     let mut bytes = vec![];
@@ -54,15 +54,15 @@ pub fn files() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-struct Folder(tempfile::TempDir);
+pub struct Folder(pub tempfile::TempDir);
 
 impl Folder {
-    fn new() -> Self {
+    pub fn new() -> Self {
         Self(tempfile::tempdir().expect("a temporary directory"))
     }
 
     /// Writes fractal terrain.
-    fn fractal(&self, name: &str, grid: &Grid, is_globe: bool, without: impl Fn(u32, u32) -> bool) -> PathBuf {
+    pub fn fractal(&self, name: &str, grid: &Grid, is_globe: bool, without: impl Fn(u32, u32) -> bool) -> PathBuf {
         let path = self.0.path().join(name);
         let fractal = Fractal::of_samples(5, grid.size[0].max(grid.size[1]));
         let mut file = std::fs::File::create(&path).expect("writable");
@@ -105,6 +105,59 @@ fn the_coarsest_triangles_of_a_single_tile_are_measured() {
     is_sound(&path, &RasterOptions::default(), Tolerance::InputUnits(0.5), 60);
     let path = folder.fractal("globe.tif", &Grid::globe([100, 50]), true, |_, _| false);
     is_sound(&path, &RasterOptions { surface: SurfaceKind::Sphere, ..RasterOptions::default() }, Tolerance::Auto, 40);
+}
+
+/// An EXR of one channel without compression, from the layout of its specification.
+fn exr(size: [i32; 2], channel: &str, height: impl Fn(i32, i32) -> f32) -> Vec<u8> {
+    let [columns, rows] = size;
+    let mut out = vec![0x76, 0x2f, 0x31, 1, 2, 0, 0, 0];
+    let mut attribute = |name: &str, kind: &str, value: &[u8]| {
+        out.extend([name.as_bytes(), &[0], kind.as_bytes(), &[0]].concat());
+        out.extend((value.len() as i32).to_le_bytes());
+        out.extend(value);
+    };
+    let ints = |numbers: &[i32]| numbers.iter().flat_map(|number| number.to_le_bytes()).collect::<Vec<u8>>();
+    let window = ints(&[0, 0, columns - 1, rows - 1]);
+    attribute("channels", "chlist", &[channel.as_bytes(), &[0], &ints(&[2, 0, 1, 1]), &[0]].concat());
+    attribute("compression", "compression", &[0]);
+    attribute("dataWindow", "box2i", &window);
+    attribute("displayWindow", "box2i", &window);
+    attribute("lineOrder", "lineOrder", &[0]);
+    attribute("pixelAspectRatio", "float", &1f32.to_le_bytes());
+    attribute("screenWindowCenter", "v2f", &[0; 8]);
+    attribute("screenWindowWidth", "float", &1f32.to_le_bytes());
+    out.push(0);
+    let (first, row_bytes) = (out.len() as u64 + 8 * rows as u64, 4 * columns);
+    (0..rows as u64).for_each(|row| out.extend((first + row * (8 + row_bytes as u64)).to_le_bytes()));
+    for row in 0..rows {
+        out.extend(ints(&[row, row_bytes]));
+        out.extend((0..columns).flat_map(|column| height(column, row).to_le_bytes()));
+    }
+    out
+}
+
+#[test]
+fn images_of_one_channel_of_floats_are_read() {
+    let folder = Folder::new();
+    let path = folder.0.path().join("a.exr");
+    let height =
+        |column: i32, row: i32| if column == 9 { f32::NAN } else { (column * column) as f32 * 0.25 - row as f32 };
+    let raster = RasterOptions { spacing: Some(2.0), ..RasterOptions::default() };
+    for channel in ["Z", "anything"] {
+        let bytes = exr([70, 40], channel, height);
+        std::fs::write(&path, &bytes).expect("writable");
+        let (file, _) = is_sound(&path, &raster, Tolerance::InputUnits(0.01), 5);
+        let file = Heights::open(file.as_slice(), Limits::default()).expect("it was just written");
+        let heights = file.window(0..70, 0..40).expect("readable");
+        for (at, found) in (0..).zip(heights) {
+            let expected = f64::from(height(at % 70, at / 70));
+            assert!((found - expected).abs() < 0.0101 || found.is_nan() && expected.is_nan());
+        }
+        for cut in [9, 100, bytes.len() - 5] {
+            std::fs::write(&path, &bytes[..cut]).expect("writable");
+            assert!(is_refused(std::slice::from_ref(&path), &raster));
+        }
+    }
 }
 
 #[test]

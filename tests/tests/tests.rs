@@ -18,6 +18,7 @@
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
 //! - [`terrain`]: rasters of heights become the surface that they describe, on planes and globes
 //! - [`heights`]: files of heights keep their promises on planes and globes, and commands work with them
+//! - [`tin`]: few triangles of any shape out of files of heights, within a tolerance
 //! - [`bad_terrain`]: every kind of bad raster gives a correct file or one clear error
 //! - [`stability`]: generated meshes, from easy to impossible, give sound files or clear errors
 //! - [`damage`]: truncated and flipped files are never trusted and never panic
@@ -55,6 +56,7 @@ mod stability;
 mod stages;
 mod terrain;
 mod tileset;
+mod tin;
 mod typed;
 mod vectors;
 

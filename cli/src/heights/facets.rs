@@ -1,13 +1,17 @@
 //! How far triangles of a coarse tile are from the samples below them.
+//!
+//! Heights are whole steps. Most tiles are *even*: their samples are equally far apart, a power of two, and triangles are halves of squares. Then
+//! slopes are sums of a few bits, and nothing is rounded (`even`). Everything else is a [`Facet`] between any samples.
 
 use lodpack::heights::{DrawnTile, Line, SIDE, Surface, TileTriangle};
 
-use super::samples::{BLOCK_SIDES, Scale, Window};
+use super::blocks::{BLOCK_SIDES, Blocks, largest};
+use super::samples::{Scale, Stored, Window};
 
 /// How far from a side of a triangle a sample lies on it, in columns.
 const ON_SIDE: f64 = 1e-6;
 /// What is compared with sums of a few products is made smaller by more than these can be rounded.
-const ROUNDED_DOWN: f64 = 1.0 - 1e-9;
+pub const ROUNDED_DOWN: f64 = 1.0 - 1e-9;
 
 /// A triangle between samples.
 #[derive(Clone, Copy, Debug)]
@@ -19,19 +23,22 @@ pub struct Facet {
     at_pole: [bool; 3],
 }
 
-/// A sample, with its height above step 0.
+/// A sample, with its height in steps.
 #[derive(Clone, Copy, Debug)]
-struct Corner {
-    column: i64,
-    row: i64,
-    height: f64,
+pub struct Corner {
+    pub column: i64,
+    pub row: i64,
+    pub height: f64,
 }
 
+/// The steps of a tile's samples.
+pub type Steps = [i32; SIDE * SIDE];
+
 impl Corner {
-    fn new(tile: &DrawnTile, at: u16) -> Self {
+    fn new(tile: &DrawnTile, steps: &Steps, at: u16) -> Self {
         let at = usize::from(at);
         let (column, row) = (tile.lines.columns[at % SIDE] as i64, tile.lines.rows[at / SIDE] as i64);
-        Self { column, row, height: tile.heights[at] }
+        Self { column, row, height: f64::from(steps[at]) }
     }
 }
 
@@ -51,8 +58,8 @@ fn by_row([mut a, mut b, mut c]: [Corner; 3]) -> [Corner; 3] {
 
 impl Facet {
     /// A triangle of a tile.
-    pub fn new(tile: &DrawnTile, triangle: TileTriangle) -> Self {
-        let corners = triangle.map(|at| Corner::new(tile, at));
+    pub fn new(tile: &DrawnTile, steps: &Steps, triangle: TileTriangle) -> Self {
+        let corners = triangle.map(|at| Corner::new(tile, steps, at));
         let on_border = [0, 1, 2].map(|k| tile.is_open_side(triangle[k], triangle[(k + 1) % 3]));
         let at_pole = triangle.map(|at| tile.is_at_pole(at));
         Self { corners, on_border, at_pole }
@@ -61,23 +68,38 @@ impl Facet {
 
 /// The samples of a window in space.
 pub struct Judge<'a> {
-    window: &'a Window,
-    scale: Scale,
-    surface: &'a Surface,
+    pub window: &'a Window,
+    pub scale: Scale,
+    pub surface: &'a Surface,
+    /// The highest sample of the grid, in units of coordinates.
+    pub highest: f64,
+    blocks: Blocks,
+    has_voids: bool,
     columns: Vec<Line>,
     rows: Vec<Line>,
 }
 
 impl<'a> Judge<'a> {
-    /// Looks at a window.
-    pub fn new(window: &'a Window, scale: Scale, surface: &'a Surface) -> Self {
+    /// Looks at a window. `highest` is the highest sample of the grid, in units of coordinates.
+    pub fn new(window: &'a Window, scale: Scale, surface: &'a Surface, highest: f64) -> Self {
         let lines =
             |axis: usize, [first, last]: [u64; 2]| (first..=last).map(|line| surface.line(axis, line)).collect();
         let (columns, rows) = match surface.is_globe() {
             true => (lines(0, window.columns), lines(1, window.rows)),
             false => (vec![], vec![]),
         };
-        Self { window, scale, surface, columns, rows }
+        let (blocks, has_voids) = (Blocks::new(window), window.has_voids());
+        Self { window, scale, surface, highest, blocks, has_voids, columns, rows }
+    }
+
+    /// The length of a step.
+    pub fn step(&self) -> f64 {
+        self.scale.step * self.surface.height_scale
+    }
+
+    /// Whether some samples of the window have no data.
+    pub fn has_voids(&self) -> bool {
+        self.has_voids
     }
 
     /// The largest distance between a triangle and those samples of the window that lie above, below or on it, matched by column and row;
@@ -97,19 +119,16 @@ impl<'a> Judge<'a> {
         let border = border.fold(0.0, f64::max);
         let inside = match self.surface.is_globe() {
             true => self.on_globe(facet),
-            false => {
-                let scale = self.surface.height_scale;
-                self.on_plane(facet, ((known - border) / scale * ROUNDED_DOWN).max(0.0)) * scale
-            }
+            false => self.on_plane(facet, ((known - border) / self.step() * ROUNDED_DOWN).max(0.0)) * self.step(),
         };
         [inside, border]
     }
 
     /// How far samples may be from triangles at the border of a tile, whatever samples its neighbours add there.
-    pub fn at_border(&self, tile: &DrawnTile, tolerance: f64) -> f64 {
+    pub fn at_border(&self, tile: &DrawnTile, steps: &Steps, tolerance: f64) -> f64 {
         let mut most = 0.0f64;
         tile.needs.for_each_border_side(tolerance, |side, inside| {
-            let [a, b] = side.map(|at| Corner::new(tile, at));
+            let [a, b] = side.map(|at| Corner::new(tile, steps, at));
             most = most.max(inside + self.along(a, b));
         });
         most
@@ -172,7 +191,7 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// The largest height between samples and a triangle on a plane, if it is above `least`; otherwise at most that.
+    /// The largest height between samples and a triangle on a plane in steps, if it is above `least`; otherwise at most that.
     fn on_plane(&self, Facet { corners, .. }: &Facet, least: f64) -> f64 {
         let [a, b, c] = *corners;
         let slope = Slope::new(corners.map(|corner| [corner.column as f64, corner.row as f64]));
@@ -180,34 +199,29 @@ impl<'a> Judge<'a> {
         let plane = Plane { east, south, first: a };
         let mut most = least;
         if self.is_even(corners) {
-            self.in_blocks(corners, &plane, &mut most);
+            self.in_even(corners, &plane, &mut most);
         } else {
             self.for_each_row(corners, |row, ends| most = self.along_row(&plane, row, ends, most));
         }
         most
     }
 
-    /// The largest of `most` and the distances of samples of a run of a row from a plane.
-    fn along_row(&self, plane: &Plane, row: i64, [from, to]: [i64; 2], mut most: f64) -> f64 {
+    /// The largest of `most` and the heights between samples of a run of a row and a plane, in steps.
+    #[inline]
+    fn along_row(&self, plane: &Plane, row: i64, [from, to]: [i64; 2], most: f64) -> f64 {
         let (first, east) = (plane.at(from, row), plane.east);
         let run = self.window.run(row as u64, [from as u64, to as u64]);
-        if self.window.grid_has_voids() {
-            for (k, &sample) in run.iter().enumerate().filter(|(_, sample)| **sample & 1 == 0) {
-                let off = (first + east * k as f64 - f64::from(sample >> 1) * self.scale.step).abs();
-                most = if off > most { off } else { most };
-            }
-        } else {
-            for (k, &sample) in (0i32..).zip(run) {
-                let off = (first + east * f64::from(k) - f64::from(sample >> 1) * self.scale.step).abs();
-                most = if off > most { off } else { most };
-            }
+        let off = |k: f64, sample: Stored| (first + east * k - f64::from(sample >> 1)).abs();
+        match self.has_voids {
+            false => largest(run, most, off),
+            true => largest(run, most, |k, sample| if sample & 1 == 0 { off(k, sample) } else { 0.0 }),
         }
-        most
     }
 
-    /// Looks only into those blocks of samples that may be further from an even triangle than what is known: no sample is further from it than
-    /// the furthest corner of its block and the roughness of the block together.
-    fn in_blocks(&self, corners: &[Corner; 3], plane: &Plane, most: &mut f64) {
+    /// The same for a triangle whose sides run along rows, columns and diagonals, and which lies within the window. Looks only into those
+    /// blocks of samples that may be further from it than what is known: no sample is further from it than the furthest corner of its block and
+    /// the roughness of the block together.
+    pub fn in_even(&self, corners: &[Corner; 3], plane: &Plane, most: &mut f64) {
         let rows = EvenRows::new(corners);
         let extent = (rows.last - rows.first) as usize;
         let all = [rows.first, rows.last];
@@ -265,14 +279,14 @@ impl<'a> Judge<'a> {
         let [first_column, first_row] = [window.columns[0], window.rows[0]].map(|line| line as i64);
         let side = BLOCK_SIDES[size] as i64;
         let block = [(west - first_column) / side, (north - first_row) / side].map(|k| k as usize);
-        if let Some(roughness) = window.roughness(size, block) {
+        if let Some(roughness) = self.blocks.roughness(size, block) {
             let east = (west + side).min(window.columns[1] as i64);
             let south = (north + side).min(window.rows[1] as i64);
             let off = |column: i64, row: i64| {
-                (plane.at(column, row) - f64::from(window.step(column as u64, row as u64)) * self.scale.step).abs()
+                (plane.at(column, row) - f64::from(window.step(column as u64, row as u64))).abs()
             };
             let corners = off(west, north).max(off(east, north)).max(off(west, south)).max(off(east, south));
-            if corners + roughness * self.scale.step <= *most * ROUNDED_DOWN {
+            if corners + roughness <= *most * ROUNDED_DOWN {
                 return;
             }
         }
@@ -337,9 +351,9 @@ impl<'a> Judge<'a> {
                 true => k as f64 / length as f64,
                 false => (self.down(row) - self.down(a.row)) / (self.down(b.row) - self.down(a.row)),
             };
-            let height = f64::from(sample >> 1) * self.scale.step;
+            let height = f64::from(sample >> 1);
             let off = match self.surface.is_globe() {
-                false => (a.height + share * (b.height - a.height) - height).abs() * self.surface.height_scale,
+                false => (a.height + share * (b.height - a.height) - height).abs() * self.step(),
                 true => {
                     let place = self.place(Corner { column, row, height });
                     let off = [0, 1, 2].map(|axis| start[axis] + share * (end[axis] - start[axis]) - place[axis]);
@@ -359,7 +373,7 @@ impl<'a> Judge<'a> {
         };
         let column = line(0, &self.columns, self.window.columns[0], column);
         let row = line(1, &self.rows, self.window.rows[0], row);
-        self.surface.position(column, row, self.scale.zero + height)
+        self.surface.position(column, row, self.scale.zero + height * self.scale.step)
     }
 }
 
@@ -400,10 +414,10 @@ impl EvenRows {
 }
 
 /// Heights that change evenly, from a corner on.
-struct Plane {
-    east: f64,
-    south: f64,
-    first: Corner,
+pub struct Plane {
+    pub east: f64,
+    pub south: f64,
+    pub first: Corner,
 }
 
 impl Plane {

@@ -30,7 +30,7 @@ pub struct RasterWindow {
     /// Lines of the grid from a sample to the next.
     pub stride: u64,
     /// The first column and the first row, counted in strides.
-    first: [u64; 2],
+    pub(super) first: [u64; 2],
     /// Columns and rows.
     pub size: [u64; 2],
     /// A bound of the distance between the surface of these samples and what the heights were made from, in units of space.

@@ -2,16 +2,20 @@
 //!
 //! Samples are rounded to steps (`samples`), so every tile knows its values without any other one. Tiles are worked on in units whose
 //! samples fit in memory (`unit`); those above the units are few, and are judged by every unit below them (`above`). `tile` chooses the
-//! resolutions of a tile, `facets` measures how far their triangles are from all samples, and `coding` writes. `geotiff` takes
-//! rasters out of such files again.
+//! resolutions of a tile, `facets` and `even` measure how far their triangles are from all samples, without those in `blocks` that cannot
+//! matter, and `coding` writes. `geotiff` takes
+//! rasters out of such files again, and `tin` few triangles.
 
 mod above;
+mod blocks;
 mod coding;
+mod even;
 mod facets;
 mod geotiff;
 mod mask;
 mod samples;
 mod tile;
+mod tin;
 mod unit;
 
 use std::fs::File;
@@ -29,6 +33,7 @@ use crate::mesh::tolerance::Tolerance;
 use crate::pipeline::summary::{StageTime, Stopwatch};
 use crate::progress::Progress;
 pub use geotiff::{RasterWindow, range_of, window_of, write_geotiff};
+pub use tin::{Tin, triangulate};
 
 use above::Above;
 use coding::Spill;
@@ -186,7 +191,7 @@ pub fn build(
     for bunch in roots.chunks(4 * rayon::current_num_threads()) {
         let work = |&root: &_| -> Result<_, HeightsError> {
             let unit = Unit::read(&setting, &samples, root)?;
-            let judge = Judge::new(&unit.window, scale, &source.surface);
+            let judge = Judge::new(&unit.window, scale, &source.surface, setting.highest);
             let seen = above.seen(root, &judge);
             let Some(values) = unit.values(root) else { return Ok((None, seen)) };
             let (below, finished) = unit.finish(&encoder, &judge, root, above.parent(root), values)?;

@@ -13,7 +13,7 @@ use super::{HeightsError, nameless};
 const MAX_STEP: f64 = 1_000_000_000.0;
 
 /// A sample: its height in steps times two, plus one where it has no data.
-type Stored = i32;
+pub type Stored = i32;
 
 /// How heights become steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,6 +82,12 @@ impl<'a> Gather<'a> {
             return Ok(());
         }
         row.clear();
+        if let Some((error, range)) = round_row(heights, *scale, row) {
+            samples.error = samples.error.max(error);
+            samples.range = [samples.range[0].min(range[0]), samples.range[1].max(range[1])];
+            return self.push_row();
+        }
+        row.clear();
         let mut void_from = None;
         for (column, &height) in heights.iter().enumerate() {
             if height.is_nan() {
@@ -110,8 +116,16 @@ impl<'a> Gather<'a> {
             fill(row, from, end, last.as_deref());
         }
         samples.has_voids |= row.iter().any(|sample| sample & 1 != 0);
-        let row = std::mem::take(row);
-        self.last = Some(row.iter().map(|sample| sample >> 1).collect());
+        self.push_row()
+    }
+
+    /// Appends the row that has been rounded, and what is before it.
+    fn push_row(&mut self) -> Result<(), HeightsError> {
+        let row = std::mem::take(&mut self.row);
+        let mut last = self.last.take().unwrap_or_default();
+        last.clear();
+        last.extend(row.iter().map(|sample| sample >> 1));
+        self.last = Some(last);
         if self.empty_rows > 0 {
             let filled: Vec<Stored> = row.iter().map(|sample| sample | 1).collect();
             self.samples.has_voids = true;
@@ -150,9 +164,45 @@ impl<'a> Gather<'a> {
     }
 }
 
+/// One and a half times 2^52: adding it rounds a number to an integer, whose bits are then the last ones.
+const SHIFT: f64 = 6_755_399_441_055_744.0;
+/// So many samples are rounded side by side.
+const LANES: usize = 4;
+
+/// Appends a row in which no sample lacks data, and returns the largest error, and the lowest and the highest step; none if there is something in
+/// it that has to be looked at one by one.
+fn round_row(heights: &[f64], scale: Scale, out: &mut Vec<Stored>) -> Option<(f64, [i32; 2])> {
+    let (mut errors, mut lowest, mut highest) = ([0.0f64; LANES], [f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
+    let mut is_number = true;
+    let (chunks, rest) = heights.as_chunks::<LANES>();
+    let mut round = |lane: usize, height: f64| {
+        let shifted = (height - scale.zero) / scale.step + SHIFT;
+        let step = shifted - SHIFT;
+        let error = (step * scale.step + scale.zero - height).abs();
+        errors[lane] = if error > errors[lane] { error } else { errors[lane] };
+        lowest[lane] = if step < lowest[lane] { step } else { lowest[lane] };
+        highest[lane] = if step > highest[lane] { step } else { highest[lane] };
+        is_number &= step.abs() <= MAX_STEP;
+        (shifted.to_bits() as u32).cast_signed() << 1
+    };
+    for chunk in chunks {
+        let mut steps = [0; LANES];
+        for (lane, (step, &height)) in steps.iter_mut().zip(chunk).enumerate() {
+            *step = round(lane, height);
+        }
+        out.extend_from_slice(&steps);
+    }
+    for (lane, &height) in rest.iter().enumerate() {
+        out.push(round(lane, height));
+    }
+    let range =
+        [lowest.into_iter().fold(f64::INFINITY, f64::min), highest.into_iter().fold(f64::NEG_INFINITY, f64::max)];
+    // What is no number compares as false.
+    (is_number && !heights.is_empty()).then(|| (errors.into_iter().fold(0.0, f64::max), range.map(|step| step as i32)))
+}
+
 /// The nearest integer of a number that is not beyond 2^51: adding rounds, and is faster than a call.
 fn nearest(x: f64) -> f64 {
-    const SHIFT: f64 = 6_755_399_441_055_744.0;
     if x.abs() < 1e15 { (x + SHIFT) - SHIFT } else { x }
 }
 
@@ -210,8 +260,7 @@ impl Samples {
         for (row, out) in (rows[0]..).zip(stored.chunks_mut(width)) {
             self.read(row, columns[0], out)?;
         }
-        let roughness = BLOCK_SIDES.map(|side| roughness(&stored, width, side));
-        Ok(Window { columns, rows, width, stored, roughness, has_voids: self.has_voids })
+        Ok(Window { columns, rows, width, stored, has_voids: self.has_voids })
     }
 
     /// The samples on some of the lines: columns within rows.
@@ -231,39 +280,6 @@ impl Samples {
     }
 }
 
-/// Cells along a side of a block, coarse to fine. Blocks share the samples on their borders.
-pub const BLOCK_SIDES: [usize; 2] = [16, 4];
-
-/// For each block of so many cells along a side, row by row, how far its samples are at most from what is straight between its four corners,
-/// in steps and rounded up; infinite where some have no data.
-fn roughness(stored: &[Stored], width: usize, side: usize) -> Vec<f32> {
-    let height = stored.len() / width.max(1);
-    let mut all = vec![];
-    for north in (0..height.saturating_sub(1)).step_by(side) {
-        let south = (north + side).min(height - 1);
-        for west in (0..width.saturating_sub(1)).step_by(side) {
-            let east = (west + side).min(width - 1);
-            let at = |column: usize, row: usize| f64::from(stored[row * width + column] >> 1);
-            let corners = [at(west, north), at(east, north), at(west, south), at(east, south)];
-            let (down, right) = (1.0 / (south - north) as f64, 1.0 / (east - west) as f64);
-            let (mut most, mut voids) = (0.0f64, 0);
-            for row in north..=south {
-                let y = (row - north) as f64 * down;
-                let first = corners[0] + (corners[2] - corners[0]) * y;
-                let rise = (corners[1] + (corners[3] - corners[1]) * y - first) * right;
-                for (k, &sample) in (0i32..).zip(&stored[row * width + west..=row * width + east]) {
-                    voids |= sample;
-                    let off = (first + rise * f64::from(k) - f64::from(sample >> 1)).abs();
-                    most = if off > most { off } else { most };
-                }
-            }
-            let rounded_up = (most * (1.0 + 1e-6)) as f32 * (1.0 + 2.0 * f32::EPSILON);
-            all.push(if voids & 1 == 0 { rounded_up } else { f32::INFINITY });
-        }
-    }
-    all
-}
-
 /// A rectangle of samples.
 #[derive(Debug)]
 pub struct Window {
@@ -273,19 +289,13 @@ pub struct Window {
     pub rows: [u64; 2],
     width: usize,
     stored: Vec<Stored>,
-    /// Of blocks of each size, row by row.
-    roughness: [Vec<f32>; 2],
     has_voids: bool,
 }
 
 impl Window {
-    /// How far the samples of a block are at most from what is straight between its corners, in steps; column and row count blocks from the
-    /// first sample on. None if there is no such block.
-    #[inline]
-    pub fn roughness(&self, size: usize, [column, row]: [usize; 2]) -> Option<f64> {
-        let blocks = (self.width - 1).div_ceil(BLOCK_SIDES[size]);
-        let found = if column < blocks { self.roughness[size].get(row * blocks + column) } else { None };
-        found.map(|&most| f64::from(most))
+    /// All samples, row by row, and how many a row has.
+    pub fn all(&self) -> (&[Stored], usize) {
+        (&self.stored, self.width)
     }
 
     /// The height of a sample in steps.
@@ -313,11 +323,6 @@ impl Window {
         let at = self.place(column, row);
         let [a, b, c, d] = [at, at + 1, at + self.width, at + self.width + 1].map(|at| self.stored[at]);
         (a | b | c | d) & 1 == 0
-    }
-
-    /// Whether some samples of the grid have no data.
-    pub fn grid_has_voids(&self) -> bool {
-        self.has_voids
     }
 
     /// Whether some of its samples have no data.

@@ -1,11 +1,12 @@
 //! One tile: its samples, its resolutions, and whether the tiles below it say anything.
 
 use lodpack::heights::{
-    Base, CELLS, DrawnTile, Grid, Line, Lines, MAX_RESOLUTIONS, Resolution, SIDE, Surface, TileId, TileValues,
-    storable_tolerance,
+    Base, CELLS, DrawnTile, Grid, Line, Lines, MAX_RESOLUTIONS, Resolution, SIDE, Surface, TileId, TileTriangle,
+    TileValues, storable_tolerance,
 };
 
 use super::HeightsError;
+use super::even::Even;
 use super::facets::{Facet, Judge};
 use super::samples::{Scale, Window};
 use super::unit::range_of;
@@ -39,32 +40,31 @@ pub struct Setting<'a> {
     pub highest: f64,
 }
 
+impl Setting<'_> {
+    /// What errors have beside the distance of drawn triangles from rounded samples.
+    pub fn added(&self) -> f64 {
+        let rounding = match self.surface.base {
+            Base::Plane => 0.0,
+            Base::Ellipsoid { axis, .. } => axis * ROUNDING_OF_AXIS,
+        };
+        self.error + rounding
+    }
+}
+
 /// A surface that a tile may be drawn as, and how far it has been seen from the samples.
 #[derive(Clone, Debug)]
 pub struct Drawn {
     tolerance: f64,
     triangle_count: u32,
-    /// Triangles that samples below the tile are compared with; none if `known` says enough.
+    /// Of a tile above the units: triangles that samples below the tile are compared with.
     facets: Vec<Facet>,
-    /// Of each triangle, inside and along the border of the tile.
+    /// Of each of them, inside and along the border of the tile.
     distances: Vec<[f64; 2]>,
-    /// A bound of the distances inside that needs no comparison.
-    known: Option<f64>,
-    /// The same of triangles at the border, with what neighbours may add.
-    border: f64,
+    /// A bound of all distances, or anything up to that of a finer surface if the bound is not above it.
+    off: f64,
 }
 
 impl Drawn {
-    /// Looks at the samples of a window, which are all that lie below it. Only the largest distance is of interest then.
-    pub fn judge(&mut self, judge: &Judge<'_>) {
-        let mut most = 0.0f64;
-        for (facet, known) in self.facets.iter().zip(&mut self.distances) {
-            let seen = judge.distances(facet, most);
-            most = most.max(seen[0] + seen[1]);
-            *known = [known[0].max(seen[0]), known[1].max(seen[1])];
-        }
-    }
-
     /// Takes over what another has seen of the same surface.
     pub fn join(&mut self, other: &[[f64; 2]]) {
         for (known, seen) in self.distances.iter_mut().zip(other) {
@@ -72,22 +72,32 @@ impl Drawn {
         }
     }
 
-    /// What a judge sees, without keeping it.
+    /// What a judge sees. Only the largest distance is of interest.
     pub fn seen(&self, judge: &Judge<'_>) -> Vec<[f64; 2]> {
-        self.facets.iter().map(|facet| judge.distances(facet, 0.0)).collect()
+        let mut most = 0.0f64;
+        let look = |facet: &Facet| {
+            let seen = judge.distances(facet, most);
+            most = most.max(seen[0] + seen[1]);
+            seen
+        };
+        self.facets.iter().map(look).collect()
     }
 
     /// A triangle at the border may get samples of neighbours, which move it by as much as its side is off.
     fn error(&self) -> f64 {
-        let known = self.known.map_or(0.0, |inside| inside.max(self.border));
-        self.distances.iter().fold(known, |most: f64, [inside, border]| most.max(inside + border))
+        self.distances.iter().fold(self.off, |most: f64, [inside, border]| most.max(inside + border))
     }
 }
 
 /// A tile that is being worked on.
 #[derive(Clone, Debug)]
 pub struct Tile {
+    /// Of a tile in a unit, until it has been judged.
     laid: Option<Box<DrawnTile>>,
+    /// What it needs says how far it is from its samples.
+    is_known: bool,
+    /// It has all samples itself.
+    is_finest: bool,
     pub id: TileId,
     pub lines: Lines,
     pub values: TileValues,
@@ -99,10 +109,10 @@ pub struct Tile {
 
 impl Tile {
     /// A tile of its samples. `off` says how far samples that only its quarters have are from it, if there are any, and `above` the same
-    /// of its parent.
+    /// of its parent. A tile above the units (`is_above`) is judged by parts.
     pub fn new(
         setting: &Setting<'_>,
-        id: TileId,
+        (id, is_above): (TileId, bool),
         values: TileValues,
         off: Option<f64>,
         above: Option<f64>,
@@ -135,60 +145,72 @@ impl Tile {
         let mut drawn: Vec<Drawn> = vec![];
         for tolerance in tolerances {
             let tolerance = storable_tolerance(tolerance)?;
-            let mut facets = vec![];
             let count = match is_known {
                 true => tile.needs.triangle_count(tolerance),
                 false => {
                     let mut count = 0;
-                    tile.for_each_face(tolerance, |triangle, is_drawn| {
-                        count += usize::from(is_drawn);
-                        facets.push(Facet::new(&tile, triangle));
-                    });
+                    tile.for_each_face(tolerance, |_, is_drawn| count += usize::from(is_drawn));
                     count
                 }
             };
             let is_new = drawn.last().is_none_or(|last| (count as f64) < FEWER * f64::from(last.triangle_count));
-            if is_new {
-                drawn.push(Drawn {
-                    tolerance,
-                    triangle_count: count as u32,
-                    distances: vec![[0.0; 2]; facets.len()],
-                    facets,
-                    known: is_known.then(|| tile.needs.bound(tolerance) * ROUNDED_UP),
-                    border: 0.0,
-                });
+            if !is_new {
+                continue;
             }
+            let mut facets = vec![];
+            if is_above {
+                tile.for_each_face(tolerance, |triangle, _| facets.push(Facet::new(&tile, &values.steps, triangle)));
+            }
+            let distances = vec![[0.0; 2]; facets.len()];
+            drawn.push(Drawn { tolerance, triangle_count: count as u32, distances, facets, off: 0.0 });
         }
-        Ok(Self { id, laid: is_known.then(|| Box::new(tile)), lines, values, drawn, partly: None })
+        let laid = (!is_above).then(|| Box::new(tile));
+        Ok(Self { id, laid, is_known, is_finest: off.is_none(), lines, values, drawn, partly: None })
     }
 
-    /// Looks at the samples of a window, which are all that lie below it.
-    pub fn judge(&mut self, judge: &Judge<'_>) {
+    /// Looks at the samples of a window, which are all that lie below it. No error will be below `least`.
+    pub fn judge(&mut self, judge: &Judge<'_>, least: f64) {
+        let Some(tile) = self.laid.take() else { return };
+        let steps = &*self.values.steps;
+        let even = Even::new(judge, &tile, steps, self.values.cells.is_none());
+        let mut most = least.max(0.0);
         for drawn in &mut self.drawn {
-            drawn.judge(judge);
-            if let Some(tile) = &self.laid
-                && drawn.tolerance > 0.0
-            {
-                drawn.border = judge.at_border(tile, drawn.tolerance);
+            if self.partly.is_some() {
+                // There these distances are added to others.
+                most = 0.0;
             }
+            if self.is_finest && drawn.tolerance == 0.0 {
+                // All samples are corners.
+                continue;
+            }
+            if self.is_known {
+                most = most.max(tile.needs.bound(drawn.tolerance) * ROUNDED_UP);
+                most = most.max(judge.at_border(&tile, steps, drawn.tolerance));
+            } else {
+                tile.for_each_face(drawn.tolerance, |triangle, _| {
+                    most = most.max(match even.as_ref().filter(|_| !has_border_side(triangle)) {
+                        Some(even) => even.distance(judge, triangle, most),
+                        None => {
+                            let [inside, border] = judge.distances(&Facet::new(&tile, steps, triangle), most);
+                            inside + border
+                        }
+                    });
+                });
+            }
+            drawn.off = most;
         }
-        self.laid = None;
     }
 
     /// What is stored of its resolutions. `least` is the finest error of the tiles below, which no tile above falls short of.
     pub fn resolutions(&self, setting: &Setting<'_>, least: f64) -> Vec<Resolution> {
         let mut before = least;
-        let rounding = match setting.surface.base {
-            Base::Plane => 0.0,
-            Base::Ellipsoid { axis, .. } => axis * ROUNDING_OF_AXIS,
-        };
         let of = |drawn: &Drawn| {
             let vertical = drawn.error();
             let off = match self.partly {
                 None => vertical,
                 Some([across, range]) => vertical.max(libm::hypot(across, range + 2.0 * drawn.tolerance + vertical)),
             };
-            let error = (off + setting.error + rounding).max(before);
+            let error = (off + setting.added()).max(before);
             before = error;
             Resolution { tolerance: drawn.tolerance, error, triangle_count: drawn.triangle_count }
         };
@@ -253,6 +275,25 @@ impl<'a> Laid<'a> {
         [self.lines.columns[at % SIDE] as f64, row]
     }
 
+    /// How far the globe is from straight connections between the samples, if these are equally far apart and none is at a pole.
+    fn bend(&self) -> Option<f64> {
+        let surface = self.setting.surface;
+        if !are_even(&self.lines.columns) || !are_even(&self.lines.rows) {
+            return None;
+        }
+        let Some([columns, rows]) = &self.axes else { return Some(0.0) };
+        let latitude = |row: u64| surface.first[1] + row as f64 * surface.spacing[1];
+        if [0, CELLS].iter().any(|&k| latitude(self.lines.rows[k]).abs() >= 90.0) {
+            return None;
+        }
+        let chord = |row: &[Line]| {
+            let ends = [(columns[0], row[0]), (columns[1], row[1])];
+            let [a, b] = ends.map(|(column, row)| surface.position(column, row, self.setting.scale.zero));
+            (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum()
+        };
+        Some(surface.bend(rows.windows(2).map(chord).fold(0.0, f64::max)))
+    }
+
     fn place(&self, at: usize) -> [f64; 3] {
         let height = self.setting.scale.zero + self.height(at);
         match &self.axes {
@@ -260,6 +301,12 @@ impl<'a> Laid<'a> {
             Some([columns, rows]) => self.setting.surface.position(columns[at % SIDE], rows[at / SIDE], height),
         }
     }
+}
+
+/// Whether a triangle may have a side on the border of its tile.
+fn has_border_side(triangle: TileTriangle) -> bool {
+    let index = triangle.map(|at| [usize::from(at) % SIDE, usize::from(at) / SIDE]);
+    (0..2).any(|axis| [0, CELLS].iter().any(|&end| index.iter().filter(|at| at[axis] == end).count() > 1))
 }
 
 /// How far the samples that quarters of a tile have, and it does not, are from its straight connections.
@@ -270,11 +317,12 @@ pub fn distance_of_quarters<'a>(
     quarters: impl Iterator<Item = (TileId, &'a TileValues)>,
 ) -> f64 {
     let tile = Laid::new(setting, id, values);
-    let is_even = !setting.surface.is_globe() && are_even(&tile.lines.columns) && are_even(&tile.lines.rows);
     let (mut most, mut doubled) = (0.0f64, 0i64);
+    let bend = tile.bend();
     for (quarter, values) in quarters {
-        if is_even && values.cells.is_none() {
+        if let Some(bend) = bend.filter(|_| values.cells.is_none()) {
             doubled = doubled.max(doubled_distance(tile.values, quarter, values));
+            most = most.max(bend);
             continue;
         }
         let fine = Laid::new(setting, quarter, values);
@@ -306,7 +354,7 @@ pub fn distance_of_quarters<'a>(
             most = most.max(off);
         }
     }
-    most.max(0.5 * doubled as f64 * setting.scale.step * setting.surface.height_scale)
+    most.max(bend.unwrap_or(0.0) + 0.5 * doubled as f64 * setting.scale.step * setting.surface.height_scale)
 }
 
 /// Whether a tile's lines of samples are equally far apart.

@@ -62,6 +62,10 @@ impl Below {
 
 /// The lowest and the highest step of those of a tile's own samples that are drawn.
 pub fn range_of(values: &TileValues) -> [i32; 2] {
+    if values.cells.is_none() {
+        let [first, ..] = *values.steps;
+        return values.steps.iter().fold([first; 2], |[low, high], &step| [low.min(step), high.max(step)]);
+    }
     let drawn = values.steps.iter().enumerate().filter(|(at, _)| touches(values, at % SIDE, at / SIDE));
     drawn.fold([i32::MAX, i32::MIN], |[low, high], (_, step)| [low.min(*step), high.max(*step)])
 }
@@ -177,12 +181,13 @@ impl<'a> Unit<'a> {
             below.push(said);
             all.extend(finished);
         }
-        let mut tile = Tile::new(self.setting, id, values, off, above.map(|above| above.off))?;
+        let mut tile = Tile::new(self.setting, (id, false), values, off, above.map(|above| above.off))?;
         if let Some(mask) = self.masks.get((id.depth - self.root.depth) as usize) {
             let [x, y] = self.first_cell(id);
             tile.note_partly(self.setting, |column, row| mask.is_whole([x + column, y + row]));
         }
-        tile.judge(judge);
+        let least = below.iter().fold(0.0, |least: f64, quarter| least.max(quarter.least));
+        tile.judge(judge, least - self.setting.added());
         let (said, finished) = finish_tile(self.setting, encoder, &tile, off, above.map(|above| above.values), &below)?;
         if finished.children == 0 {
             all.clear();

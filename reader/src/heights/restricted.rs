@@ -14,6 +14,14 @@ const ALWAYS: f64 = f64::INFINITY;
 /// much once more.
 const AT_BORDER: f64 = 2.0;
 
+/// Distances are compared in so many lanes, which do not wait for each other.
+const LANES: usize = 4;
+
+fn largest([a, b, c, d]: [f64; LANES]) -> f64 {
+    let of_two = |a: f64, b: f64| if a > b { a } else { b };
+    of_two(of_two(a, b), of_two(c, d))
+}
+
 /// Three samples of a tile, row by row from the north-west, counter-clockwise seen from above.
 pub type TileTriangle = [u16; 3];
 
@@ -66,7 +74,7 @@ impl<Bend: Fn(usize, usize) -> f64> Field<'_, Bend> {
         // Sides of right triangles go down by a column a row, or by none.
         let slope = |from: [isize; 2], to: [isize; 2]| (to[0] - from[0]) / (to[1] - from[1]).max(1);
         let (long, upper, lower) = (slope(top, bottom), slope(top, middle), slope(middle, bottom));
-        let mut most = 0.0;
+        let mut most = [0.0; LANES];
         for row in top[1]..=bottom[1] {
             let one = top[0] + long * (row - top[1]);
             let other = match row <= middle[1] && middle[1] > top[1] {
@@ -77,12 +85,20 @@ impl<Bend: Fn(usize, usize) -> f64> Field<'_, Bend> {
             let row = row as usize;
             let base = first + south * self.rows[row];
             let heights = &self.heights[sample(from, row)..=sample(to, row)];
-            for (height, column) in heights.iter().zip(&self.columns[from..=to]) {
+            let (columns, rest_of_columns) = self.columns[from..=to].as_chunks::<LANES>();
+            let (heights, rest) = heights.as_chunks::<LANES>();
+            for (heights, columns) in heights.iter().zip(columns) {
+                for (most, (height, column)) in most.iter_mut().zip(heights.iter().zip(columns)) {
+                    let off = (base + east * column - height).abs();
+                    *most = if off > *most { off } else { *most };
+                }
+            }
+            for (most, (height, column)) in most.iter_mut().zip(rest.iter().zip(rest_of_columns)) {
                 let off = (base + east * column - height).abs();
-                most = if off > most { off } else { most };
+                *most = if off > *most { off } else { *most };
             }
         }
-        most
+        largest(most)
     }
 
     /// The plane through three samples: the height at column 0 and row 0, and what a column and a row add; none if they are on a line.
@@ -247,7 +263,15 @@ impl Needs {
 
     /// The largest need that a tolerance does not meet with a halving: no sample is further from its triangle in height, if lines are even.
     pub fn bound(&self, tolerance: f64) -> f64 {
-        self.of.iter().fold(0.0, |most, &need| if need <= tolerance && need > most { need } else { most })
+        let mut most = [0.0; LANES];
+        let (chunks, rest) = self.of.as_chunks::<LANES>();
+        for needs in chunks {
+            for (most, &need) in most.iter_mut().zip(needs) {
+                let need = if need <= tolerance { need } else { 0.0 };
+                *most = if need > *most { need } else { *most };
+            }
+        }
+        rest.iter().fold(largest(most), |most, &need| if need <= tolerance && need > most { need } else { most })
     }
 
     /// How many triangles there are at a tolerance, if all cells are drawn.

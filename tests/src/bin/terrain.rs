@@ -1,5 +1,5 @@
 //! Writes generated terrain as GeoTIFFs: terrain flat|globe COLUMNS ROWS OUT.tif, or with --tile N as tiles of N x N samples in the folder
-//! OUT. --seed N makes another world. A row is held at a time, so any size can be written.
+//! OUT. --seed N makes another world; with --island a globe is a level sea but for an island of 10 degrees. A row is held at a time, so any size can be written.
 
 use lodpack_tests::terrain::{Fractal, Grid};
 use std::fs::File;
@@ -11,16 +11,22 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let option =
         |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1)?.parse::<u32>().ok());
     let [kind, columns, rows, out, ..] = args.as_slice() else {
-        return Err("usage: terrain flat|globe COLUMNS ROWS OUT [--tile N] [--seed N]".into());
+        return Err("usage: terrain flat|globe COLUMNS ROWS OUT [--tile N] [--seed N] [--island]".into());
     };
     let size: [u32; 2] = [columns.parse()?, rows.parse()?];
+    let is_sea = args.iter().any(|arg| arg == "--island");
     let fractal = Fractal::of_samples(option("--seed").unwrap_or(1).into(), size[0].max(size[1]));
     let is_globe = kind == "globe";
     let grid = if is_globe { Grid::globe(size) } else { Grid::utm(size) };
     let write = |path: &Path, first: [u32; 2], part: [u32; 2]| {
         let mut file = BufWriter::new(File::create(path)?);
         grid.window(first, part).write(&mut file, |row, heights| match is_globe {
-            true => fractal.globe_row(size, first[1] + row, first[0], heights),
+            true => {
+                fractal.globe_row(size, first[1] + row, first[0], heights);
+                if is_sea {
+                    island(size, [first[0], first[1] + row], heights);
+                }
+            }
             false => fractal.flat_row(size, first[1] + row, first[0], heights),
         })
     };
@@ -34,4 +40,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     Ok(())
+}
+
+/// Leaves of a row of a globe what lies above the sea within 5 degrees of 20 degrees east and 10 degrees north.
+fn island(size: [u32; 2], [first, row]: [u32; 2], heights: &mut [f32]) {
+    let latitude = 90.0 - 180.0 * f64::from(row) / f64::from(size[1] - 1);
+    for (column, height) in (first..).zip(heights) {
+        let longitude = -180.0 + 360.0 * f64::from(column) / f64::from(size[0]);
+        let is_near = (longitude - 20.0).hypot(latitude - 10.0) < 5.0;
+        *height = if is_near { height.abs() } else { 0.0 };
+    }
 }

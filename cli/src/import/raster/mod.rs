@@ -1,7 +1,7 @@
 //! Rasters: grids of heights become triangles. Rows are read from north to south and handed on, so memory holds a few of them whatever
 //! the size of the grid.
 //!
-//! `header` says what a file tells about its grid; a file a format (`tiff`, `hgt`, `asc`, `bil`, `png`) reads headers and
+//! `header` says what a file tells about its grid; a file a format (`tiff`, `hgt`, `asc`, `bil`, `png`, `exr`) reads headers and
 //! rows. `mosaic` joins files whose grids agree, `surface` knows where a sample is on a plane, a sphere or the ellipsoid, and
 //! `triangulate` makes vertices and triangles. `drape` adds colours.
 
@@ -9,6 +9,7 @@ mod asc;
 mod bil;
 mod crs;
 mod drape;
+mod exr;
 mod geokeys;
 mod header;
 mod heights;
@@ -49,6 +50,7 @@ pub(super) enum RasterFormat {
     /// Rows of numbers beside a header in a text file.
     Bil,
     Png,
+    Exr,
 }
 
 /// What a raster says about the coordinates that it becomes.
@@ -66,11 +68,13 @@ pub(super) fn detect(path: &Path, bytes: &[u8]) -> Option<RasterFormat> {
     match bytes {
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => return Some(RasterFormat::Tiff),
         [0x89, b'P', b'N', b'G', b'\r', b'\n', 0x1a, b'\n', ..] => return Some(RasterFormat::Png),
+        [0x76, 0x2f, 0x31, 1, ..] => return Some(RasterFormat::Exr),
         _ => {}
     }
     match extension.as_str() {
         "tif" | "tiff" => Some(RasterFormat::Tiff),
         "png" => Some(RasterFormat::Png),
+        "exr" => Some(RasterFormat::Exr),
         "hgt" => Some(RasterFormat::Hgt),
         "asc" => Some(RasterFormat::Asc),
         "bil" | "flt" | "dem" | "raw" => Some(RasterFormat::Bil),
@@ -109,6 +113,7 @@ fn open(path: &Path, options: &RasterOptions) -> Parsed<(Header, Box<dyn HeightR
         RasterFormat::Asc => asc::open(path)?,
         RasterFormat::Bil => bil::open(path)?,
         RasterFormat::Png => png::open(path, options.height_code)?,
+        RasterFormat::Exr => exr::open(path)?,
     };
     header.complete(path, options)?;
     Ok((header, rows))

@@ -183,10 +183,9 @@ impl Mosaic {
                 clean(header, &mut own);
                 self.put(tile.number, row, &own, &mut all, &mut covered)?;
             }
-            for (height, &is_covered) in all.iter().zip(&covered) {
-                absent.uncovered += u64::from(!is_covered);
-                absent.nodata += u64::from(is_covered && height.is_nan());
-            }
+            let uncovered = covered.iter().filter(|&&is_covered| !is_covered).count() as u64;
+            absent.uncovered += uncovered;
+            absent.nodata += all.iter().filter(|height| height.is_nan()).count() as u64 - uncovered;
             with(row, &mut all)?;
             row += 1;
         }
@@ -212,6 +211,12 @@ impl Mosaic {
     /// Puts a row of a tile where it belongs. What another tile or, around the globe, the same one has put there already must agree.
     fn put(&self, tile: usize, row: u64, own: &[f64], all: &mut [f64], covered: &mut [bool]) -> Parsed<()> {
         let first = self.tiles[tile].at[0] as usize;
+        let here = first..first + own.len();
+        if covered.get(here.clone()).is_some_and(|covered| covered.iter().all(|&is_covered| !is_covered)) {
+            all[here.clone()].copy_from_slice(own);
+            covered[here].fill(true);
+            return Ok(());
+        }
         for (column, &height) in own.iter().enumerate() {
             let at = match first + column {
                 at if at < all.len() => at,
@@ -341,12 +346,11 @@ fn check_alike([path, other]: [&Path; 2], [first, header]: [&Header; 2]) -> Pars
 /// Puts NaN where there is no height, and scales the others.
 fn clean(header: &Header, heights: &mut [f64]) {
     let nodata = header.nodata.unwrap_or(f64::NAN);
+    for height in heights.iter_mut() {
+        *height = if *height == nodata || !height.is_finite() { f64::NAN } else { *height };
+    }
     let [scale, offset] = header.scale;
-    for height in heights {
-        if *height == nodata || !height.is_finite() {
-            *height = f64::NAN;
-        } else if [scale, offset] != [1.0, 0.0] {
-            *height = *height * scale + offset;
-        }
+    if header.scale != [1.0, 0.0] {
+        heights.iter_mut().for_each(|height| *height = *height * scale + offset);
     }
 }

@@ -55,6 +55,10 @@ pub struct ExtractArgs {
     /// --context, too.
     #[arg(long, requires = "triangles")]
     pub raw: bool,
+    /// Of a file of heights: the fewest triangles of any shape within --tolerance, not those of its tiles. All samples that the box touches are
+    /// read and compared.
+    #[arg(long, requires = "tolerance", conflicts_with_all = ["triangles", "nodes", "context"])]
+    pub tin: bool,
     /// Most nodes. A node is one root at one level.
     #[arg(long, value_name = "N", value_parser = parse_count::<u64>)]
     pub nodes: Option<u64>,

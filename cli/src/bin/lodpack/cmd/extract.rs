@@ -63,6 +63,9 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     // An unsuitable output is refused before anything is read.
     let output = Output::create(args)?;
     let (drawn, tolerance, (nodes, kind_of_nodes), traffic) = match open_any(&args.file)? {
+        Opened::Mesh(_) if args.tin => {
+            bail!("{} holds a mesh, and --tin is for grids of heights; omit it", args.file.display())
+        }
         Opened::Mesh(file) => {
             let tolerance = args.tolerance.map(|tolerance| tolerance_in(&file, tolerance)).transpose()?;
             let (drawn, nodes) = mesh_of(&file, tolerance, format, args)?;
@@ -70,8 +73,11 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         }
         Opened::Heights(file) => {
             let tolerance = args.tolerance.map(|tolerance| tolerance_in_heights(&file, tolerance)).transpose()?;
-            let (drawn, nodes) = heights::extract::mesh_of(&file, tolerance, args)?;
-            (drawn, tolerance, (nodes, "tiles"), [file.source().byte_count(), file.source().read_count()])
+            let (drawn, nodes) = match tolerance.filter(|_| args.tin) {
+                Some(tolerance) => heights::extract::tin_of(&file, tolerance, args)?,
+                None => heights::extract::mesh_of(&file, tolerance, args)?,
+            };
+            (drawn, tolerance, nodes, [file.source().byte_count(), file.source().read_count()])
         }
     };
     match drawn.topology {

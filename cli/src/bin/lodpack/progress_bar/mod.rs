@@ -4,7 +4,7 @@ mod course;
 
 pub use course::{
     ATLAS, BUILD, BUILD_HEIGHTS, EXPORT, EXPORT_ARCHIVE, EXPORT_LEVELS, MERGE, PLAN, RASTER, REPORT, SELFTEST, Stages,
-    VERIFY, VERIFY_AGAINST,
+    TIN, VERIFY, VERIFY_AGAINST,
 };
 
 use crate::args::ProgressStyle;

@@ -2,19 +2,24 @@
 
 use super::super::extract::Drawn;
 use super::super::open::{Source, in_file};
-use crate::args::ExtractArgs;
+use crate::args::{ExtractArgs, ProgressStyle};
 use crate::output::count;
+use crate::progress_bar::{self, Terminal};
 use anyhow::{Result, bail};
 use lodpack::Limiter;
 use lodpack::heights::{Heights, HeightsCut, HeightsMesh, HeightsQuery};
+use lodpack_cli::heights::triangulate;
 use lodpack_cli::mesh::shaded::Shading;
 use lodpack_cli::pipeline::Topology;
+
+/// How many tiles or samples a mesh was made of, and which of both.
+type Nodes = (u64, &'static str);
 
 /// A budget is met after so many attempts, or not at all.
 const ATTEMPTS: usize = 24;
 
 /// The mesh that was asked for, and how many tiles it has.
-pub fn mesh_of(file: &Heights<Source>, tolerance: Option<f64>, args: &ExtractArgs) -> Result<(Drawn, u64)> {
+pub fn mesh_of(file: &Heights<Source>, tolerance: Option<f64>, args: &ExtractArgs) -> Result<(Drawn, Nodes)> {
     let name = args.file.display();
     if args.nodes.is_some() || args.context {
         bail!("{name}: a grid of heights has tiles, to which --nodes and --context do not apply; omit them");
@@ -39,7 +44,31 @@ pub fn mesh_of(file: &Heights<Source>, tolerance: Option<f64>, args: &ExtractArg
         textured: None,
         shading: Some(Shading { normals, colours }),
     };
-    Ok((drawn, cut.tiles.len() as u64))
+    Ok((drawn, (cut.tiles.len() as u64, "tiles")))
+}
+
+/// The triangulation that was asked for, and how many samples it was made of.
+pub fn tin_of(file: &Heights<Source>, tolerance: f64, args: &ExtractArgs) -> Result<(Drawn, Nodes)> {
+    let name = args.file.display();
+    let bounds = args.bbox.map(|bbox| bbox.0.map(|[x, y, _]| [x, y]));
+    let progress = Terminal::new(ProgressStyle::Auto, progress_bar::TIN);
+    let tin = match triangulate(file, bounds, tolerance, &progress) {
+        Err(lodpack::Error::Query { what }) => bail!("{name}: {what}; the grid reaches {}", super::reach(file)),
+        tin => in_file(&args.file, tin)?,
+    };
+    progress.complete();
+    let drawn = Drawn {
+        positions: tin.positions,
+        triangles: tin.triangles,
+        error: tin.error,
+        error_everywhere: tin.error,
+        limited_by: Limiter::Tolerance,
+        cut_triangles: None,
+        topology: Topology::Kept,
+        textured: None,
+        shading: None,
+    };
+    Ok((drawn, (tin.sample_count, "samples")))
 }
 
 /// A mesh within the budget: stitching adds triangles, which a cut does not know.
