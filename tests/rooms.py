@@ -17,7 +17,7 @@ import sys
 
 # Each crate: the name that its own programs import it by, where its sources are, and its rooms from the top down.
 ORDER = {
-    "reader": ("lodpack", "reader/src", "open verify file stream heights decode select index write format codec lattice source limits error"),
+    "reader": ("lodpack", "reader/src", "open verify file stream heights decode select index write format codec lattice source limits sorted error"),
     "cli": (
         "lodpack_cli",
         "cli/src",
@@ -26,7 +26,7 @@ ORDER = {
     "viewer-min": (
         "lodpack_view",
         "viewer-min/src",
-        "main window headless check controls present overlay draw scene channel texels blocks gpu picture args camera",
+        "main window headless check controls present overlay draw scene channel texels blocks pool gpu picture args camera",
     ),
 }
 

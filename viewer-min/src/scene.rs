@@ -9,7 +9,7 @@ use lodpack::{
     index::ChannelInfo,
     select::{Adapter, Coherence, TileTree, Unification, unify_cuts},
     source::{Http, HttpOptions},
-    stream::{Counters, HeightsStreamer, Mode, Options, Picture, Streamed, Streamer, StreamerOptions},
+    stream::{Changes, Counters, HeightsStreamer, Mode, Options, Picture, Streamed, Streamer, StreamerOptions},
 };
 
 use crate::{
@@ -41,6 +41,10 @@ pub struct Report {
     pub update_ms: f64,
     pub upload_ms: f64,
     pub draw_ms: f64,
+    /// The part of drawing that the processor does: to record and submit the commands.
+    pub record_ms: f64,
+    /// All that the processor does for the frame, uploads included; drawing itself is not.
+    pub cpu_ms: f64,
     pub nodes: usize,
     pub triangles: u64,
     pub bytes: u64,
@@ -87,6 +91,8 @@ pub struct Scene {
     /// The channel that is shown.
     pub(crate) channel: Option<ShownChannel>,
     content: Content,
+    /// Roots that have changed since somebody asked.
+    changed: Vec<u32>,
 }
 
 /// What a file holds, and what decides how it is drawn.
@@ -181,7 +187,7 @@ impl Scene {
                 let mesh = MeshContent::new(file, mode)?;
                 let depths = Arc::new(mesh.depths());
                 let query = Query { outside, ..Query::default() };
-                Ok(Self { bounds, query, depths, channel: None, content: Content::Mesh(Box::new(mesh)) })
+                Ok(Self { bounds, query, depths, channel: None, content: Content::Mesh(Box::new(mesh)), changed: vec![] })
             }
             Opened::Heights(file) => {
                 let bounds = file.index().bounds().context("the file is empty: it has no tiles")?;
@@ -194,7 +200,7 @@ impl Scene {
                     channels: channels_of_heights(file.ramp().is_some()),
                     file,
                 }));
-                Ok(Self { bounds, query: Query::default(), depths: Arc::default(), channel: None, content })
+                Ok(Self { bounds, query: Query::default(), depths: Arc::default(), channel: None, content, changed: vec![] })
             }
         }
     }
@@ -230,6 +236,17 @@ impl Scene {
             Content::Mesh(mesh) => mesh.streamer.picture(),
             Content::Heights(heights) => heights.streamer.picture(),
         }
+    }
+
+    /// The roots of the picture that have changed since the last call, some more than once.
+    pub(crate) fn take_changed(&mut self) -> Vec<u32> {
+        std::mem::take(&mut self.changed)
+    }
+
+    fn note(&mut self, changes: &Changes) {
+        let Changes { surfaces, strips, removed, textures } = changes;
+        let strips = strips.iter().map(|(root, _)| root);
+        self.changed.extend(removed.iter().chain(surfaces).chain(strips).chain(textures));
     }
 
     /// The small mesh to draw until the coarsest level is loaded.
@@ -366,6 +383,7 @@ impl Scene {
                 (streamed, [heights.streamer.session_mut().error_px(view)?, 0.0])
             }
         };
+        self.note(&streamed.frame.changes);
         let [error_px, texel_px] = [error_px, texel_px].map(rounded);
         Ok(Report { error_px, texel_px, ..self.report(&streamed) })
     }
@@ -390,6 +408,7 @@ impl Scene {
     pub fn show(&mut self, nodes: &[Node]) -> Result<Report> {
         let Content::Mesh(mesh) = &mut self.content else { bail!("tiles of heights are not nodes") };
         let streamed = mesh.streamer.show(nodes)?;
+        self.note(&streamed.frame.changes);
         Ok(self.report(&streamed))
     }
 
@@ -397,6 +416,7 @@ impl Scene {
     pub(crate) fn ask(&mut self, query: &Query) -> Result<Report> {
         let Content::Heights(heights) = &mut self.content else { bail!("this is a mesh") };
         let streamed = heights.streamer.frame(query)?;
+        self.note(&streamed.frame.changes);
         Ok(self.report(&streamed))
     }
 
@@ -476,6 +496,6 @@ pub(crate) fn milliseconds(time: Duration) -> f64 {
 }
 
 /// Rounded to three digits.
-fn rounded(number: f64) -> f64 {
+pub(crate) fn rounded(number: f64) -> f64 {
     (number * 1e3).round() / 1e3
 }

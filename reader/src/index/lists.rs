@@ -4,7 +4,6 @@
 //! ([`Error::Missing`]); where several parts are missing they are named together, so that they are read together.
 
 use std::{
-    collections::BTreeSet,
     ops::Range,
     sync::{OnceLock, PoisonError},
 };
@@ -17,6 +16,7 @@ use crate::{
         clusters::{Cluster, Entry},
         index_block::ClusterIndex,
     },
+    sorted::SortedSet,
     source::{Fetched, requests::plan},
 };
 
@@ -198,7 +198,7 @@ impl Index {
         &self,
         ids: impl IntoIterator<Item = u32>,
         span: fn(&Cluster) -> Range<u32>,
-    ) -> Result<BTreeSet<u32>> {
+    ) -> Result<SortedSet<u32>> {
         // Numbers that follow each other mostly have one owner.
         let mut last = 0..0;
         let owner = |id: u32| {

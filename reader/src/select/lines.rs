@@ -1,10 +1,7 @@
 //! The lines along which the roots of a file meet: arcs, and corners that are no vertices at some level. From them come the borders of a
 //! hierarchy.
 
-use std::{
-    collections::{BTreeSet, HashMap},
-    ops::Range,
-};
+use std::{collections::HashMap, ops::Range};
 
 use super::hierarchy::HierarchyNode;
 use crate::{
@@ -15,6 +12,7 @@ use crate::{
         records::HalfArc,
     },
     index::Index,
+    sorted::SortedSet,
 };
 
 /// What an index says of arcs and corners.
@@ -31,7 +29,7 @@ impl<'i> Lines<'i> {
         if !self.has_tree() {
             return Ok(());
         }
-        let (mut corners, mut found) = (BTreeSet::new(), Found::default());
+        let (mut corners, mut found) = (SortedSet::new(), Found::default());
         for half_arc in half_arcs() {
             let (local, of_cluster) = found.of(self.index, half_arc.arc, Cluster::arcs)?;
             corners.extend(of_cluster.arc_ends.get(local).into_iter().flatten());

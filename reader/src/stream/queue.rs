@@ -4,11 +4,9 @@
 //! Every frame wants its pages anew. That renews priorities, and drops pages before they are read once frames no longer want them.
 //! Niski stamps requests with times for the same reason.
 
-use std::{
-    cmp::Reverse,
-    collections::{BTreeMap, BTreeSet},
-    time::Duration,
-};
+use std::{cmp::Reverse, time::Duration};
+
+use crate::sorted::{SortedMap, SortedSet};
 
 /// Why something is wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -73,9 +71,9 @@ struct Wish {
 #[derive(Debug)]
 pub(crate) struct Queue<K> {
     frame: u64,
-    wishes: BTreeMap<K, Wish>,
-    by_priority: BTreeSet<(Priority, K)>,
-    by_span: BTreeSet<(ByteSpan, K)>,
+    wishes: SortedMap<K, Wish>,
+    by_priority: SortedSet<(Priority, K)>,
+    by_span: SortedSet<(ByteSpan, K)>,
 }
 
 /// Pages that are read together.
@@ -90,7 +88,7 @@ pub(crate) struct Batch<K> {
 
 impl<K: Copy + Ord> Queue<K> {
     pub fn new() -> Self {
-        Self { frame: 0, wishes: BTreeMap::new(), by_priority: BTreeSet::new(), by_span: BTreeSet::new() }
+        Self { frame: 0, wishes: SortedMap::new(), by_priority: SortedSet::new(), by_span: SortedSet::new() }
     }
 
     /// Begins a frame, which has to want everything again.
