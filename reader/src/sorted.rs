@@ -312,10 +312,7 @@ impl<K> SortedSet<K> {
         Self(SortedMap::new())
     }
 
-    pub fn len(&self) -> usize {
-        self.0.count
-    }
-
+    #[cfg(feature = "threads")]
     pub fn is_empty(&self) -> bool {
         self.0.count == 0
     }
@@ -392,6 +389,13 @@ impl<K> IntoIterator for SortedSet<K> {
     fn into_iter(self) -> Self::IntoIter {
         self.0.into_iter().map(|(key, ())| key)
     }
+}
+
+/// The places of some numbers in ascending order; equal ones keep theirs. One sort serves all that has numbers.
+pub(crate) fn in_order(numbers: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut placed: Vec<u64> = numbers.zip(0_u64..).map(|(number, at)| u64::from(number) << 32 | at).collect();
+    placed.sort_unstable();
+    placed.into_iter().map(|placed| placed as u32).collect()
 }
 
 #[cfg(test)]

@@ -311,8 +311,7 @@ impl Renderer {
         self.infos.push(RootInfo::default());
         let (slot, level, strips, texture, images) = (0, 0, Vec::new(), None, None);
         let triangles = Triangles::Own(Batch::new(&self.gpu, positions, triangles));
-        let block =
-            Block { slot, level, strips, triangles, pulled: None, texture, images, texels: None, pieces: None };
+        let block = Block { slot, level, strips, triangles, pulled: None, texture, images, texels: None, pieces: None };
         self.blocks.insert(MESH, block);
         self.upload_infos();
     }

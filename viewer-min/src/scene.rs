@@ -187,7 +187,14 @@ impl Scene {
                 let mesh = MeshContent::new(file, mode)?;
                 let depths = Arc::new(mesh.depths());
                 let query = Query { outside, ..Query::default() };
-                Ok(Self { bounds, query, depths, channel: None, content: Content::Mesh(Box::new(mesh)), changed: vec![] })
+                Ok(Self {
+                    bounds,
+                    query,
+                    depths,
+                    channel: None,
+                    content: Content::Mesh(Box::new(mesh)),
+                    changed: vec![],
+                })
             }
             Opened::Heights(file) => {
                 let bounds = file.index().bounds().context("the file is empty: it has no tiles")?;
@@ -200,7 +207,14 @@ impl Scene {
                     channels: channels_of_heights(file.ramp().is_some()),
                     file,
                 }));
-                Ok(Self { bounds, query: Query::default(), depths: Arc::default(), channel: None, content, changed: vec![] })
+                Ok(Self {
+                    bounds,
+                    query: Query::default(),
+                    depths: Arc::default(),
+                    channel: None,
+                    content,
+                    changed: vec![],
+                })
             }
         }
     }

@@ -147,13 +147,15 @@ pub(crate) fn index_blocks(index: &Index, needs: &Needs) -> Result<Before> {
     let mut clusters = corner_owners(index, needs)?;
     clusters.extend(needs.arc_runs.keys().map(|&(cluster, _)| cluster));
     clusters.extend(needs.prefixes.iter().flatten().map(|prefix| prefix.cluster));
+    clusters.sort_unstable();
+    clusters.dedup();
     let lengths = clusters.iter().map(|&cluster| Ok(index.cluster(cluster)?.index.length));
     Ok(Before { bytes: lengths.sum::<Result<u64>>()?, parts: clusters.len() })
 }
 
 /// The clusters that own the corners at the ends of the needed arcs.
-pub(crate) fn corner_owners(index: &Index, needs: &Needs) -> Result<SortedSet<u32>> {
-    let mut corners = SortedSet::new();
+pub(crate) fn corner_owners(index: &Index, needs: &Needs) -> Result<Vec<u32>> {
+    let mut corners = Vec::new();
     for &arc in needs.arcs.keys() {
         let owner = index.owner(arc, |cluster| cluster.first_arc)?;
         let local = (arc - index.cluster(owner)?.first_arc) as usize;

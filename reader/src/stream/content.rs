@@ -12,7 +12,7 @@ use crate::{
         Index,
         needs::{PartKey, Wanted, corner_owners, find_needs, find_parts, find_stream, part_of},
     },
-    sorted::SortedMap,
+    sorted::{SortedMap, SortedSet},
 };
 
 /// The roots of one stream at one level. Coarse units sort first.
@@ -38,12 +38,12 @@ impl FileContent {
         let tops = index.clusters_in(&mut |entry| entry.sums.first_root < index.top_count())?;
         index.load_indices(tops.iter().map(|entry| entry.first_cluster))?;
         let mut content = Self { coarsest: Vec::new(), index: Arc::clone(&index) };
+        let mut units = SortedSet::new();
         for top in 0..index.top_count() {
             let coarsest = content.find_blocks(top)?.first().copied();
-            content.coarsest.extend(coarsest);
+            units.extend(coarsest);
         }
-        content.coarsest.sort_unstable();
-        content.coarsest.dedup();
+        content.coarsest.extend(units);
         Ok(content)
     }
 

@@ -12,7 +12,7 @@ use super::{
 use crate::{
     format::records::MAX_LEVELS,
     select::Node,
-    sorted::{SortedMap, SortedSet},
+    sorted::{SortedMap, SortedSet, in_order},
 };
 
 /// What to draw in a frame.
@@ -326,9 +326,9 @@ impl WantedCut {
         };
         let own = surfaces().filter(|(root, surface)| surface.root == *root).map(|(_, surface)| surface);
         let all = own.chain(&self.staying).chain(above.values().copied());
-        let mut all: Vec<Arc<DrawnSurface>> = all.filter(|surface| is_drawn(surface)).cloned().collect();
-        all.sort_by_key(|surface| surface.root);
-        Some(all)
+        let all: Vec<Arc<DrawnSurface>> = all.filter(|surface| is_drawn(surface)).cloned().collect();
+        let order = in_order(all.iter().map(|surface| surface.root));
+        Some(order.into_iter().map(|at| Arc::clone(&all[at as usize])).collect())
     }
 
     /// Asks for what the predicted cut will need.
