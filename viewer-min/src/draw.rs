@@ -17,7 +17,6 @@ use crate::{
     camera::{Pair, pair},
     gpu::{Gpu, Targets},
     picture::{BACKGROUND, Picture},
-    pool::{Lot, Pool},
     scene::{Report, Scene, milliseconds},
     texels::{Texels, look_number, mean},
 };
@@ -45,21 +44,12 @@ impl Batch {
     }
 }
 
-/// Where the triangles of a root are.
-enum Triangles {
-    /// Among those of others, with which they are drawn.
-    Pooled(Lot),
-    /// All of them, or only the inner ones if the border is pulled.
-    Own(Batch),
-}
-
 /// The data of a root on the GPU.
 struct Block {
-    /// The number of its entry in the shader.
-    slot: u32,
-    level: u32,
+    info: RootInfo,
     strips: Vec<Arc<Strip>>,
-    triangles: Triangles,
+    /// All triangles, or only the inner ones if the border is pulled.
+    batch: Batch,
     /// For pulling: the bound buffers, and the number of vertices of the border.
     pulled: Option<(wgpu::BindGroup, u32)>,
     /// What it was made with.
@@ -75,7 +65,7 @@ impl Block {
     /// Whether the triangles of a root would be uploaded as these.
     fn has_triangles_of(&self, drawn: &DrawnRoot) -> bool {
         let mut strips = self.strips.iter().zip(&drawn.strips);
-        self.level == u32::from(drawn.surface.level) && strips.all(|(a, b)| Arc::ptr_eq(a, b))
+        self.info[1] == u32::from(drawn.surface.level) && strips.all(|(a, b)| Arc::ptr_eq(a, b))
     }
 
     fn has_image_of(&self, drawn: &DrawnRoot) -> bool {
@@ -118,14 +108,6 @@ pub struct Renderer {
     /// What could not be drawn as wanted.
     problems: Vec<String>,
     blocks: BTreeMap<u32, Block>,
-    pool: Pool,
-    /// The entries of roots, and which of them are not used.
-    infos: Vec<RootInfo>,
-    free_slots: Vec<u32>,
-    /// The entries on the GPU. It has room for more.
-    info_buffer: Option<wgpu::Buffer>,
-    /// Whether the next update has to look at all roots.
-    is_stale: bool,
 }
 
 impl Renderer {
@@ -142,11 +124,6 @@ impl Renderer {
             images_per_frame: usize::MAX,
             problems: Vec::new(),
             blocks: BTreeMap::new(),
-            pool: Pool::default(),
-            infos: Vec::new(),
-            free_slots: Vec::new(),
-            info_buffer: None,
-            is_stale: true,
         }
     }
 
@@ -160,95 +137,41 @@ impl Renderer {
         // The shader does the ramp.
         let number = |shown: Option<Shown>| shown.map(|shown| shown.number);
         if number(self.shown) != number(shown) {
-            self.clear();
+            self.blocks.clear();
         }
         self.shown = shown;
     }
 
-    /// Forgets all roots.
-    fn clear(&mut self) {
-        self.blocks.clear();
-        (self.pool, self.infos, self.free_slots, self.is_stale) = (Pool::default(), Vec::new(), Vec::new(), true);
-    }
-
-    fn remove(&mut self, root: u32) {
-        if let Some(block) = self.blocks.remove(&root) {
-            self.free_slots.push(block.slot);
-            if let Triangles::Pooled(lot) = block.triangles {
-                self.pool.remove(&self.gpu, lot);
-            }
-        }
-    }
-
     /// Draws these surfaces from now on. Uploads only what is new.
     pub fn update(&mut self, surfaces: &Surfaces) {
-        let gone: Vec<u32> = self.blocks.keys().copied().filter(|root| surfaces.root(*root).is_none()).collect();
-        gone.into_iter().for_each(|root| self.remove(root));
+        self.blocks.retain(|root, _| surfaces.root(*root).is_some());
         let mut images_left = self.images_per_frame;
-        surfaces.roots().for_each(|drawn| self.refresh(drawn, &mut images_left));
-        self.is_stale = false;
-        self.upload_infos();
-    }
-
-    /// The same where nothing but these roots has changed, and none has an image.
-    fn update_some(&mut self, surfaces: &Surfaces, roots: &[u32]) {
-        if roots.is_empty() {
-            return;
-        }
-        for &root in roots {
-            match surfaces.root(root) {
-                Some(drawn) => self.refresh(drawn, &mut 0),
-                None => self.remove(root),
-            }
-        }
-        self.upload_infos();
-    }
-
-    /// Uploads what is new of a root.
-    fn refresh(&mut self, drawn: &DrawnRoot, images_left: &mut usize) {
-        let root = drawn.surface.root;
-        // Levels of heights are depths.
-        let level = u32::from(drawn.surface.level);
-        let depth = if self.depths.is_empty() { level } else { self.depths.get(root as usize).copied().unwrap_or(0) };
-        let mean = self.shown.map_or(0, |shown| mean(&shown.appearance, drawn));
-        let info = [root, level, (drawn.error() as f32).to_bits(), depth, mean];
-        let before = self.blocks.get(&root);
-        let slot = before.map(|before| before.slot).or_else(|| self.free_slots.pop()).unwrap_or_else(|| {
-            self.infos.push(RootInfo::default());
-            self.infos.len() as u32 - 1
-        });
-        self.infos[slot as usize] = info;
-        let has_image = before.is_some_and(|before| before.has_image_of(drawn));
-        let waits = drawn.texture().is_some() && !has_image && *images_left == 0;
-        let is_uploaded = drawn.texture().is_some() && !has_image && !waits;
-        *images_left -= usize::from(is_uploaded);
-        // Those of tiles are small.
-        let is_uploaded = is_uploaded || drawn.images().is_some() && !has_image;
-        if before.is_some_and(|before| before.has_triangles_of(drawn) && (has_image || waits)) {
-            return;
-        }
-        let mut known = None;
-        if let Some(before) = self.blocks.remove(&root) {
-            known = before.texels.filter(|_| has_image);
-            if let Triangles::Pooled(lot) = before.triangles {
-                self.pool.remove(&self.gpu, lot);
-            }
-        }
-        let texels = if is_uploaded { self.upload(drawn) } else { known };
-        let texture = drawn.texture().filter(|_| !waits).cloned();
-        let images = drawn.images().cloned();
-        let block = Block { texture, images, ..self.block(slot, &self.planted(drawn), texels) };
-        self.blocks.insert(root, block);
-    }
-
-    fn upload_infos(&mut self) {
-        let room = self.info_buffer.as_ref().map_or(0, |buffer| buffer.size() as usize / size_of::<RootInfo>());
-        if self.infos.len() > room || room == 0 {
-            let size = (self.infos.len().next_power_of_two().max(64) * size_of::<RootInfo>()) as u64;
-            self.info_buffer = Some(self.gpu.room(size, BufferUsages::STORAGE));
-        }
-        if let Some(buffer) = &self.info_buffer {
-            self.gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&self.infos));
+        for drawn in surfaces.roots() {
+            let root = drawn.surface.root;
+            // Levels of heights are depths.
+            let level = u32::from(drawn.surface.level);
+            let depth =
+                if self.depths.is_empty() { level } else { self.depths.get(root as usize).copied().unwrap_or(0) };
+            let mean = self.shown.map_or(0, |shown| mean(&shown.appearance, drawn));
+            let info = [root, level, (drawn.error() as f32).to_bits(), depth, mean];
+            let before = self.blocks.remove(&root);
+            let has_image = before.as_ref().is_some_and(|before| before.has_image_of(drawn));
+            let waits = drawn.texture().is_some() && !has_image && images_left == 0;
+            let is_uploaded = drawn.texture().is_some() && !has_image && !waits;
+            images_left -= usize::from(is_uploaded);
+            // Those of tiles are small.
+            let is_uploaded = is_uploaded || drawn.images().is_some() && !has_image;
+            let block = match before {
+                Some(before) if before.has_triangles_of(drawn) && (has_image || waits) => Block { info, ..before },
+                before => {
+                    let known = before.filter(|_| has_image).and_then(|before| before.texels);
+                    let texels = if is_uploaded { self.upload(drawn) } else { known };
+                    let texture = drawn.texture().filter(|_| !waits).cloned();
+                    let images = drawn.images().cloned();
+                    Block { texture, images, ..self.block(info, &self.planted(drawn), texels) }
+                }
+            };
+            self.blocks.insert(root, block);
         }
     }
 
@@ -265,34 +188,35 @@ impl Renderer {
         })
     }
 
-    fn block(&mut self, slot: u32, drawn: &DrawnRoot, texels: Option<Texels>) -> Block {
-        let gpu = Arc::clone(&self.gpu);
-        let (surface, strips, level) = (&drawn.surface, drawn.strips.clone(), u32::from(drawn.surface.level));
-        let block = |triangles, texels, pieces| {
-            let (texture, images, strips) = (None, None, strips.clone());
-            Block { slot, level, strips, triangles, pulled: None, texture, images, texels, pieces }
-        };
+    fn block(&self, info: RootInfo, drawn: &DrawnRoot, texels: Option<Texels>) -> Block {
+        let (gpu, surface, strips, texture) = (&self.gpu, &drawn.surface, drawn.strips.clone(), None);
         if drawn.images().is_some() {
             let (positions, triangles) = drawn.joined();
             let places: Vec<[f32; 2]> = drawn.places().collect();
             let pieces = Some(gpu.buffer(&places, BufferUsages::VERTEX));
-            return block(Triangles::Own(Batch::new(&gpu, &positions, &triangles)), texels, pieces);
+            let batch = Batch::new(gpu, &positions, &triangles);
+            return Block { info, strips, batch, pulled: None, texture, images: None, texels, pieces };
         }
         if self.way == Way::Stitched {
-            if let Some(ByPiece { positions, triangles, pieces }) = texels.as_ref().and_then(|_| drawn.by_piece()) {
-                let pieces = Some(gpu.buffer(&pieces, BufferUsages::VERTEX));
-                return block(Triangles::Own(Batch::new(&gpu, &positions, &triangles)), texels, pieces);
-            }
-            let (positions, triangles) = drawn.joined();
-            return block(Triangles::Pooled(self.pool.put(&gpu, slot, &positions, &triangles)), None, None);
+            let (positions, triangles, pieces) = match texels.as_ref().and_then(|_| drawn.by_piece()) {
+                Some(ByPiece { positions, triangles, pieces }) => (positions, triangles, Some(pieces)),
+                None => {
+                    let (positions, triangles) = drawn.joined();
+                    (positions, triangles, None)
+                }
+            };
+            let pieces = pieces.map(|pieces| gpu.buffer(&pieces, BufferUsages::VERTEX));
+            let batch = Batch::new(gpu, &positions, &triangles);
+            return Block { info, strips, batch, pulled: None, texture, images: None, texels, pieces };
         }
         let records = border_records(surface);
-        let batch = Batch::new(&gpu, &surface.positions, &surface.triangles);
+        let batch = Batch::new(gpu, &surface.positions, &surface.triangles);
         let table = snap_table(drawn, &records);
         let border_count = 3 * table[0] * (records.len() / RECORD) as u32;
         let [records, table] = [records, table].map(|words| gpu.buffer(&words, BufferUsages::STORAGE));
         let group = gpu.bind(&gpu.pipelines.block_layout, &[&batch.vertices, &batch.indices, &records, &table]);
-        Block { pulled: Some((group, border_count)), ..block(Triangles::Own(batch), texels, None) }
+        let pulled = Some((group, border_count));
+        Block { info, strips, batch, pulled, texture, images: None, texels, pieces: None }
     }
 
     fn planted(&self, drawn: &DrawnRoot) -> DrawnRoot {
@@ -307,13 +231,11 @@ impl Renderer {
 
     /// Draws a mesh instead, as root 0 of level 0.
     pub fn set_mesh(&mut self, positions: &[[f64; 3]], triangles: &[[u32; 3]]) {
-        self.clear();
-        self.infos.push(RootInfo::default());
-        let (slot, level, strips, texture, images) = (0, 0, Vec::new(), None, None);
-        let triangles = Triangles::Own(Batch::new(&self.gpu, positions, triangles));
-        let block = Block { slot, level, strips, triangles, pulled: None, texture, images, texels: None, pieces: None };
-        self.blocks.insert(MESH, block);
-        self.upload_infos();
+        let batch = Batch::new(&self.gpu, positions, triangles);
+        let info = RootInfo::default();
+        let (strips, texture, images, texels) = (Vec::new(), None, None, None);
+        let block = Block { info, strips, batch, pulled: None, texture, images, texels, pieces: None };
+        self.blocks = BTreeMap::from([(MESH, block)]);
     }
 
     /// The shader's settings for one pass.
@@ -340,16 +262,10 @@ impl Renderer {
                 [look_number(appearance.look()), f32::from(u8::from(is_unlit)), low, high]
             }),
         ];
+        let infos: Vec<RootInfo> = self.blocks.values().map(|block| block.info).collect();
         let globals = self.gpu.buffer(&globals, BufferUsages::UNIFORM);
-        let none;
-        let infos = match &self.info_buffer {
-            Some(infos) => infos,
-            None => {
-                none = self.gpu.buffer(&[RootInfo::default()], BufferUsages::STORAGE);
-                &none
-            }
-        };
-        self.gpu.bind(&self.gpu.pipelines.globals_layout, &[&globals, infos])
+        let infos = self.gpu.buffer(&infos, BufferUsages::STORAGE);
+        self.gpu.bind(&self.gpu.pipelines.globals_layout, &[&globals, &infos])
     }
 
     pub fn draw(&self, targets: &Targets, view: &View) {
@@ -391,34 +307,20 @@ impl Renderer {
         let pipelines = &self.gpu.pipelines;
         // Where colours mean something else, images are not seen.
         let draws_images = !counts && !self.overlays.iter().any(|overlay| COLOURINGS.contains(overlay));
-        pass.set_pipeline(&pipelines.pooled[usize::from(counts)]);
-        for (vertices, indices, count) in self.pool.draws() {
-            pass.set_vertex_buffer(0, vertices.slice(..));
-            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
-            pass.draw_indexed(0..count, 0, 0..1);
-        }
-        // The others take a call each.
-        let own = self.blocks.values().filter_map(|block| match &block.triangles {
-            Triangles::Own(batch) => Some((block.slot..block.slot + 1, block, batch)),
-            Triangles::Pooled(_) => None,
-        });
-        let blocks: Vec<(std::ops::Range<u32>, &Block, &Batch)> = own.collect();
+        let blocks = || (0..).zip(self.blocks.values()).map(|(slot, block)| (slot..slot + 1, block));
         for is_textured in [false, true] {
             let program = |number: usize| match is_textured {
                 false => &pipelines.programs[number][usize::from(counts)],
                 true => &pipelines.textured[number],
             };
-            let own = || {
-                let is_own = move |block: &Block| is_textured == (draws_images && block.texels.is_some());
-                blocks.iter().filter(move |(_, block, _)| is_own(block)).cloned()
-            };
+            let own = || blocks().filter(move |(_, block)| is_textured == (draws_images && block.texels.is_some()));
             if own().next().is_none() {
                 continue;
             }
             pass.set_pipeline(program(0));
             let mut is_for_tiles = false;
-            for (instances, block, batch) in own().filter(|(_, block, _)| block.pulled.is_none()) {
-                let Block { texels, pieces, images, .. } = block;
+            for (instances, block) in own().filter(|(_, block)| block.pulled.is_none()) {
+                let Block { batch, texels, pieces, images, .. } = block;
                 // All roots of a picture are tiles of heights, or none is.
                 if is_textured && images.is_some() && !std::mem::replace(&mut is_for_tiles, true) {
                     pass.set_pipeline(&pipelines.tile);
@@ -433,7 +335,7 @@ impl Renderer {
             }
             for (number, is_border) in [(1, false), (2, true)] {
                 pass.set_pipeline(program(number));
-                for (instances, Block { pulled, texels, .. }, batch) in own() {
+                for (instances, Block { batch, pulled, texels, .. }) in own() {
                     let Some((group, border_count)) = pulled else { continue };
                     pass.set_bind_group(1, group, &[]);
                     if let (true, Some(texels)) = (is_textured, texels) {
@@ -449,33 +351,26 @@ impl Renderer {
     pub fn draw_scene(
         &mut self,
         targets: &Targets,
-        scene: &mut Scene,
+        scene: &Scene,
         (view, overlays, is_unlit): (&View, &[Overlay], bool),
         report: &mut Report,
     ) -> Result<()> {
         let begun = Instant::now();
         (self.overlays, self.level_count) = (overlays.to_vec(), scene.level_count());
-        if !Arc::ptr_eq(&self.depths, &scene.depths) {
-            // It is another scene.
-            self.clear();
-        }
         (self.depths, self.lattice) = (Arc::clone(&scene.depths), scene.lattice());
         self.show(scene.channel.as_ref().map(|channel| Shown {
             number: channel.number,
             appearance: channel.appearance,
             is_unlit,
         }));
-        let changed = scene.take_changed();
         match scene.overview() {
             Some(mesh) => self.set_mesh(&mesh.positions, &mesh.triangles),
-            None if self.is_stale || self.shown.is_some() || scene.heights().is_some() => self.update(scene.picture()),
-            None => self.update_some(scene.picture(), &changed),
+            None => self.update(scene.picture()),
         }
         self.gpu.wait()?;
         report.upload_ms = milliseconds(begun.elapsed());
         let begun = Instant::now();
         self.draw(targets, view);
-        report.record_ms = milliseconds(begun.elapsed());
         self.gpu.wait()?;
         report.draw_ms = milliseconds(begun.elapsed());
         Ok(())

@@ -72,11 +72,6 @@ impl Gpu {
         buffer
     }
 
-    /// A buffer of zeros.
-    pub(crate) fn room(&self, size: u64, usage: BufferUsages) -> wgpu::Buffer {
-        self.empty_buffer(size, usage | BufferUsages::COPY_DST)
-    }
-
     fn empty_buffer(&self, size: u64, usage: BufferUsages) -> wgpu::Buffer {
         self.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
     }
@@ -191,8 +186,6 @@ pub(crate) struct Pipelines {
     /// From vertex and index buffers; inner triangles, pulled; border triangles, pulled and snapped. Each for pictures
     /// and for counting.
     pub programs: [[wgpu::RenderPipeline; 2]; 3],
-    /// From vertex and index buffers of many roots.
-    pub pooled: [wgpu::RenderPipeline; 2],
     /// The same for roots with images; only for pictures.
     pub textured: [wgpu::RenderPipeline; 3],
     /// For tiles of heights with images.
@@ -228,8 +221,6 @@ impl Pipelines {
         let places = wgpu::VertexBufferLayout { array_stride: 8, step_mode, attributes: &attributes };
         let vertices = [Some(positions), Some(pieces)];
         let of_tiles = [vertices[0].clone(), Some(places)];
-        let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Uint32];
-        let pooled = [Some(wgpu::VertexBufferLayout { array_stride: 28, step_mode, attributes: &attributes })];
         let depth_stencil = |format, depth_compare: Option<CompareFunction>, stencil| wgpu::DepthStencilState {
             format,
             depth_write_enabled: depth_compare.map(|_| true),
@@ -267,11 +258,7 @@ impl Pipelines {
                     module: &module,
                     entry_point: Some(entry),
                     compilation_options: Default::default(),
-                    buffers: match entry {
-                        "pooled" => &pooled,
-                        _ if is_pulled => &[],
-                        _ => &vertices[..1 + usize::from(is_textured)],
-                    },
+                    buffers: if is_pulled { &[] } else { &vertices[..1 + usize::from(is_textured)] },
                 },
                 primitive: Default::default(),
                 depth_stencil: Some(if counts { counting.clone() } else { nearest.clone() }),
@@ -283,11 +270,10 @@ impl Pipelines {
         };
         let programs =
             ["stitched", "pulled", "pulled_border"].map(|entry| [false, true].map(|counts| pipeline(entry, counts)));
-        let pooled = [false, true].map(|counts| pipeline("pooled", counts));
         let textured = ["stitched_textured", "pulled_textured", "pulled_border_textured"];
         let textured = textured.map(|entry| pipeline(entry, false));
         let tile = pipeline("stitched_tile", false);
-        Self { programs, pooled, textured, tile, globals_layout, block_layout, texels_layout, sampler }
+        Self { programs, textured, tile, globals_layout, block_layout, texels_layout, sampler }
     }
 }
 

@@ -4,7 +4,6 @@ use std::{
     path::{Path, PathBuf},
     process::Command,
     sync::Arc,
-    time::Instant,
 };
 
 use anyhow::{Context, Result, bail};
@@ -17,7 +16,7 @@ use crate::{
     gpu::{Gpu, Targets},
     overlay::Panel,
     picture::{different_colours, load, marked, save},
-    scene::{Report, Scene, milliseconds, open_source, rounded},
+    scene::{Report, Scene, open_source},
 };
 
 /// Draws the camera or path of the command line; writes the last picture and the table of frames.
@@ -41,7 +40,6 @@ pub fn draw_picture(args: &Args) -> Result<()> {
     let mut table = csv::Writer::from_writer(Vec::new());
     let (mut panel, mut report) = (Panel::default(), Report::default());
     for (number, view) in path.iter().enumerate() {
-        let begun = Instant::now();
         report = match &tile_nodes {
             Some(nodes) => scene.show(nodes)?,
             None if waits => scene.follow_to_the_end(view)?,
@@ -51,8 +49,7 @@ pub fn draw_picture(args: &Args) -> Result<()> {
             bail!("{complaint}");
         }
         report.frame = number;
-        renderer.draw_scene(&targets, &mut scene, (view, &args.overlay, args.unlit), &mut report)?;
-        report.cpu_ms = rounded(milliseconds(begun.elapsed()) - (report.draw_ms - report.record_ms));
+        renderer.draw_scene(&targets, &scene, (view, &args.overlay, args.unlit), &mut report)?;
         let problems = scene.take_problems().into_iter().chain(renderer.take_problems());
         problems.for_each(|problem| eprintln!("lodpack-view: {problem}"));
         panel.record(report.select_ms + report.update_ms + report.upload_ms + report.draw_ms);

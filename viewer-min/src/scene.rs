@@ -9,7 +9,7 @@ use lodpack::{
     index::ChannelInfo,
     select::{Adapter, Coherence, TileTree, Unification, unify_cuts},
     source::{Http, HttpOptions},
-    stream::{Changes, Counters, HeightsStreamer, Mode, Options, Picture, Streamed, Streamer, StreamerOptions},
+    stream::{Counters, HeightsStreamer, Mode, Options, Picture, Streamed, Streamer, StreamerOptions},
 };
 
 use crate::{
@@ -41,10 +41,6 @@ pub struct Report {
     pub update_ms: f64,
     pub upload_ms: f64,
     pub draw_ms: f64,
-    /// The part of drawing that the processor does: to record and submit the commands.
-    pub record_ms: f64,
-    /// All that the processor does for the frame, uploads included; drawing itself is not.
-    pub cpu_ms: f64,
     pub nodes: usize,
     pub triangles: u64,
     pub bytes: u64,
@@ -91,8 +87,6 @@ pub struct Scene {
     /// The channel that is shown.
     pub(crate) channel: Option<ShownChannel>,
     content: Content,
-    /// Roots that have changed since somebody asked.
-    changed: Vec<u32>,
 }
 
 /// What a file holds, and what decides how it is drawn.
@@ -187,14 +181,7 @@ impl Scene {
                 let mesh = MeshContent::new(file, mode)?;
                 let depths = Arc::new(mesh.depths());
                 let query = Query { outside, ..Query::default() };
-                Ok(Self {
-                    bounds,
-                    query,
-                    depths,
-                    channel: None,
-                    content: Content::Mesh(Box::new(mesh)),
-                    changed: vec![],
-                })
+                Ok(Self { bounds, query, depths, channel: None, content: Content::Mesh(Box::new(mesh)) })
             }
             Opened::Heights(file) => {
                 let bounds = file.index().bounds().context("the file is empty: it has no tiles")?;
@@ -207,14 +194,7 @@ impl Scene {
                     channels: channels_of_heights(file.ramp().is_some()),
                     file,
                 }));
-                Ok(Self {
-                    bounds,
-                    query: Query::default(),
-                    depths: Arc::default(),
-                    channel: None,
-                    content,
-                    changed: vec![],
-                })
+                Ok(Self { bounds, query: Query::default(), depths: Arc::default(), channel: None, content })
             }
         }
     }
@@ -250,17 +230,6 @@ impl Scene {
             Content::Mesh(mesh) => mesh.streamer.picture(),
             Content::Heights(heights) => heights.streamer.picture(),
         }
-    }
-
-    /// The roots of the picture that have changed since the last call, some more than once.
-    pub(crate) fn take_changed(&mut self) -> Vec<u32> {
-        std::mem::take(&mut self.changed)
-    }
-
-    fn note(&mut self, changes: &Changes) {
-        let Changes { surfaces, strips, removed, textures } = changes;
-        let strips = strips.iter().map(|(root, _)| root);
-        self.changed.extend(removed.iter().chain(surfaces).chain(strips).chain(textures));
     }
 
     /// The small mesh to draw until the coarsest level is loaded.
@@ -397,7 +366,6 @@ impl Scene {
                 (streamed, [heights.streamer.session_mut().error_px(view)?, 0.0])
             }
         };
-        self.note(&streamed.frame.changes);
         let [error_px, texel_px] = [error_px, texel_px].map(rounded);
         Ok(Report { error_px, texel_px, ..self.report(&streamed) })
     }
@@ -422,7 +390,6 @@ impl Scene {
     pub fn show(&mut self, nodes: &[Node]) -> Result<Report> {
         let Content::Mesh(mesh) = &mut self.content else { bail!("tiles of heights are not nodes") };
         let streamed = mesh.streamer.show(nodes)?;
-        self.note(&streamed.frame.changes);
         Ok(self.report(&streamed))
     }
 
@@ -430,7 +397,6 @@ impl Scene {
     pub(crate) fn ask(&mut self, query: &Query) -> Result<Report> {
         let Content::Heights(heights) = &mut self.content else { bail!("this is a mesh") };
         let streamed = heights.streamer.frame(query)?;
-        self.note(&streamed.frame.changes);
         Ok(self.report(&streamed))
     }
 
@@ -510,6 +476,6 @@ pub(crate) fn milliseconds(time: Duration) -> f64 {
 }
 
 /// Rounded to three digits.
-pub(crate) fn rounded(number: f64) -> f64 {
+fn rounded(number: f64) -> f64 {
     (number * 1e3).round() / 1e3
 }

@@ -87,12 +87,6 @@ fn stitched(@location(0) high: vec3f, @location(1) low: vec3f, @builtin(instance
     return project(Point(high, low, vec3f(1.0), 0u), slot);
 }
 
-// As `stitched`, of many roots at once.
-@vertex
-fn pooled(@location(0) high: vec3f, @location(1) low: vec3f, @location(2) slot: u32) -> Vertex {
-    return project(Point(high, low, vec3f(1.0), 0u), slot);
-}
-
 @vertex
 fn stitched_textured(
     @location(0) high: vec3f, @location(1) low: vec3f, @location(2) piece: u32, @builtin(instance_index) slot: u32,
