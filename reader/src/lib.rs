@@ -86,6 +86,7 @@ mod lattice;
 mod limits;
 mod open;
 pub mod select;
+mod sorted;
 pub mod source;
 pub mod stream;
 mod verify;

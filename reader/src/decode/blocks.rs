@@ -3,10 +3,7 @@
 //! A thread decodes blocks of [`LANES`] different streams in turn, since a filling may have to wait for its own results: see
 //! [`BlockDecoder`]. Which filling a block has is looked up in the table of fillings.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    ops::Range,
-};
+use std::ops::Range;
 
 use super::{Decoded, check_patch};
 use crate::index::needs::{PartKey, StreamPrefix};
@@ -17,6 +14,7 @@ use crate::{
     },
     error::{Error, Result},
     limits::within,
+    sorted::{SortedMap, SortedSet},
 };
 
 /// What goes from block to block: a decoder for each filling.
@@ -45,9 +43,9 @@ impl Scratch {
 pub(super) struct Blocks<'d, 'i> {
     pub(super) level: u8,
     pub(super) decoded: &'d mut Decoded<'i>,
-    pub(super) parts: &'d BTreeMap<PartKey, &'d [u8]>,
+    pub(super) parts: &'d SortedMap<PartKey, &'d [u8]>,
     /// Root and level.
-    pub(super) wanted: &'d BTreeSet<(u32, u8)>,
+    pub(super) wanted: &'d SortedSet<(u32, u8)>,
     pub(super) scratch: &'d mut Scratch,
 }
 

@@ -36,7 +36,7 @@ pub(crate) use border::{BorderEdges, BorderSide};
 pub(crate) use covered::Covered;
 pub(crate) use stitch::insert_samples;
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::HashMap;
 
 use crate::{
     codec::arc::Path,
@@ -45,6 +45,7 @@ use crate::{
         Index,
         needs::{Needs, PartKey, StreamPrefix, Wanted, corner_owners, find_needs, find_parts, index_blocks},
     },
+    sorted::{SortedMap, SortedSet},
     source::Fetched,
 };
 use arcs::decode_arcs;
@@ -55,18 +56,18 @@ use blocks::{Blocks, Scratch};
 pub(crate) struct Decoded<'i> {
     index: &'i Index,
     /// For each cluster its arcs. Arcs that are not needed have no positions.
-    paths: BTreeMap<u32, Vec<Path>>,
-    patches: BTreeMap<(u32, u8), Patch>,
+    paths: SortedMap<u32, Vec<Path>>,
+    patches: SortedMap<(u32, u8), Patch>,
 }
 
 /// Decoding in progress: the arcs are decoded, and blocks follow cluster by cluster, so that not all patches need memory at once.
 pub(crate) struct Decoding<'i, 'b> {
     decoded: Decoded<'i>,
     /// Per cluster and level the blocks that are needed, by stream.
-    prefixes: BTreeMap<u32, Vec<Vec<StreamPrefix>>>,
-    parts: BTreeMap<PartKey, &'b [u8]>,
+    prefixes: SortedMap<u32, Vec<Vec<StreamPrefix>>>,
+    parts: SortedMap<PartKey, &'b [u8]>,
     /// The roots and levels of wanted blocks.
-    wanted: BTreeSet<(u32, u8)>,
+    wanted: SortedSet<(u32, u8)>,
     scratch: Scratch,
 }
 
@@ -95,13 +96,18 @@ impl<'i, 'b> Decoding<'i, 'b> {
         Self::of_needs(index, wanted, needs, parts)
     }
 
-    fn of_needs(index: &'i Index, wanted: &[Wanted], needs: Needs, parts: BTreeMap<PartKey, &'b [u8]>) -> Result<Self> {
+    fn of_needs(
+        index: &'i Index,
+        wanted: &[Wanted],
+        needs: Needs,
+        parts: SortedMap<PartKey, &'b [u8]>,
+    ) -> Result<Self> {
         let part = |key| parts.get(&key).copied().unwrap_or(&[]);
-        let decoded = Decoded { index, paths: decode_arcs(index, &needs, &part)?, patches: BTreeMap::new() };
-        let mut prefixes: BTreeMap<u32, Vec<Vec<StreamPrefix>>> = BTreeMap::new();
+        let decoded = Decoded { index, paths: decode_arcs(index, &needs, &part)?, patches: SortedMap::new() };
+        let mut prefixes: SortedMap<u32, Vec<Vec<StreamPrefix>>> = SortedMap::new();
         for (level, of_level) in needs.prefixes.into_iter().enumerate() {
             for prefix in of_level {
-                let levels = prefixes.entry(prefix.cluster).or_default();
+                let levels = prefixes.or_default(prefix.cluster);
                 levels.resize_with(level + 1, Vec::new);
                 levels[level].push(prefix);
             }
@@ -118,7 +124,7 @@ impl<'i, 'b> Decoding<'i, 'b> {
     /// An estimate of the wanted blocks' triangles, no more than their bytes make credible.
     pub(crate) fn triangle_estimate(&self) -> Result<usize> {
         let mut count = 0_u64;
-        for &(root, level) in &self.wanted {
+        for &(root, level) in self.wanted.iter() {
             let entry = self.decoded.index.root_entry(root)?;
             count += entry.blocks.iter().find(|block| block.level == level).map_or(0, |b| u64::from(b.triangle_count));
         }
@@ -171,7 +177,7 @@ impl<'i> Decoded<'i> {
     }
 
     /// Decodes blocks from the streams that [`crate::index::needs::parts_of`] lists, whose checksums have been compared.
-    pub(crate) fn of_parts(index: &'i Index, wanted: &[Wanted], parts: BTreeMap<PartKey, &[u8]>) -> Result<Self> {
+    pub(crate) fn of_parts(index: &'i Index, wanted: &[Wanted], parts: SortedMap<PartKey, &[u8]>) -> Result<Self> {
         Decoding::of_needs(index, wanted, find_needs(index, wanted, &[])?, parts)?.finish()
     }
 

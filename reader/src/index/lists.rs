@@ -4,7 +4,6 @@
 //! ([`Error::Missing`]); where several parts are missing they are named together, so that they are read together.
 
 use std::{
-    collections::BTreeSet,
     ops::Range,
     sync::{OnceLock, PoisonError},
 };
@@ -193,12 +192,12 @@ impl Index {
         Ok((&slot.entry, block))
     }
 
-    /// The clusters that own some roots, arcs or corners; `span` picks those of a cluster.
+    /// The clusters that own some roots, arcs or corners, ascending; `span` picks those of a cluster.
     pub(crate) fn owners(
         &self,
         ids: impl IntoIterator<Item = u32>,
         span: fn(&Cluster) -> Range<u32>,
-    ) -> Result<BTreeSet<u32>> {
+    ) -> Result<Vec<u32>> {
         // Numbers that follow each other mostly have one owner.
         let mut last = 0..0;
         let owner = |id: u32| {
@@ -211,7 +210,10 @@ impl Index {
                 slot.entry.first_cluster
             }))
         };
-        together(ids.into_iter().filter_map(owner))
+        let mut owners: Vec<u32> = together(ids.into_iter().filter_map(owner))?;
+        owners.sort_unstable();
+        owners.dedup();
+        Ok(owners)
     }
 
     /// All clusters. Needs all lists.

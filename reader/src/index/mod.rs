@@ -21,7 +21,7 @@ pub use summary::{ContextContents, FileSummary, LevelContents};
 pub use texels::TexelBytes;
 use texels::Texels;
 
-use std::{collections::BTreeMap, ops::Range, sync::Mutex};
+use std::{ops::Range, sync::Mutex};
 
 use crate::{
     codec::{bytes::has_checksum, entropy::Tables},
@@ -36,6 +36,7 @@ use crate::{
     },
     lattice::Lattice,
     limits::Limits,
+    sorted::SortedMap,
     source::{
         Fetched,
         requests::{Before, plan_after},
@@ -83,7 +84,7 @@ pub struct Index {
     texels: Option<Texels>,
     /// Why lists and index blocks that were supplied could not be parsed, by offset in INDEX. Each error is returned once; then the part
     /// may be supplied again.
-    damaged: Mutex<BTreeMap<u64, Error>>,
+    damaged: Mutex<SortedMap<u64, Error>>,
 }
 
 impl Index {
@@ -253,7 +254,7 @@ impl Index {
         fetched: &'b Fetched,
         location: impl Fn(K) -> String,
         before: impl FnOnce() -> Result<Before>,
-    ) -> Result<BTreeMap<K, &'b [u8]>> {
+    ) -> Result<SortedMap<K, &'b [u8]>> {
         checked_parts(self.pages_offset, parts, fetched, location, before)
     }
 }
@@ -265,8 +266,8 @@ fn checked_parts<K: Copy + Ord>(
     fetched: &Fetched,
     location: impl Fn(K) -> String,
     before: impl FnOnce() -> Result<Before>,
-) -> Result<BTreeMap<K, &[u8]>> {
-    let (mut found, mut missing) = (BTreeMap::new(), Vec::new());
+) -> Result<SortedMap<K, &[u8]>> {
+    let (mut found, mut missing) = (SortedMap::new(), Vec::new());
     for (key, part) in parts {
         match checked_part(fetched, base, part).map_err(|error| error.at(|| location(key)))? {
             Some(bytes) => {

@@ -1,11 +1,10 @@
 //! Which streams a set of blocks needs: streams of blocks, and the arc runs around them.
 
-use std::collections::{BTreeMap, BTreeSet};
-
 use crate::{
     error::{Error, Result},
     format::{clusters::Cluster, index_block::ClusterIndex, sections::Part},
     index::Index,
+    sorted::{SortedMap, SortedSet},
     source::requests::Before,
 };
 
@@ -61,16 +60,16 @@ pub(crate) struct Needs {
     /// Per level, by cluster and stream.
     pub(crate) prefixes: Vec<Vec<StreamPrefix>>,
     /// Per arc the finest level needed.
-    pub(crate) arcs: BTreeMap<u32, u8>,
+    pub(crate) arcs: SortedMap<u32, u8>,
     /// Arc runs, by cluster and number in it.
-    pub(crate) arc_runs: BTreeMap<(u32, u32), ArcRunNeed>,
+    pub(crate) arc_runs: SortedMap<(u32, u32), ArcRunNeed>,
 }
 
 /// Finds what the wanted blocks need. `near` names roots whose arcs are needed too, up to the levels given.
 pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) -> Result<Needs> {
     let mut needs = Needs { prefixes: vec![Vec::new(); file.level_count()], ..Needs::default() };
-    let mut roots = vec![BTreeSet::new(); file.level_count()];
-    let mut root_arcs: BTreeMap<u32, u8> = near.iter().copied().collect();
+    let mut roots = vec![SortedSet::new(); file.level_count()];
+    let mut root_arcs: SortedMap<u32, u8> = near.iter().copied().collect();
     for wanted in wanted {
         let level = roots.get_mut(usize::from(wanted.level.max(wanted.arc_level)));
         level.ok_or_else(|| Error::format("a level does not exist"))?;
@@ -78,9 +77,9 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
         raise(&mut root_arcs, wanted.root, wanted.arc_level);
     }
     for level in (0..file.level_count()).rev() {
-        let mut last_roots: BTreeMap<(u32, usize), u32> = BTreeMap::new();
+        let mut last_roots: SortedMap<(u32, usize), u32> = SortedMap::new();
         file.load_indices(file.owners(roots[level].iter().copied(), Cluster::roots)?)?;
-        for &root in &roots[level] {
+        for &root in roots[level].iter() {
             let owner = file.owner(root, |cluster| cluster.first_root)?;
             let (cluster, index) = (file.cluster(owner)?, file.cluster_index(owner)?);
             let stream = find_stream(index, level as u8, root - cluster.first_root)?;
@@ -112,12 +111,12 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
         }
     }
     file.load_indices(file.owners(needs.arcs.keys().copied(), Cluster::arcs)?)?;
-    for (&arc, &level) in &needs.arcs {
+    for (&arc, &level) in needs.arcs.iter() {
         let number = file.owner(arc, |cluster| cluster.first_arc)?;
         let last = arc - file.cluster(number)?.first_arc;
         let run = file.cluster_index(number)?.arc_run_of(last)?;
         // Arcs ascend, so the last one counts.
-        let need = needs.arc_runs.entry((number, run)).or_insert(ArcRunNeed { finest: level, last });
+        let need = needs.arc_runs.or_insert_with((number, run), || ArcRunNeed { finest: level, last });
         *need = ArcRunNeed { finest: level.max(need.finest), last };
     }
     Ok(needs)
@@ -130,7 +129,7 @@ pub(crate) fn parts_of(index: &Index, wanted: &[Wanted]) -> Result<Vec<(PartKey,
 }
 
 /// The streams that one block needs, and those that the arcs of roots near it need up to its level.
-pub(crate) fn parts_of_block(index: &Index, wanted: Wanted, near: &BTreeSet<u32>) -> Result<Vec<Part>> {
+pub(crate) fn parts_of_block(index: &Index, wanted: Wanted, near: &SortedSet<u32>) -> Result<Vec<Part>> {
     let near: Vec<(u32, u8)> = near.iter().map(|&root| (root, wanted.level)).collect();
     let needs = find_needs(index, &[wanted], &near)?;
     Ok(find_parts(index, &needs)?.into_iter().map(|(_, part)| part).collect())
@@ -139,7 +138,7 @@ pub(crate) fn parts_of_block(index: &Index, wanted: Wanted, near: &BTreeSet<u32>
 /// Sizes of the index blocks and streams that are needed.
 pub(crate) fn own_bytes(index: &Index, wanted: &[Wanted]) -> Result<u64> {
     let needs = find_needs(index, wanted, &[])?;
-    let parts: BTreeMap<PartKey, Part> = find_parts(index, &needs)?.into_iter().collect();
+    let parts: SortedMap<PartKey, Part> = find_parts(index, &needs)?.into_iter().collect();
     Ok(index_blocks(index, &needs)?.bytes + parts.values().map(|part| part.length).sum::<u64>())
 }
 
@@ -148,13 +147,15 @@ pub(crate) fn index_blocks(index: &Index, needs: &Needs) -> Result<Before> {
     let mut clusters = corner_owners(index, needs)?;
     clusters.extend(needs.arc_runs.keys().map(|&(cluster, _)| cluster));
     clusters.extend(needs.prefixes.iter().flatten().map(|prefix| prefix.cluster));
+    clusters.sort_unstable();
+    clusters.dedup();
     let lengths = clusters.iter().map(|&cluster| Ok(index.cluster(cluster)?.index.length));
     Ok(Before { bytes: lengths.sum::<Result<u64>>()?, parts: clusters.len() })
 }
 
 /// The clusters that own the corners at the ends of the needed arcs.
-pub(crate) fn corner_owners(index: &Index, needs: &Needs) -> Result<BTreeSet<u32>> {
-    let mut corners = BTreeSet::new();
+pub(crate) fn corner_owners(index: &Index, needs: &Needs) -> Result<Vec<u32>> {
+    let mut corners = Vec::new();
     for &arc in needs.arcs.keys() {
         let owner = index.owner(arc, |cluster| cluster.first_arc)?;
         let local = (arc - index.cluster(owner)?.first_arc) as usize;
@@ -166,7 +167,7 @@ pub(crate) fn corner_owners(index: &Index, needs: &Needs) -> Result<BTreeSet<u32
 /// The streams that hold all needs.
 pub(crate) fn find_parts(index: &Index, needs: &Needs) -> Result<Vec<(PartKey, Part)>> {
     let mut keys = Vec::new();
-    for (&(cluster, run), &ArcRunNeed { finest, .. }) in &needs.arc_runs {
+    for (&(cluster, run), &ArcRunNeed { finest, .. }) in needs.arc_runs.iter() {
         let levels = index.levels().index_arc_levels..=finest;
         keys.extend(levels.map(|level| PartKey::Arcs { level, cluster, run }));
     }
@@ -193,8 +194,8 @@ pub(crate) fn part_of(index: &Index, key: PartKey) -> Result<Part> {
     }
 }
 
-pub(crate) fn raise<K: Ord>(levels: &mut BTreeMap<K, u8>, key: K, level: u8) {
-    let entry = levels.entry(key).or_insert(level);
+pub(crate) fn raise<K: Copy + Ord>(levels: &mut SortedMap<K, u8>, key: K, level: u8) {
+    let entry = levels.or_insert_with(key, || level);
     *entry = level.max(*entry);
 }
 

@@ -1,6 +1,6 @@
 //! Opening a file from bytes that somebody else reads: the opener says which bytes it needs, takes them, and ends with an [`Index`].
 
-use std::{collections::BTreeMap, ops::Range, sync::Mutex};
+use std::{ops::Range, sync::Mutex};
 
 use crate::{
     codec::{bytes::has_checksum, entropy::Tables},
@@ -18,6 +18,7 @@ use crate::{
     index::{Index, lists::List, texels::Texels},
     lattice::Lattice,
     limits::{Limits, within},
+    sorted::SortedMap,
     source::{Fetched, requests::plan},
 };
 
@@ -151,7 +152,7 @@ impl Opener {
             info,
             overview,
             placement,
-            damaged: Mutex::new(BTreeMap::new()),
+            damaged: Mutex::new(SortedMap::new()),
             top,
             texels,
             head: self.fetched.clone(),

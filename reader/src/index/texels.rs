@@ -2,10 +2,7 @@
 //!
 //! Chunks of the table and directories are read when they are first needed, and stay.
 
-use std::{
-    collections::{BTreeMap, btree_map::Entry},
-    sync::{Arc, Mutex, PoisonError},
-};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::{Index, absolute, checked_part, checked_parts, lists::together};
 use crate::{
@@ -17,6 +14,7 @@ use crate::{
         sections::{Extent, Part},
         texels::{TexelDirectory, TexelEntry, chunk_extent, chunk_of, first_of_chunk, parse_chunk, table_bytes},
     },
+    sorted::SortedMap,
     source::{Fetched, requests::Before},
 };
 
@@ -38,9 +36,9 @@ pub(super) struct Texels {
     /// TEXELS.
     section: Section,
     /// By chunk of the table.
-    chunks: Mutex<BTreeMap<u32, Vec<TexelEntry>>>,
+    chunks: Mutex<SortedMap<u32, Vec<TexelEntry>>>,
     /// By cluster.
-    directories: Mutex<BTreeMap<u32, Arc<TexelDirectory>>>,
+    directories: Mutex<SortedMap<u32, Arc<TexelDirectory>>>,
 }
 
 impl Texels {
@@ -98,7 +96,7 @@ impl Index {
         let chunks = owners.iter().map(|&cluster| self.texel_entry(cluster, fetched).map(drop));
         together::<_, ()>([self.load_indices(owners.iter().copied()), together(chunks)])?;
         let directory = |&cluster: &u32| Ok((cluster, self.texel_directory(cluster, fetched)?));
-        let directories: BTreeMap<_, _> = together(owners.iter().map(directory))?;
+        let directories: SortedMap<_, _> = together(owners.iter().map(directory))?;
 
         let streams = || [0].into_iter().chain(channels.iter().map(|&channel| 1 + usize::from(channel)));
         let (mut blocks, mut parts) = (Vec::with_capacity(wanted.len()), Vec::new());
@@ -127,18 +125,16 @@ impl Index {
         let Some(texels) = &self.texels else { return Ok(TexelEntry::default()) };
         let chunk = chunk_of(cluster);
         let mut chunks = texels.chunks.lock().unwrap_or_else(PoisonError::into_inner);
-        let entries = match chunks.entry(chunk) {
-            Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(vacant) => {
-                let Extent { offset, length } = chunk_extent(chunk, self.cluster_count());
-                let range = absolute(texels.section.offset, Part { offset, length, checksum: 0 });
-                let Some(bytes) = fetched.get(range.clone()) else {
-                    return Err(Error::Missing { ranges: vec![fetched.rest_of(range)] });
-                };
-                let entries = parse_chunk(bytes, self.cluster_count(), texels.section.length, self.limits());
-                vacant.insert(entries.map_err(|error| error.at(|| format!("chunk {chunk} of the texel table")))?)
-            }
-        };
+        if !chunks.contains_key(&chunk) {
+            let Extent { offset, length } = chunk_extent(chunk, self.cluster_count());
+            let range = absolute(texels.section.offset, Part { offset, length, checksum: 0 });
+            let Some(bytes) = fetched.get(range.clone()) else {
+                return Err(Error::Missing { ranges: vec![fetched.rest_of(range)] });
+            };
+            let entries = parse_chunk(bytes, self.cluster_count(), texels.section.length, self.limits());
+            chunks.insert(chunk, entries.map_err(|error| error.at(|| format!("chunk {chunk} of the texel table")))?);
+        }
+        let entries = chunks.get(&chunk).map_or(&[][..], Vec::as_slice);
         let entry = entries.get((cluster - first_of_chunk(chunk)) as usize).copied();
         entry.ok_or_else(|| Error::format("a cluster does not exist"))
     }
@@ -169,7 +165,7 @@ impl Index {
         &self,
         parts: impl IntoIterator<Item = (StreamKey, Part)>,
         fetched: &'b Fetched,
-    ) -> Result<BTreeMap<StreamKey, &'b [u8]>> {
+    ) -> Result<SortedMap<StreamKey, &'b [u8]>> {
         checked_parts(self.texels_offset(), parts, fetched, |key| self.texel_location(key), || Ok(Before::default()))
     }
 

@@ -2,10 +2,7 @@
 //!
 //! Everything that adaptation asks of a file stands here: its clusters and their index blocks.
 
-use std::{
-    collections::{BTreeMap, HashMap},
-    sync::Arc,
-};
+use std::{collections::HashMap, sync::Arc};
 
 use super::{
     adaptation::Adaptation,
@@ -25,6 +22,7 @@ use crate::{
     },
     index::Index,
     lattice::LatticePoint,
+    sorted::SortedMap,
 };
 
 /// Where a file's whole INDEX has at most this many bytes, all index blocks in the scope are read at once: a round trip costs more.
@@ -201,7 +199,7 @@ pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
         let coarsest = if lines.has_tree() { lines.corner_level(corner)? } else { 0 };
         Ok(corner_levels.get(&corner).is_some_and(|&level| level >= coarsest))
     };
-    let (mut edges, mut chords) = (0, BTreeMap::<[u32; 2], i64>::new());
+    let (mut edges, mut chords) = (0, SortedMap::<[u32; 2], i64>::new());
     for half_arcs in entries.iter().flat_map(|(_, entry)| &entry.loops) {
         let Some(first) = half_arcs.first() else { continue };
         // Every loop begins with a corner that is drawn.
@@ -215,7 +213,7 @@ pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
                 continue;
             }
             match (count, samples) {
-                (1, 0) => *chords.entry([from.min(to), from.max(to)]).or_default() += if from < to { 1 } else { -1 },
+                (1, 0) => *chords.or_default([from.min(to), from.max(to)]) += if from < to { 1 } else { -1 },
                 (1, _) => edges += samples + 1,
                 _ => {}
             }

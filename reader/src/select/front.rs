@@ -17,6 +17,10 @@ pub(crate) struct Front {
     resolutions: Vec<u8>,
     /// Levels of the nodes that are drawn.
     levels: Vec<u8>,
+    /// As [`Hierarchy::all_users`], but of each border those come first that are drawn: of a tree's many users hardly more than two are.
+    users: Vec<u32>,
+    /// How many these are, by border.
+    drawn_users: Vec<u32>,
     page_uses: Vec<u32>,
     pub triangle_count: u64,
     pub node_count: u64,
@@ -39,6 +43,8 @@ impl Front {
             draws_outside,
             resolutions: vec![ABSENT; count],
             levels: vec![ABSENT; count],
+            users: hierarchy.all_users().to_vec(),
+            drawn_users: vec![0; hierarchy.border_count()],
             page_uses,
             triangle_count: 0,
             node_count: 0,
@@ -127,10 +133,9 @@ impl Front {
     fn has_finer_neighbour(&self, node: u32, level: u8) -> bool {
         let hierarchy = &*self.hierarchy;
         hierarchy.borders(node).iter().any(|&border| {
-            hierarchy.users(border).iter().any(|&user| {
+            self.drawn_users(border).iter().any(|&user| {
                 let other = self.levels[user as usize];
-                other != ABSENT
-                    && other > level
+                other > level
                     && user != node
                     && hierarchy.sample_count(border, other) > hierarchy.sample_count(border, level)
             })
@@ -139,16 +144,45 @@ impl Front {
 
     /// The other drawn users of a node's borders, some of them more than once.
     pub(crate) fn neighbours(&self, node: u32) -> impl Iterator<Item = u32> + '_ {
-        let users = self.hierarchy.borders(node).iter().flat_map(|&border| self.hierarchy.users(border));
-        users.copied().filter(move |&user| user != node && self.is_drawn(user))
+        let users = self.hierarchy.borders(node).iter().flat_map(|&border| self.drawn_users(border));
+        users.copied().filter(move |&user| user != node)
     }
 
-    /// Triangles that stitching adds along a border: one for each sample that a user lacks. `node` counts as drawn at `level`.
+    /// The drawn users of a border.
+    fn drawn_users(&self, border: u32) -> &[u32] {
+        let all = &self.users[self.hierarchy.users_of(border)];
+        &all[..self.drawn_users[border as usize] as usize]
+    }
+
+    /// Counts a node among the drawn users of its borders, or no longer.
+    fn set_drawn(&mut self, node: u32, is_drawn: bool) {
+        let Self { hierarchy, users, drawn_users, .. } = self;
+        for &border in hierarchy.borders(node) {
+            let (all, drawn) = (&mut users[hierarchy.users_of(border)], &mut drawn_users[border as usize]);
+            // A border may have a node on both sides.
+            if is_drawn {
+                for at in *drawn as usize..all.len() {
+                    if all[at] == node {
+                        all.swap(at, *drawn as usize);
+                        *drawn += 1;
+                    }
+                }
+            } else {
+                for at in (0..*drawn as usize).rev() {
+                    if all[at] == node {
+                        *drawn -= 1;
+                        all.swap(at, *drawn as usize);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Triangles that stitching adds along a border: one for each sample that a user lacks. `node`, if it is drawn, counts as drawn at `level`.
     fn extra_triangles(&self, border: u32, node: u32, level: u8) -> u64 {
         let hierarchy = &*self.hierarchy;
-        let users = hierarchy.users(border);
         let level_of = |&user: &u32| if user == node { level } else { self.levels[user as usize] };
-        let drawn = || users.iter().map(level_of).filter(|&level| level != ABSENT);
+        let drawn = || self.drawn_users(border).iter().map(level_of);
         let Some(finest) = drawn().max() else { return 0 };
         let most = u64::from(hierarchy.sample_count(border, finest));
         drawn().map(|level| most - u64::from(hierarchy.sample_count(border, level))).sum()
@@ -176,14 +210,21 @@ impl Front {
     /// Gives a node a resolution, or takes it out of the cut.
     pub(crate) fn place(&mut self, node: u32, resolution: u8) {
         let before = self.resolution(node);
+        if before == ABSENT && resolution != ABSENT {
+            let hierarchy = Arc::clone(&self.hierarchy);
+            self.weights.weigh(&hierarchy, node);
+        }
+        self.place_weighed(node, resolution);
+    }
+
+    /// The same with a weight that is known.
+    fn place_weighed(&mut self, node: u32, resolution: u8) {
+        let before = self.resolution(node);
         if before == resolution {
             return;
         }
         self.journal.push((node, before));
-        if before == ABSENT {
-            let hierarchy = Arc::clone(&self.hierarchy);
-            self.weights.weigh(&hierarchy, node);
-        } else if resolution == ABSENT {
+        if resolution == ABSENT {
             self.weights.forget(node, &self.hierarchy);
         }
         self.redraw(node, resolution);
@@ -220,6 +261,10 @@ impl Front {
             return;
         }
         let extra_before = self.extra_of_node(node, old_level);
+        self.levels[at] = new_level;
+        if (old_level == ABSENT) != (new_level == ABSENT) {
+            self.set_drawn(node, new_level != ABSENT);
+        }
         let extra_after = self.extra_of_node(node, new_level);
         self.triangle_count = self.triangle_count + extra_after - extra_before;
         // New pages come first, so that pages that stay are never uncounted.
@@ -241,7 +286,6 @@ impl Front {
                 self.byte_count -= if *uses == 0 { hierarchy.page_bytes()[*page as usize] } else { 0 };
             }
         }
-        self.levels[at] = new_level;
         if old_level != new_level {
             self.mark_neighbours(node, old_level, new_level);
         }
@@ -251,9 +295,10 @@ impl Front {
     fn mark_neighbours(&mut self, node: u32, old_level: u8, new_level: u8) {
         let hierarchy = Arc::clone(&self.hierarchy);
         for &border in hierarchy.borders(node) {
-            for &user in hierarchy.users(border) {
+            for at in hierarchy.users_of(border).take(self.drawn_users[border as usize] as usize) {
+                let user = self.users[at];
                 let level = self.levels[user as usize];
-                if level == ABSENT || user == node || self.is_dirty[user as usize] {
+                if user == node || self.is_dirty[user as usize] {
                     continue;
                 }
                 let differs = |level: u8| {
@@ -308,9 +353,10 @@ impl Front {
         let hierarchy = Arc::clone(&self.hierarchy);
         self.place(node, ABSENT);
         for &child in hierarchy.children(node) {
-            self.place(child, 0);
-            let resolution = self.needed_resolution(child, self.weights.get(child), threshold);
-            self.place(child, resolution);
+            if !self.contains(child) {
+                let weight = self.weights.weigh(&hierarchy, child);
+                self.place_weighed(child, self.needed_resolution(child, weight, threshold));
+            }
         }
     }
 

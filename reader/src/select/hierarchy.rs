@@ -1,6 +1,8 @@
 //! Hierarchies: nodes with several resolutions, the tree above them, and the borders that they share (Niski 2007, section 3.4). They
 //! hold no geometry.
 
+use std::ops::Range;
+
 use crate::{
     error::{Error, Result},
     format::error_code::sum_of_bounds,
@@ -60,10 +62,13 @@ impl Lists {
         self.items.extend(items);
     }
 
-    fn get(&self, index: u32) -> &[u32] {
+    fn range(&self, index: u32) -> Range<usize> {
         let start = self.starts[index as usize] as usize;
-        let end = self.starts.get(index as usize + 1).map_or(self.items.len(), |&end| end as usize);
-        &self.items[start..end]
+        start..self.starts.get(index as usize + 1).map_or(self.items.len(), |&end| end as usize)
+    }
+
+    fn get(&self, index: u32) -> &[u32] {
+        &self.items[self.range(index)]
     }
 }
 
@@ -269,6 +274,20 @@ impl Hierarchy {
 
     pub(crate) fn users(&self, border: u32) -> &[u32] {
         self.users.get(border)
+    }
+
+    /// The users of all borders, one border's after the other's.
+    pub(crate) fn all_users(&self) -> &[u32] {
+        &self.users.items
+    }
+
+    /// Where those of a border are among these.
+    pub(crate) fn users_of(&self, border: u32) -> Range<usize> {
+        self.users.range(border)
+    }
+
+    pub(crate) fn border_count(&self) -> usize {
+        self.users.starts.len()
     }
 
     pub(crate) fn sample_count(&self, border: u32, level: u8) -> u32 {

@@ -3,13 +3,14 @@
 //! A root whose children are not known is drawn itself. So a question begins with the tops, and asks for the children of those roots alone that
 //! it wants finer; of the index it needs these roots' blocks, and the lists on the way to them.
 
-use std::{collections::BTreeMap, ops::Range};
+use std::ops::Range;
 
 use crate::{
     error::Result,
     format::{clusters::Entry, index_block::RootEntry},
     index::Index,
     lattice::LatticePoint,
+    sorted::SortedMap,
 };
 
 /// Decides whether something with a box takes part.
@@ -20,15 +21,15 @@ pub(super) struct Known<'i, 'k> {
     index: &'i Index,
     meets: &'k Meets<'k>,
     /// Each root's parent.
-    roots: BTreeMap<u32, Option<u32>>,
+    roots: SortedMap<u32, Option<u32>>,
     /// Roots whose children are known, each with the number of children that take part.
-    split: BTreeMap<u32, u32>,
+    split: SortedMap<u32, u32>,
 }
 
 impl<'i, 'k> Known<'i, 'k> {
     /// The tops.
     pub fn tops(index: &'i Index, meets: &'k Meets<'k>) -> Result<Self> {
-        let mut known = Self { index, meets, roots: BTreeMap::new(), split: BTreeMap::new() };
+        let mut known = Self { index, meets, roots: SortedMap::new(), split: SortedMap::new() };
         let tops = 0..index.top_count();
         for root in known.meeting(std::slice::from_ref(&tops))? {
             known.roots.insert(root, None);

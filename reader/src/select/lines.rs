@@ -1,10 +1,7 @@
 //! The lines along which the roots of a file meet: arcs, and corners that are no vertices at some level. From them come the borders of a
 //! hierarchy.
 
-use std::{
-    collections::{BTreeSet, HashMap},
-    ops::Range,
-};
+use std::{collections::HashMap, ops::Range};
 
 use super::hierarchy::HierarchyNode;
 use crate::{
@@ -31,7 +28,7 @@ impl<'i> Lines<'i> {
         if !self.has_tree() {
             return Ok(());
         }
-        let (mut corners, mut found) = (BTreeSet::new(), Found::default());
+        let (mut corners, mut found) = (Vec::new(), Found::default());
         for half_arc in half_arcs() {
             let (local, of_cluster) = found.of(self.index, half_arc.arc, Cluster::arcs)?;
             corners.extend(of_cluster.arc_ends.get(local).into_iter().flatten());
@@ -69,12 +66,13 @@ impl<'i> Lines<'i> {
     /// stands for thousands of leaves has few borders, although its outline consists of the leaves' arcs.
     pub fn add_borders(&self, roots: &[(u32, &RootEntry)], nodes: &mut [HierarchyNode]) -> Result<Vec<u32>> {
         let level_count = self.index.level_count();
-        // Each use: whether it is a corner, its number, the node.
-        let mut uses: Vec<(bool, u32, u32)> = Vec::new();
+        // The uses of arcs, and of corners: the number of the line above that of the node, so that they sort fast.
+        let mut uses: [Vec<u64>; 2] = Default::default();
+        let used = |line: u32, node: u32| u64::from(line) << 32 | u64::from(node);
         let mut found = [Found::default(), Found::default()];
         for (node, (_, entry)) in (0..).zip(roots) {
             for half_arc in entry.half_arcs() {
-                uses.push((false, half_arc.arc, node));
+                uses[0].push(used(half_arc.arc, node));
                 if !self.has_tree() {
                     continue;
                 }
@@ -83,33 +81,41 @@ impl<'i> Lines<'i> {
                 let [corner, _] = half_arc.directed(ends.ok_or_else(|| Error::format("an arc does not exist"))?);
                 let (local, of_cluster) = found[1].of(self.index, corner, Cluster::corners)?;
                 if of_cluster.corner_levels.get(local).is_some_and(|&level| level > 0) {
-                    uses.push((true, corner, node));
+                    uses[1].push(used(corner, node));
                 }
             }
         }
-        uses.sort_unstable();
-        let users: Vec<u32> = uses.iter().map(|&(_, _, node)| node).collect();
-        let mut borders: HashMap<&[u32], usize> = HashMap::new();
+        let mut borders: HashMap<Box<[u32]>, usize> = HashMap::new();
         let mut sample_counts: Vec<u32> = Vec::new();
-        let mut first = 0;
-        for line in uses.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-            let users = &users[first..first + line.len()];
-            first += line.len();
-            let next = borders.len();
-            let border = *borders.entry(users).or_insert(next);
-            if border == next {
-                users.iter().for_each(|&node| nodes[node as usize].borders.push(border as u32));
-                sample_counts.resize((border + 1) * level_count, 0);
-            }
-            let Some(&(is_corner, number, _)) = line.first() else { continue };
-            let counts = &mut sample_counts[border * level_count..][..level_count];
-            let span = if is_corner { Cluster::corners } else { Cluster::arcs };
-            let (local, of_cluster) = found[usize::from(is_corner)].of(self.index, number, span)?;
-            let coarsest = of_cluster.corner_levels.get(local).copied().unwrap_or(0);
-            for (level, count) in (0..).zip(counts.iter_mut()) {
-                let own =
-                    if is_corner { u32::from(level >= coarsest) } else { of_cluster.sample_count(local as u32, level) };
-                *count = count.saturating_add(own);
+        let mut users: Vec<u32> = Vec::new();
+        for (is_corner, mut uses) in [false, true].into_iter().zip(uses) {
+            uses.sort_unstable();
+            for line in uses.chunk_by(|a, b| a >> 32 == b >> 32) {
+                users.clear();
+                users.extend(line.iter().map(|&used| used as u32));
+                let border = match borders.get(&*users) {
+                    Some(&border) => border,
+                    None => {
+                        let border = borders.len();
+                        borders.insert(users.as_slice().into(), border);
+                        users.iter().for_each(|&node| nodes[node as usize].borders.push(border as u32));
+                        sample_counts.resize((border + 1) * level_count, 0);
+                        border
+                    }
+                };
+                let number = line.first().map_or(0, |first| (first >> 32) as u32);
+                let counts = &mut sample_counts[border * level_count..][..level_count];
+                let span = if is_corner { Cluster::corners } else { Cluster::arcs };
+                let (local, of_cluster) = found[usize::from(is_corner)].of(self.index, number, span)?;
+                let coarsest = of_cluster.corner_levels.get(local).copied().unwrap_or(0);
+                for (level, count) in (0..).zip(counts.iter_mut()) {
+                    let own = if is_corner {
+                        u32::from(level >= coarsest)
+                    } else {
+                        of_cluster.sample_count(local as u32, level)
+                    };
+                    *count = count.saturating_add(own);
+                }
             }
         }
         Ok(sample_counts)

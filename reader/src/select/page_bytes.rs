@@ -3,8 +3,6 @@
 //! A block needs its stream, the arcs of all roots before it in that stream, and the arcs of its neighbours up to its own level,
 //! because a coarser neighbour's border takes its samples. It also needs what the coarser blocks of its root need.
 
-use std::collections::{BTreeMap, BTreeSet};
-
 use super::hierarchy::HierarchyNode;
 use crate::{
     error::{Error, Result},
@@ -12,6 +10,7 @@ use crate::{
         Index,
         needs::{Wanted, parts_of_block},
     },
+    sorted::{SortedMap, SortedSet},
     source::requests::plan,
 };
 
@@ -23,11 +22,11 @@ pub(super) fn add_pages(index: &Index, roots: &[u32], nodes: &mut [HierarchyNode
         node.borders.iter().for_each(|&border| users[border as usize].push(root));
     }
     // Streams by their place in the file.
-    let (mut page_of, mut page_bytes) = (BTreeMap::new(), Vec::new());
+    let (mut page_of, mut page_bytes) = (SortedMap::new(), Vec::new());
     let mut missing = Vec::new();
     for (&root, node) in roots.iter().zip(nodes.iter_mut()) {
-        let near: BTreeSet<u32> = node.borders.iter().flat_map(|&border| &users[border as usize]).copied().collect();
-        let mut known = BTreeSet::new();
+        let near: SortedSet<u32> = node.borders.iter().flat_map(|&border| &users[border as usize]).copied().collect();
+        let mut known = SortedSet::new();
         for resolution in &mut node.resolutions {
             let level = resolution.level;
             let parts = match parts_of_block(index, Wanted { root, level, arc_level: level }, &near) {
@@ -39,7 +38,7 @@ pub(super) fn add_pages(index: &Index, roots: &[u32], nodes: &mut [HierarchyNode
                 parts => parts?,
             };
             for part in parts.into_iter().filter(|part| part.length > 0) {
-                let page = *page_of.entry(part.offset).or_insert_with(|| {
+                let page = *page_of.or_insert_with(part.offset, || {
                     page_bytes.push(part.length);
                     page_bytes.len() as u32 - 1
                 });

@@ -1,12 +1,14 @@
 //! Bytes that have been read, by their offset in the file.
 
-use std::{collections::BTreeMap, ops::Range};
+use std::ops::Range;
+
+use crate::sorted::SortedMap;
 
 /// Runs of a file's bytes, which a caller has read because they were [missing](crate::Error::Missing).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Fetched {
     /// By offset. No run lies within another or begins where another ends, so ends ascend too.
-    runs: BTreeMap<u64, Vec<u8>>,
+    runs: SortedMap<u64, Vec<u8>>,
 }
 
 impl Fetched {
@@ -21,7 +23,7 @@ impl Fetched {
         within.iter().for_each(|start| {
             self.runs.remove(start);
         });
-        match self.runs.range_mut(..offset).next_back() {
+        match offset.checked_sub(1).and_then(|before| self.runs.last_up_to_mut(&before)) {
             Some((start, before)) if start + before.len() as u64 == offset => before.extend(bytes),
             _ => {
                 self.runs.insert(offset, bytes);
@@ -35,13 +37,13 @@ impl Fetched {
             return Some(&[]);
         }
         // Ends ascend, so no earlier run reaches further.
-        let (start, run) = self.runs.range(..=range.start).next_back()?;
+        let (start, run) = self.runs.last_up_to(&range.start)?;
         run.get(usize::try_from(range.start - start).ok()?..usize::try_from(range.end - start).ok()?)
     }
 
     /// The rest of a range that has not been fetched. Only its beginning may have been.
     pub(crate) fn rest_of(&self, range: Range<u64>) -> Range<u64> {
-        let before = self.runs.range(..=range.start).next_back();
+        let before = self.runs.last_up_to(&range.start);
         let known = before.map_or(0, |(start, run)| start + run.len() as u64);
         known.clamp(range.start, range.end)..range.end
     }

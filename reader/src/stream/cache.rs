@@ -4,7 +4,7 @@
 //! Every use stamps an entry with the frame's number. Pinned entries, and those that the running frame uses, are never evicted: only
 //! they can exceed the bound.
 
-use std::collections::{BTreeMap, BTreeSet};
+use crate::sorted::{SortedMap, SortedSet};
 
 #[derive(Debug)]
 struct Entry<V> {
@@ -24,15 +24,15 @@ pub(crate) struct Cache<K, V> {
     /// Bytes that are pinned or that the running frame uses.
     held: u64,
     frame: u64,
-    entries: BTreeMap<K, Entry<V>>,
+    entries: SortedMap<K, Entry<V>>,
     /// Entries that are not pinned, by frame of last use.
-    by_age: BTreeSet<(u64, K)>,
+    by_age: SortedSet<(u64, K)>,
 }
 
 impl<K: Copy + Ord, V> Cache<K, V> {
     /// An empty cache of at most `limit` bytes.
     pub fn new(limit: u64) -> Self {
-        let (entries, by_age) = (BTreeMap::new(), BTreeSet::new());
+        let (entries, by_age) = (SortedMap::new(), SortedSet::new());
         Self { limit, bytes: 0, pinned: 0, held: 0, frame: 0, entries, by_age }
     }
 

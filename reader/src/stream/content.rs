@@ -1,7 +1,7 @@
 //! The content of a file for a loader: pages, and units of roots that are decoded together. What is asked for here is known of the index, or
 //! missing.
 
-use std::{collections::BTreeMap, ops::Range, sync::Arc};
+use std::{ops::Range, sync::Arc};
 
 use super::{drawn_surface::DrawnSurface, job::Content, queue::ByteSpan};
 use crate::{
@@ -12,6 +12,7 @@ use crate::{
         Index,
         needs::{PartKey, Wanted, corner_owners, find_needs, find_parts, find_stream, part_of},
     },
+    sorted::{SortedMap, SortedSet},
 };
 
 /// The roots of one stream at one level. Coarse units sort first.
@@ -37,12 +38,12 @@ impl FileContent {
         let tops = index.clusters_in(&mut |entry| entry.sums.first_root < index.top_count())?;
         index.load_indices(tops.iter().map(|entry| entry.first_cluster))?;
         let mut content = Self { coarsest: Vec::new(), index: Arc::clone(&index) };
+        let mut units = SortedSet::new();
         for top in 0..index.top_count() {
             let coarsest = content.find_blocks(top)?.first().copied();
-            content.coarsest.extend(coarsest);
+            units.extend(coarsest);
         }
-        content.coarsest.sort_unstable();
-        content.coarsest.dedup();
+        content.coarsest.extend(units);
         Ok(content)
     }
 
@@ -150,7 +151,7 @@ impl Content for FileContent {
 
     fn decode(&self, unit: Unit, pages: &[(PartKey, Arc<[u8]>)], _: Option<&Surfaces>) -> Result<Surfaces> {
         let (index, wanted) = (&*self.index, self.wanted(unit)?);
-        let parts: BTreeMap<PartKey, &[u8]> = pages.iter().map(|(key, bytes)| (*key, &**bytes)).collect();
+        let parts: SortedMap<PartKey, &[u8]> = pages.iter().map(|(key, bytes)| (*key, &**bytes)).collect();
         let mut decoded = Decoded::of_parts(index, &wanted, parts)?;
         let surface = |wanted: &Wanted| {
             let entry = index.root_entry(wanted.root)?;

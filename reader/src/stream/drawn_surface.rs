@@ -16,6 +16,7 @@ use crate::{
     format::{index_block::RootEntry, records::HalfArc},
     index::needs::Wanted,
     lattice::Lattice,
+    sorted::in_order,
 };
 
 /// A root at one level.
@@ -139,11 +140,10 @@ impl DrawnSurface {
             border_deviation: block.border_deviation.bound(lattice),
             origins: Vec::new(),
             sides: Vec::with_capacity(sides.len()),
-            sides_by_arc: (0..sides.len() as u32).collect(),
+            sides_by_arc: in_order(sides.iter().map(|side| side.half_arc.arc)),
             raised_corners: Vec::new(),
             border: Vec::new(),
         };
-        surface.sides_by_arc.sort_by_key(|&side| sides[side as usize].half_arc.arc);
         for (side, BorderSide { half_arc, vertices, corner, corner_level }) in (0..).zip(sides) {
             if let (BorderKey::Corner(number), 1..) = (corner.key, corner_level) {
                 let position = lattice.world(corner.position);
@@ -203,7 +203,8 @@ impl DrawnSurface {
             }
         }
         border_edges.finish()?;
-        border.sort_by_key(|&(side, ..)| side);
+        let border: Vec<_> =
+            in_order(border.iter().map(|&(side, ..)| side)).into_iter().map(|at| border[at as usize]).collect();
         for number in 0..self.sides.len() as u32 {
             let start = border.partition_point(|&(side, ..)| side < number);
             let end = border.partition_point(|&(side, ..)| side <= number);
@@ -358,9 +359,10 @@ impl DrawnSurface {
             let edges_of = |&BorderTriangle { corners, on_border }: &BorderTriangle| {
                 (0..3).filter(move |&k| on_border[k]).map(move |k| [corners[k], corners[(k + 1) % 3]])
             };
-            let mut edges: Vec<[u32; 2]> = triangles.iter().flat_map(edges_of).collect();
+            let number = |[from, to]: [u32; 2]| u64::from(from) << 32 | u64::from(to);
+            let mut edges: Vec<u64> = triangles.iter().flat_map(edges_of).map(number).collect();
             edges.sort_unstable();
-            for edge in edges {
+            for edge in edges.into_iter().map(|edge| [(edge >> 32) as u32, edge as u32]) {
                 let start = strip.positions.len();
                 self.insert(edge, beside, &mut strip);
                 if strip.positions.len() > start {

@@ -1,10 +1,6 @@
 //! A frame: from the wanted cut and the loaded units to the units to draw and to ask for.
 
-use std::{
-    collections::{BTreeMap, BTreeSet, HashMap},
-    sync::Arc,
-    time::Duration,
-};
+use std::{collections::HashMap, sync::Arc, time::Duration};
 
 use super::{
     content::{FileContent, Unit},
@@ -13,7 +9,11 @@ use super::{
     picture::{Changes, Picture},
     queue::Class,
 };
-use crate::{format::records::MAX_LEVELS, select::Node};
+use crate::{
+    format::records::MAX_LEVELS,
+    select::Node,
+    sorted::{SortedMap, SortedSet, in_order},
+};
 
 /// What to draw in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -155,7 +155,7 @@ pub(crate) struct WantedCut {
     /// Roots below those of open slots that stay instead.
     staying: Vec<Arc<DrawnSurface>>,
     /// For how many slots each unit is held.
-    holds: BTreeMap<Unit, u32>,
+    holds: SortedMap<Unit, u32>,
     /// Whether surfaces came or went since they were last asked for.
     is_changed: bool,
     /// Whether blocks that had been given up may be had again.
@@ -226,7 +226,7 @@ impl WantedCut {
     ) -> Drawable {
         let content = loader.content().clone();
         let mut drawable = Drawable { is_complete: true, hits: self.holds.len() as u64, ..Drawable::default() };
-        let mut targets: BTreeMap<Unit, u8> = BTreeMap::new();
+        let mut targets: SortedMap<Unit, u8> = SortedMap::new();
         let mut choices = Vec::with_capacity(self.open.len());
         let stayed = std::mem::take(&mut self.staying);
         for at in std::mem::take(&mut self.open) {
@@ -241,7 +241,7 @@ impl WantedCut {
             }
             match choice.target {
                 Some(Block { unit, .. }) => {
-                    let missing = targets.entry(unit).or_default();
+                    let missing = targets.or_default(unit);
                     *missing = choice.missing().max(*missing);
                     drawable.late_roots += u32::from(choice.missing() > 0);
                 }
@@ -279,7 +279,7 @@ impl WantedCut {
         let is_fine = slot.surface.is_some() || stays || target.is_none();
         match slot.settled {
             Some(unit) => {
-                let count = self.holds.entry(unit).or_default();
+                let count = self.holds.or_default(unit);
                 if *count == 0 {
                     loader.hold(unit);
                 }
@@ -326,15 +326,15 @@ impl WantedCut {
         };
         let own = surfaces().filter(|(root, surface)| surface.root == *root).map(|(_, surface)| surface);
         let all = own.chain(&self.staying).chain(above.values().copied());
-        let mut all: Vec<Arc<DrawnSurface>> = all.filter(|surface| is_drawn(surface)).cloned().collect();
-        all.sort_by_key(|surface| surface.root);
-        Some(all)
+        let all: Vec<Arc<DrawnSurface>> = all.filter(|surface| is_drawn(surface)).cloned().collect();
+        let order = in_order(all.iter().map(|surface| surface.root));
+        Some(order.into_iter().map(|at| Arc::clone(&all[at as usize])).collect())
     }
 
     /// Asks for what the predicted cut will need.
     pub fn prefetch(&self, loader: &mut Loader<FileContent>, expected: &[Node], now: Duration) {
         let content = loader.content().clone();
-        let mut targets: BTreeMap<Unit, u8> = BTreeMap::new();
+        let mut targets: SortedMap<Unit, u8> = SortedMap::new();
         let mut slots = self.slots.iter().peekable();
         for node in expected {
             while slots.next_if(|slot| slot.node.root < node.root).is_some() {}
@@ -343,7 +343,7 @@ impl WantedCut {
             }
             let choice = Choice::new(&*content, *node, None, |unit| loader.state(unit));
             if let Some(Block { unit, .. }) = choice.target {
-                let missing = targets.entry(unit).or_default();
+                let missing = targets.or_default(unit);
                 *missing = choice.missing().max(*missing);
             }
         }
@@ -360,7 +360,7 @@ fn cover(
     picture: &Picture,
     root: u32,
 ) -> Option<Vec<Arc<DrawnSurface>>> {
-    let (mut surfaces, mut units) = (Vec::new(), BTreeSet::new());
+    let (mut surfaces, mut units) = (Vec::new(), SortedSet::new());
     let mut pending = vec![content.children(root)];
     while let Some(siblings) = pending.pop() {
         // What has no children and is not drawn is missing.

@@ -1,8 +1,9 @@
 //! Reads of lists and index blocks that units wait for: what pages a unit needs is only known from them.
 
-use std::{collections::BTreeMap, ops::Range, time::Duration};
+use std::{ops::Range, time::Duration};
 
 use super::queue::Class;
+use crate::sorted::SortedMap;
 
 /// A unit that waits, as it was wanted: class, missing levels, time.
 pub(crate) type Waiting = (Class, u8, Duration);
@@ -10,10 +11,10 @@ pub(crate) type Waiting = (Class, u8, Duration);
 /// The ranges that are missing, by their beginning, and who waits for them.
 #[derive(Debug)]
 pub(crate) struct IndexReads<U> {
-    units: BTreeMap<U, Waiting>,
-    wanted: BTreeMap<u64, Wanted>,
-    flying: BTreeMap<u64, Range<u64>>,
-    failures: BTreeMap<u64, Failure>,
+    units: SortedMap<U, Waiting>,
+    wanted: SortedMap<u64, Wanted>,
+    flying: SortedMap<u64, Range<u64>>,
+    failures: SortedMap<u64, Failure>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -30,7 +31,7 @@ struct Failure {
 
 impl<U: Copy + Ord> IndexReads<U> {
     pub fn new() -> Self {
-        Self { units: BTreeMap::new(), wanted: BTreeMap::new(), flying: BTreeMap::new(), failures: BTreeMap::new() }
+        Self { units: SortedMap::new(), wanted: SortedMap::new(), flying: SortedMap::new(), failures: SortedMap::new() }
     }
 
     /// Forgets what the frame before wanted.
@@ -46,7 +47,7 @@ impl<U: Copy + Ord> IndexReads<U> {
             if self.flying.values().any(|flying| flying.start <= start && end <= flying.end) {
                 continue;
             }
-            let wanted = self.wanted.entry(start).or_insert(Wanted { end, class: waiting.0 });
+            let wanted = self.wanted.or_insert_with(start, || Wanted { end, class: waiting.0 });
             *wanted = Wanted { end: end.max(wanted.end), class: wanted.class.min(waiting.0) };
         }
     }
@@ -67,7 +68,7 @@ impl<U: Copy + Ord> IndexReads<U> {
     }
 
     /// The units that wait. They have to be wanted again.
-    pub fn take_units(&mut self) -> BTreeMap<U, Waiting> {
+    pub fn take_units(&mut self) -> SortedMap<U, Waiting> {
         self.wanted.clear();
         std::mem::take(&mut self.units)
     }

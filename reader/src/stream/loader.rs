@@ -5,13 +5,7 @@
 //! and results come back in any order. A page is in flight at most once, and a unit is decoded at most once at a time. The same steps
 //! give the same result, so threads, async callers and tests drive the same logic.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    io,
-    ops::Range,
-    sync::Arc,
-    time::Duration,
-};
+use std::{io, ops::Range, sync::Arc, time::Duration};
 
 use super::{
     cache::Cache,
@@ -22,6 +16,7 @@ use super::{
     queue::{Batch, Class, Joining, Priority, Queue},
 };
 use crate::error::Error;
+use crate::sorted::{SortedMap, SortedSet};
 
 /// How a loader behaves.
 #[derive(Clone, Copy, Debug)]
@@ -85,22 +80,22 @@ pub(crate) struct Loader<C: Content> {
     frame: u64,
     bytes: Cache<C::Page, Arc<[u8]>>,
     decoded: Cache<C::Unit, Arc<C::Data>>,
-    wants: BTreeMap<C::Unit, Want<C::Page>>,
+    wants: SortedMap<C::Unit, Want<C::Page>>,
     /// Which of these wait for a page.
-    waiting: BTreeMap<C::Page, BTreeSet<C::Unit>>,
+    waiting: SortedMap<C::Page, SortedSet<C::Unit>>,
     /// Which of these wait for the data of another unit, their base.
-    waiting_for_base: BTreeMap<C::Unit, BTreeSet<C::Unit>>,
+    waiting_for_base: SortedMap<C::Unit, SortedSet<C::Unit>>,
     /// Which of these can be decoded.
-    ready: BTreeSet<(Priority, C::Unit)>,
+    ready: SortedSet<(Priority, C::Unit)>,
     queue: Queue<C::Page>,
     /// What units wait for before it is known which pages they need.
     index_reads: IndexReads<C::Unit>,
-    reads: BTreeMap<u64, Batch<C::Page>>,
+    reads: SortedMap<u64, Batch<C::Page>>,
     /// Pages of these.
-    flying: BTreeSet<C::Page>,
+    flying: SortedSet<C::Page>,
     next_read: u64,
-    page_failures: BTreeMap<C::Page, Failure>,
-    failed: BTreeSet<C::Unit>,
+    page_failures: SortedMap<C::Page, Failure>,
+    failed: SortedSet<C::Unit>,
     problems: Vec<Problem>,
     prefetch: Prefetch<C::Page, C::Unit>,
     pub counters: Counters,
@@ -114,17 +109,17 @@ impl<C: Content> Loader<C> {
             frame: 0,
             bytes: Cache::new(rules.byte_cache),
             decoded: Cache::new(rules.decoded_cache),
-            wants: BTreeMap::new(),
-            waiting: BTreeMap::new(),
-            waiting_for_base: BTreeMap::new(),
-            ready: BTreeSet::new(),
+            wants: SortedMap::new(),
+            waiting: SortedMap::new(),
+            waiting_for_base: SortedMap::new(),
+            ready: SortedSet::new(),
             queue: Queue::new(),
             index_reads: IndexReads::new(),
-            reads: BTreeMap::new(),
-            flying: BTreeSet::new(),
+            reads: SortedMap::new(),
+            flying: SortedSet::new(),
             next_read: 0,
-            page_failures: BTreeMap::new(),
-            failed: BTreeSet::new(),
+            page_failures: SortedMap::new(),
+            failed: SortedSet::new(),
             problems: Vec::new(),
             prefetch: Prefetch::new(),
             counters: Counters::default(),
@@ -279,7 +274,7 @@ impl<C: Content> Loader<C> {
                 continue;
             }
             is_ready = false;
-            self.waiting.entry(page).or_default().insert(unit);
+            self.waiting.or_default(page).insert(unit);
             if !self.flying.contains(&page) {
                 let due = self.page_failures.get(&page).map_or(Duration::ZERO, |failure| failure.not_before);
                 self.queue.want(page, want.priority, self.content.span(page), due);
@@ -287,7 +282,7 @@ impl<C: Content> Loader<C> {
         }
         if let Some(base) = self.content.base(unit).filter(|base| !self.decoded.contains(base)) {
             is_ready = false;
-            self.waiting_for_base.entry(base).or_default().insert(unit);
+            self.waiting_for_base.or_default(base).insert(unit);
         }
         if demanded.is_some() && want.demanded.is_none() {
             want.demanded = demanded;
@@ -479,7 +474,7 @@ impl<C: Content> Loader<C> {
 
     /// Schedules another attempt, or gives the page up after `max_attempts`.
     fn fail(&mut self, page: C::Page, error: Error, max_attempts: u32, now: Duration) {
-        let failure = self.page_failures.entry(page).or_default();
+        let failure = self.page_failures.or_default(page);
         failure.attempts += 1;
         if failure.attempts >= max_attempts {
             failure.given_up = true;

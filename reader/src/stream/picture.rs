@@ -1,9 +1,6 @@
 //! The picture: a surface for each root of the cut, and its strips, which are rebuilt only where something changed.
 
-use std::{
-    collections::{BTreeMap, BTreeSet, HashMap},
-    sync::Arc,
-};
+use std::{collections::HashMap, sync::Arc};
 
 use super::{
     drawn_surface::{Beside, DrawnSurface, Strip},
@@ -14,6 +11,7 @@ use super::{
 use crate::{
     decode::{BorderKey, Mesh},
     select::Node,
+    sorted::{SortedMap, SortedSet},
 };
 
 /// A root as it is drawn: its surface, and one strip of border triangles for each half-arc.
@@ -131,8 +129,9 @@ pub struct Changes {
 /// every corner that is a vertex of the finest root around it.
 #[derive(Clone, Debug, Default)]
 pub struct Picture {
-    roots: BTreeMap<u32, DrawnRoot>,
+    roots: SortedMap<u32, DrawnRoot>,
     users: Users,
+    triangle_count: u64,
 }
 
 impl Picture {
@@ -153,7 +152,7 @@ impl Picture {
 
     /// The number of triangles.
     pub fn triangle_count(&self) -> u64 {
-        self.roots().map(|drawn| drawn.triangle_count() as u64).sum()
+        self.triangle_count
     }
 
     /// The number of strips.
@@ -207,18 +206,22 @@ impl Picture {
 
     /// Draws a root whose neighbours somebody else looks after.
     pub(crate) fn show(&mut self, drawn: DrawnRoot) {
-        self.roots.insert(drawn.surface.root, drawn);
+        self.triangle_count += drawn.triangle_count() as u64;
+        let before = self.roots.insert(drawn.surface.root, drawn);
+        self.triangle_count -= before.map_or(0, |before| before.triangle_count() as u64);
     }
 
     /// Draws such a root no longer.
     pub(crate) fn hide(&mut self, root: u32) {
-        self.roots.remove(&root);
+        self.triangle_count -= self.roots.remove(&root).map_or(0, |before| before.triangle_count() as u64);
     }
 
     /// Gives such a root another border.
     pub(crate) fn set_strip(&mut self, root: u32, strip: Strip) {
         if let Some(drawn) = self.roots.get_mut(&root) {
+            self.triangle_count -= drawn.triangle_count() as u64;
             drawn.strips = vec![Arc::new(strip)];
+            self.triangle_count += drawn.triangle_count() as u64;
         }
     }
 
@@ -239,9 +242,10 @@ impl Picture {
             }
         }
         changes.removed.extend(drawn.map(|(&root, _)| root));
-        let mut affected = BTreeSet::new();
+        let mut affected = SortedSet::new();
         for root in &changes.removed {
             if let Some(drawn) = self.roots.remove(root) {
+                self.triangle_count -= drawn.triangle_count() as u64;
                 self.users.remove(&drawn.surface);
                 self.add_neighbours(&drawn.surface, &mut affected);
             }
@@ -255,8 +259,10 @@ impl Picture {
                 texture: None,
                 images: None,
             };
-            if self.roots.insert(surface.root, drawn).is_none() {
-                self.users.add(surface);
+            self.triangle_count += drawn.triangle_count() as u64;
+            match self.roots.insert(surface.root, drawn) {
+                Some(before) => self.triangle_count -= before.triangle_count() as u64,
+                None => self.users.add(surface),
             }
         }
         for surface in &new {
@@ -281,14 +287,16 @@ impl Picture {
             }
             let sides = around.sides;
             if let Some(drawn) = self.roots.get_mut(&root) {
+                self.triangle_count -= drawn.triangle_count() as u64;
                 (drawn.strips, drawn.sides) = (strips, sides);
+                self.triangle_count += drawn.triangle_count() as u64;
             }
         }
         changes
     }
 
     /// The roots whose strips may depend on a root: those across its arcs, and those that lack a corner which it may have.
-    fn add_neighbours(&self, surface: &DrawnSurface, roots: &mut BTreeSet<u32>) {
+    fn add_neighbours(&self, surface: &DrawnSurface, roots: &mut SortedSet<u32>) {
         roots.extend(surface.half_arcs().filter_map(|half_arc| self.users.across(surface.root, half_arc.arc)));
         for corner in surface.raised_corners() {
             let lacks = |root: &u32| self.level(*root).is_some_and(|level| level < corner.level);

@@ -1,8 +1,7 @@
 //! Keeps track of what was prefetched and what of it was used (Correa 2004, section 4.5, limits the bytes of each frame).
 
-use std::collections::{BTreeMap, BTreeSet};
-
 use super::job::Content;
+use crate::sorted::{SortedMap, SortedSet};
 
 /// Frames without prefetching, or without decoding prefetched pages, after the cache evicted some that no frame had used.
 const PAUSE: u64 = 30;
@@ -22,8 +21,8 @@ pub(crate) struct Prefetch<P, U> {
     pub left: u64,
     reading_paused_until: u64,
     decoding_paused_until: u64,
-    pages: BTreeMap<P, Page>,
-    units: BTreeSet<U>,
+    pages: SortedMap<P, Page>,
+    units: SortedSet<U>,
 }
 
 impl<P: Copy + Ord, U: Copy + Ord> Prefetch<P, U> {
@@ -33,8 +32,8 @@ impl<P: Copy + Ord, U: Copy + Ord> Prefetch<P, U> {
             left: 0,
             reading_paused_until: 0,
             decoding_paused_until: 0,
-            pages: BTreeMap::new(),
-            units: BTreeSet::new(),
+            pages: SortedMap::new(),
+            units: SortedSet::new(),
         }
     }
 

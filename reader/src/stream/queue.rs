@@ -4,11 +4,9 @@
 //! Every frame wants its pages anew. That renews priorities, and drops pages before they are read once frames no longer want them.
 //! Niski stamps requests with times for the same reason.
 
-use std::{
-    cmp::Reverse,
-    collections::{BTreeMap, BTreeSet},
-    time::Duration,
-};
+use std::{cmp::Reverse, time::Duration};
+
+use crate::sorted::{SortedMap, SortedSet};
 
 /// Why something is wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -73,9 +71,9 @@ struct Wish {
 #[derive(Debug)]
 pub(crate) struct Queue<K> {
     frame: u64,
-    wishes: BTreeMap<K, Wish>,
-    by_priority: BTreeSet<(Priority, K)>,
-    by_span: BTreeSet<(ByteSpan, K)>,
+    wishes: SortedMap<K, Wish>,
+    by_priority: SortedSet<(Priority, K)>,
+    by_span: SortedSet<(ByteSpan, K)>,
 }
 
 /// Pages that are read together.
@@ -90,7 +88,7 @@ pub(crate) struct Batch<K> {
 
 impl<K: Copy + Ord> Queue<K> {
     pub fn new() -> Self {
-        Self { frame: 0, wishes: BTreeMap::new(), by_priority: BTreeSet::new(), by_span: BTreeSet::new() }
+        Self { frame: 0, wishes: SortedMap::new(), by_priority: SortedSet::new(), by_span: SortedSet::new() }
     }
 
     /// Begins a frame, which has to want everything again.
@@ -151,7 +149,7 @@ impl<K: Copy + Ord> Queue<K> {
         let class = priority.class;
         let span = self.wishes.get(&first)?.span;
         let max_length = joining.max_length.min(most_bytes(class));
-        let mut batch = Batch { class, span, pages: vec![(first, span)] };
+        let mut batch = Batch { class, span, pages: Vec::new() };
         let joins = |page: &ByteSpan, read: ByteSpan| {
             let gap = page.offset.saturating_sub(read.end()).max(read.offset.saturating_sub(page.end()));
             let length = page.end().max(read.end()) - page.offset.min(read.offset);
@@ -160,13 +158,6 @@ impl<K: Copy + Ord> Queue<K> {
         let suits = |key: &K| {
             self.wishes.get(key).is_some_and(|wish| wish.priority.class == class && wish.due <= now) && *key != first
         };
-        for &(span, key) in self.by_span.range((batch.span, first)..).filter(|(_, key)| suits(key)) {
-            if !joins(&span, batch.span) {
-                break;
-            }
-            batch.span.length = batch.span.end().max(span.end()) - batch.span.offset;
-            batch.pages.push((key, span));
-        }
         for &(span, key) in self.by_span.range(..(span, first)).rev().filter(|(_, key)| suits(key)) {
             if !joins(&span, batch.span) {
                 break;
@@ -175,8 +166,17 @@ impl<K: Copy + Ord> Queue<K> {
             batch.span = ByteSpan { offset: span.offset, length: end - span.offset };
             batch.pages.push((key, span));
         }
+        // By span, as they are found.
+        batch.pages.reverse();
+        batch.pages.push((first, span));
+        for &(span, key) in self.by_span.range((span, first)..).filter(|(_, key)| suits(key)) {
+            if !joins(&span, batch.span) {
+                break;
+            }
+            batch.span.length = batch.span.end().max(span.end()) - batch.span.offset;
+            batch.pages.push((key, span));
+        }
         batch.pages.iter().for_each(|(key, _)| self.remove(key));
-        batch.pages.sort_unstable_by_key(|&(key, span)| (span, key));
         Some(batch)
     }
 }

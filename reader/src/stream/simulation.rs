@@ -1,9 +1,9 @@
 //! A source of a given latency under a virtual clock, for tests and measurements.
 
-use std::{collections::BTreeMap, time::Duration};
+use std::time::Duration;
 
 use super::{Frame, Job, Read, Session};
-use crate::{error::Result, select::Node, source::ReadAt};
+use crate::{error::Result, select::Node, sorted::SortedMap, source::ReadAt};
 
 /// Does a session's jobs with a source whose every read takes a given time, whatever its size and however many are in flight. Decoding
 /// takes no time. The clock is virtual: nothing waits, and the same steps have the same result.
@@ -13,13 +13,13 @@ pub struct Simulation<T> {
     latency: Duration,
     now: Duration,
     /// By arrival.
-    flying: BTreeMap<(Duration, u64), Read>,
+    flying: SortedMap<(Duration, u64), Read>,
 }
 
 impl<T: ReadAt> Simulation<T> {
     /// A clock at zero.
     pub fn new(source: T, latency: Duration) -> Self {
-        Self { source, latency, now: Duration::ZERO, flying: BTreeMap::new() }
+        Self { source, latency, now: Duration::ZERO, flying: SortedMap::new() }
     }
 
     /// The time of the clock.

@@ -12,7 +12,7 @@ use super::{
 use crate::{
     decode::Mesh,
     error::Result,
-    select::{Coherence, Hierarchy, Limiter, Node, Query, View},
+    select::{Coherence, Hierarchy, Limiter, Node, Projection, Query, View},
     source::ReadAt,
 };
 
@@ -180,10 +180,10 @@ impl Streamer {
     /// # Errors
     /// [`crate::Error::Query`] if something in the view is not finite or makes no sense.
     pub fn error_px(&self, view: &View) -> Result<f64> {
-        let index = self.session.index();
-        self.picture().roots().try_fold(0.0, |most, drawn| {
+        let (index, projection) = (self.session.index(), Projection::new(view)?);
+        self.picture().roots().try_fold(0.0_f64, |most, drawn| {
             let bounds = index.root_bounds(drawn.surface.root)?;
-            Ok(view.error_px(bounds, drawn.error())?.max(most))
+            Ok(most.max(projection.look(bounds).factor * drawn.error()))
         })
     }
 

@@ -2,10 +2,7 @@
 //!
 //! An image lies over the triangles of one block, so it can be decoded only for a surface that is there. Geometry never waits for it.
 
-use std::{
-    collections::BTreeMap,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
-};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::{drawn_surface::DrawnSurface, job::Content, queue::ByteSpan};
 use crate::{
@@ -14,6 +11,7 @@ use crate::{
     error::{Error, Result},
     index::{ChannelInfo, Index, TexelBytes, texels::StreamKey},
     lattice::LatticePoint,
+    sorted::SortedMap,
     source::Fetched,
 };
 
@@ -63,7 +61,7 @@ pub(crate) struct TexelContent {
     /// What was read last of tables and directories, with what came with opening. The index keeps what it has parsed.
     fetched: Mutex<Fetched>,
     /// The surfaces whose images are wanted or being decoded.
-    surfaces: Mutex<BTreeMap<TexelUnit, Arc<DrawnSurface>>>,
+    surfaces: Mutex<SortedMap<TexelUnit, Arc<DrawnSurface>>>,
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

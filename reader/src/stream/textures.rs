@@ -8,11 +8,7 @@
 //! is larger than a pixel. Those of the largest roots come first, because there the mean is worst. Without a view all are wanted, in any
 //! order.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    sync::Arc,
-    time::Duration,
-};
+use std::{sync::Arc, time::Duration};
 
 use super::{
     content::FileContent,
@@ -23,14 +19,15 @@ use super::{
     texel_content::{DrawnTexture, TexelContent, TexelUnit},
 };
 use crate::select::Projection;
+use crate::sorted::{SortedMap, SortedSet};
 
 /// The images of a picture's roots, kept from frame to frame. A frame looks only at roots that are new or still lack theirs.
 #[derive(Debug, Default)]
 pub(crate) struct Textures {
     /// Roots whose images are not there.
-    open: BTreeSet<u32>,
+    open: SortedSet<u32>,
     /// What the loader holds for each of the others.
-    held: BTreeMap<u32, TexelUnit>,
+    held: SortedMap<u32, TexelUnit>,
 }
 
 impl Textures {
@@ -80,7 +77,7 @@ impl Textures {
         loader.begin_frame();
         let content = Arc::clone(loader.content());
         let mut late = 0;
-        let mut wanted = BTreeSet::new();
+        let mut wanted = SortedSet::new();
         self.open.retain(|&root| {
             let Some(surface) = picture.root(root).map(|drawn| Arc::clone(&drawn.surface)) else { return false };
             let unit = TexelUnit::of(&surface);

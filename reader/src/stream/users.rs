@@ -1,8 +1,7 @@
 //! Which drawn roots meet where: along arcs, and at corners that are not vertices at every level.
 
-use std::collections::BTreeSet;
-
 use super::drawn_surface::DrawnSurface;
+use crate::sorted::SortedSet;
 
 /// No root.
 const NONE: u32 = u32::MAX;
@@ -13,7 +12,7 @@ pub(super) struct Users {
     /// By arc. No root is drawn together with one above it, so there are at most two.
     arcs: Vec<[u32; 2]>,
     /// Corners that are not vertices at every level, each with a root. Files without a tree have none.
-    corners: BTreeSet<(u32, u32)>,
+    corners: SortedSet<(u32, u32)>,
 }
 
 impl Users {

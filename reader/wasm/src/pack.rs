@@ -1,9 +1,6 @@
 //! What a frame changes, packed for the GPU: `js/frame.js` reads it.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    sync::Arc,
-};
+use std::{collections::BTreeMap, sync::Arc};
 
 use lodpack::{
     Lattice,
@@ -272,6 +269,8 @@ fn changed_roots<'p>(picture: &'p Picture, changes: &Changes, is_all: bool) -> V
         return picture.roots().collect();
     }
     let strips = changes.strips.iter().map(|(root, _)| root);
-    let changed: BTreeSet<u32> = changes.surfaces.iter().chain(strips).chain(&changes.textures).copied().collect();
+    let mut changed: Vec<u32> = changes.surfaces.iter().chain(strips).chain(&changes.textures).copied().collect();
+    changed.sort_unstable();
+    changed.dedup();
     changed.into_iter().filter_map(|root| picture.root(root)).collect()
 }

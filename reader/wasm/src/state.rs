@@ -1,6 +1,6 @@
 //! The file, the questions and the streams of an instance.
 
-use std::{collections::BTreeMap, sync::Arc};
+use std::sync::Arc;
 
 use lodpack::{
     Cut, Error, Fetched, Index, Limits, Node, Opener, decode, heights::HeightsIndex, index::SourceInfo, select,
@@ -58,12 +58,13 @@ impl Opened {
 /// Things with numbers, from 1.
 pub(crate) struct Table<T> {
     next: u32,
-    entries: BTreeMap<u32, T>,
+    /// There are few at a time.
+    entries: Vec<(u32, T)>,
 }
 
 impl<T> Default for Table<T> {
     fn default() -> Self {
-        Self { next: 1, entries: BTreeMap::new() }
+        Self { next: 1, entries: Vec::new() }
     }
 }
 
@@ -71,12 +72,17 @@ impl<T> Table<T> {
     fn add(&mut self, entry: T) -> u32 {
         let number = self.next;
         self.next += 1;
-        self.entries.insert(number, entry);
+        self.entries.push((number, entry));
         number
     }
 
     pub fn get(&mut self, number: u32) -> Result<&mut T, Error> {
-        self.entries.get_mut(&number).ok_or_else(|| wrong("it has been closed"))
+        let entry = self.entries.iter_mut().find(|(of, _)| *of == number);
+        entry.map(|(_, entry)| entry).ok_or_else(|| wrong("it has been closed"))
+    }
+
+    fn close(&mut self, number: u32) {
+        self.entries.retain(|(of, _)| *of != number);
     }
 }
 
@@ -202,7 +208,7 @@ impl State {
 
     /// Closes a question.
     pub fn close_question(&mut self, question: u32) -> Answer {
-        self.questions.entries.remove(&question);
+        self.questions.close(question);
         Ok(0)
     }
 
@@ -283,7 +289,7 @@ impl State {
 
     /// Closes a stream.
     pub fn close_stream(&mut self, stream: u32) -> Answer {
-        self.streams.entries.remove(&stream);
+        self.streams.close(stream);
         Ok(0)
     }
 }

@@ -1,6 +1,6 @@
 //! A session that follows a camera, and what a frame changes, packed for the GPU.
 
-use std::{collections::BTreeMap, io, sync::Arc, time::Duration};
+use std::{io, sync::Arc, time::Duration};
 
 use lodpack::{
     Index, Lattice, Query, Result, View,
@@ -40,7 +40,7 @@ type WantedNumbers = [f64; 3];
 pub struct Stream {
     following: Following,
     /// By numbers of its own: those of a session are larger than what an f64 holds.
-    flying: BTreeMap<u32, Read>,
+    flying: Vec<(u32, Read)>,
     next_read: u32,
     origin: [f64; 3],
     /// Whether the next frame packs everything, not only what is new.
@@ -83,7 +83,7 @@ impl Stream {
         }
         Ok(Self {
             following,
-            flying: BTreeMap::new(),
+            flying: Vec::new(),
             next_read: 0,
             origin,
             is_lost: false,
@@ -214,7 +214,7 @@ impl Stream {
                 let number = self.next_read;
                 self.next_read = number.wrapping_add(1);
                 output.put_floats([f64::from(number), read.offset as f64, read.length as f64]);
-                self.flying.insert(number, read);
+                self.flying.push((number, read));
                 Polled::Read
             }
             Some(Job::Decode(decoding)) => {
@@ -230,7 +230,8 @@ impl Stream {
 
     /// Takes the bytes of a read, or why there are none.
     pub fn supply(&mut self, id: f64, result: io::Result<Vec<u8>>, now: Duration) {
-        let Some(read) = self.flying.remove(&(id as u32)) else { return };
+        let Some(at) = self.flying.iter().position(|(number, _)| *number == id as u32) else { return };
+        let (_, read) = self.flying.swap_remove(at);
         match &self.following {
             Following::Mesh(mesh) => mesh.1.supply(&read, result, now),
             Following::Heights(heights, _) => heights.1.supply(&read, result, now),
@@ -239,7 +240,7 @@ impl Stream {
 
     /// Whether anything still wants a read. If not, it may be aborted.
     pub fn is_wanted(&self, id: f64) -> bool {
-        self.flying.get(&(id as u32)).is_some_and(|read| match &self.following {
+        self.flying.iter().find(|(number, _)| *number == id as u32).is_some_and(|(_, read)| match &self.following {
             Following::Mesh(mesh) => mesh.1.is_wanted(read),
             Following::Heights(heights, _) => heights.1.is_wanted(read),
         })

@@ -1,7 +1,5 @@
 //! The grid filling's side of the interface of fillings: a block is decoded at once.
 
-use std::collections::BTreeMap;
-
 use super::{GridLimits, GridSides, GridState, decode_level};
 use crate::{
     codec::{
@@ -10,12 +8,13 @@ use crate::{
         patch::Patch,
     },
     error::Result,
+    sorted::SortedMap,
 };
 
 /// The grids so far, by root, and the patches that wait to be taken.
 #[derive(Debug, Default)]
 pub(super) struct BlockDecoder {
-    grids: BTreeMap<u32, GridState>,
+    grids: SortedMap<u32, GridState>,
     patches: [Option<Patch>; LANES],
 }
 
