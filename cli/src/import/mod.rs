@@ -11,6 +11,7 @@ mod attributes;
 mod error;
 mod gltf;
 mod inputs;
+mod lines;
 mod lodpack_file;
 mod obj;
 mod off;
@@ -23,6 +24,8 @@ mod scan;
 mod sink;
 mod source;
 mod stl;
+mod text;
+mod text_files;
 mod textures;
 
 use std::path::{Path, PathBuf};
@@ -41,6 +44,9 @@ use sink::MeshSink;
 pub use sink::{Imported, Overflow, Room, SpilledMesh};
 pub(crate) use sink::{TRIANGLES_NAME, VALUE_NAMES, VERTICES_NAME};
 use source::{FileBytes, Source};
+pub use text::{TextCounts, TextFile, TextPiece, TextSink, Ways};
+pub use text_files::TextFiles;
+pub(crate) use text_files::remove_text_files;
 
 /// Half-edges are numbered with 32 bits, and the largest number means "none".
 const MAX_TRIANGLES: u64 = (u32::MAX as u64 - 1) / 3;

@@ -10,6 +10,19 @@ use super::source::Source;
 /// Ear clipping takes quadratic time. From this size on, `spade` triangulates.
 const MAX_CLIPPED_CORNERS: usize = 1024;
 
+/// What is said of faces that are left out.
+pub(super) const THIN: &str = "faces with fewer than three distinct corners were skipped: they have no surface";
+
+/// The places of the corners of a polygon that differ from the one before them. With fewer than three it has no surface; otherwise it has
+/// two triangles fewer than these.
+pub(super) fn distinct_corners(polygon: &[u32], corners: &mut Vec<u32>) {
+    corners.clear();
+    corners.extend((0..polygon.len() as u32).filter(|&i| i == 0 || polygon[i as usize] != polygon[i as usize - 1]));
+    while corners.len() > 1 && corners.last().map(|&i| polygon[i as usize]) == polygon.first().copied() {
+        corners.pop();
+    }
+}
+
 /// Triangulates polygons, and counts invalid ones.
 #[derive(Debug, Default)]
 pub(super) struct Triangulator {
@@ -32,12 +45,7 @@ impl Triangulator {
         position: impl Fn(u32) -> DVec3,
         triangles: &mut Vec<[u32; 3]>,
     ) {
-        self.loop_.clear();
-        self.loop_
-            .extend((0..polygon.len() as u32).filter(|&i| i == 0 || polygon[i as usize] != polygon[i as usize - 1]));
-        while self.loop_.len() > 1 && self.loop_.last().map(|&i| polygon[i as usize]) == polygon.first().copied() {
-            self.loop_.pop();
-        }
+        distinct_corners(polygon, &mut self.loop_);
         let corners = self.loop_.as_slice();
         let n = corners.len() as u32;
         if n < 3 {
@@ -84,10 +92,7 @@ impl Triangulator {
 
     /// Notes for the user what was odd.
     pub(super) fn note(&self, source: &Source) {
-        source.note_skipped(
-            self.thin_count,
-            "faces with fewer than three distinct corners were skipped: they have no surface",
-        );
+        source.note_skipped(self.thin_count, THIN);
         source.note_skipped(self.crossed_count, "polygons cross or fold over themselves; their triangles are a guess");
     }
 }

@@ -1,5 +1,5 @@
-//! Inputs whose vertices and triangles lie at known places, so that several processes can each read a range of them: binary STL, and binary
-//! PLY of triangles alone.
+//! Inputs whose vertices and triangles lie at known places, so that several processes can each read a range of them: binary STL, binary
+//! PLY of triangles alone, and texts of which tasks have already read ranges ([`super::text`]).
 //!
 //! What is read is what [`super::import_large_meshes`] reads, in the same order. All other inputs have to be read from their beginning.
 
@@ -12,6 +12,7 @@ use super::attributes::AttributeSink;
 use super::error::{ImportError, Parsed};
 use super::ply::PlyPlaces;
 use super::source::{FileBytes, Source};
+use super::text_files::{TextFiles, TextPlaces};
 use super::{Format, check_size, detect_format, raster, stl};
 use crate::mesh::Mesh;
 use crate::mesh::appearance::Channels;
@@ -26,17 +27,31 @@ pub struct RangedMesh {
 struct RangedFile {
     path: PathBuf,
     bytes: FileBytes,
-    places: Places,
+    content: Content,
     /// Numbers of the first vertex and triangle among those of all files.
     first_vertex: u64,
     first_triangle: u64,
     windows: Windows,
 }
 
-enum Places {
+enum Content {
+    /// Where the file has it.
+    InPlace(Places),
+    /// In files of tasks that have read the text.
+    Read(TextPlaces),
+}
+
+/// Where vertices and triangles lie in a file.
+pub(super) enum Places {
     Ply(PlyPlaces),
     /// The number of triangles.
     Stl(u64),
+}
+
+/// Whether inputs are files of meshes that may be read in ranges: named channels have to be there, and normals are made for all.
+pub(super) fn files_of(paths: &[PathBuf], channels: &Channels) -> bool {
+    let is_plain = matches!(channels, Channels::Auto | Channels::None);
+    is_plain && !paths.iter().any(|path| path.is_dir() || raster::format_of(path).is_some())
 }
 
 impl std::fmt::Debug for RangedMesh {
@@ -46,39 +61,33 @@ impl std::fmt::Debug for RangedMesh {
 }
 
 impl RangedMesh {
-    /// Opens inputs; none where one of them has to be read from its beginning, or has channels that are wanted.
+    /// Opens inputs; none where one of them has to be read from its beginning, or has channels that are wanted. `texts` are what tasks have
+    /// read of those that are text.
     ///
     /// # Errors
     /// If a file cannot be read, or there are too many vertices.
-    pub fn open(paths: &[PathBuf], channels: &Channels) -> Result<Option<Self>, ImportError> {
-        Ok(Self::find(paths, channels)?)
+    pub fn open(paths: &[PathBuf], channels: &Channels, texts: Option<TextFiles>) -> Result<Option<Self>, ImportError> {
+        Ok(Self::find(paths, channels, texts)?)
     }
 
-    fn find(paths: &[PathBuf], channels: &Channels) -> Parsed<Option<Self>> {
-        // Named channels have to be there, and normals are made for all.
-        let is_plain = matches!(channels, Channels::Auto | Channels::None);
-        if !is_plain || paths.iter().any(|path| path.is_dir() || raster::format_of(path).is_some()) {
+    fn find(paths: &[PathBuf], channels: &Channels, texts: Option<TextFiles>) -> Parsed<Option<Self>> {
+        if !files_of(paths, channels) {
             return Ok(None);
         }
         let (mut files, mut first_vertex, mut first_triangle) = (vec![], 0, 0);
-        for path in paths {
+        for (number, path) in (0..).zip(paths) {
             let bytes = FileBytes::open(path)?;
-            let source = Source::of_file(path, &bytes, &Silent);
-            let places = match detect_format(&source)? {
-                Format::Ply => PlyPlaces::of(&source, &mut AttributeSink::new(channels)).map(Places::Ply),
-                // Others may be cut short, or end with something else.
-                Format::BinaryStl if stl::is_exact_binary_stl(&bytes) => {
-                    Some(Places::Stl(((bytes.len() - stl::HEADER_BYTES) / stl::RECORD_BYTES) as u64))
-                }
-                _ => None,
+            let content = match (Places::of(&Source::of_file(path, &bytes, &Silent), channels)?, texts) {
+                (Some(places), _) => Content::InPlace(places),
+                (None, Some(texts)) => Content::Read(TextPlaces::open(texts, number).map_err(ImportError::from)?),
+                (None, None) => return Ok(None),
             };
-            let Some(places) = places else { return Ok(None) };
-            let [vertices, triangles] = places.counts();
+            let [vertices, triangles] = content.counts();
             if triangles == 0 {
                 return Err(ImportError::NoTriangles { path: path.clone(), vertex_count: vertices }.into());
             }
             let windows = Windows::new(bytes.len());
-            files.push(RangedFile { path: path.clone(), bytes, places, first_vertex, first_triangle, windows });
+            files.push(RangedFile { path: path.clone(), bytes, content, first_vertex, first_triangle, windows });
             (first_vertex, first_triangle) = (first_vertex + vertices, first_triangle + triangles);
             check_size(path, first_vertex, first_triangle)?;
         }
@@ -87,12 +96,12 @@ impl RangedMesh {
 
     /// The number of vertices.
     pub fn vertex_count(&self) -> u64 {
-        self.files.last().map_or(0, |file| file.first_vertex + file.places.counts()[0])
+        self.files.last().map_or(0, |file| file.first_vertex + file.content.counts()[0])
     }
 
     /// The number of triangles.
     pub fn triangle_count(&self) -> u64 {
-        self.files.last().map_or(0, |file| file.first_triangle + file.places.counts()[1])
+        self.files.last().map_or(0, |file| file.first_triangle + file.content.counts()[1])
     }
 
     /// The position of a vertex; [`DVec3::NAN`] where there is none.
@@ -108,11 +117,14 @@ impl RangedMesh {
         };
         let Some(file) = file else { return DVec3::NAN };
         let own = vertex - file.first_vertex;
-        if own >= file.places.counts()[0] {
-            return DVec3::NAN;
+        match &file.content {
+            Content::InPlace(places) if own < places.counts()[0] => {
+                file.windows.touch(places.offset_of_vertex(own), || file.bytes.drop_pages());
+                places.position(&file.source(), own).unwrap_or(DVec3::NAN)
+            }
+            Content::InPlace(_) => DVec3::NAN,
+            Content::Read(places) => places.position(own).unwrap_or(DVec3::NAN),
         }
-        file.windows.touch(file.places.offset_of_vertex(own), || file.bytes.drop_pages());
-        file.places.position(&file.source(), own).unwrap_or(DVec3::NAN)
     }
 
     /// Checks the vertices that begin in some bytes of a file, and returns the smallest and largest coordinates.
@@ -120,23 +132,10 @@ impl RangedMesh {
     /// # Errors
     /// If a coordinate is not finite.
     pub fn check_vertices(&self, file: usize, bytes: Range<u64>) -> Result<[DVec3; 2], ImportError> {
-        Ok(self.find_bounds(file, bytes)?)
-    }
-
-    fn find_bounds(&self, file: usize, bytes: Range<u64>) -> Parsed<[DVec3; 2]> {
-        let mut bounds = Mesh::default().bounds();
-        let Some(file) = self.files.get(file) else { return Ok(bounds) };
-        let source = file.source();
-        let [start, end] = [bytes.start, bytes.end].map(|at| file.places.first_vertex_from(at));
-        for vertex in start..end {
-            let at = file.places.offset_of_vertex(vertex);
-            source.passed(at);
-            let position = file.places.position(&source, vertex)?;
-            if !position.is_finite() {
-                return Err(source.coordinate(super::Location::Byte(at as u64), vertex, position));
-            }
-            bounds = [bounds[0].min(position), bounds[1].max(position)];
-        }
+        let Some(file) = self.files.get(file) else { return Ok(Mesh::default().bounds()) };
+        // Those of texts were checked when they were read.
+        let Content::InPlace(places) = &file.content else { return Ok(Mesh::default().bounds()) };
+        let bounds = places.check_vertices(&file.source(), bytes)?;
         file.bytes.drop_pages();
         Ok(bounds)
     }
@@ -151,11 +150,17 @@ impl RangedMesh {
 
     fn visit(&self, range: Range<u64>, mut visit: impl FnMut([u32; 3])) -> Parsed<()> {
         for file in &self.files {
-            let source = file.source();
-            for triangle in within(&range, file.first_triangle, file.places.counts()[1]) {
-                file.windows.touch(file.places.offset_of_triangle(triangle), || file.bytes.drop_pages());
-                let corners = file.places.triangle(&source, triangle)?;
-                visit(corners.map(|vertex| vertex + file.first_vertex as u32));
+            let own = within(&range, file.first_triangle, file.content.counts()[1]);
+            let mut visit = |corners: [u32; 3]| visit(corners.map(|vertex| vertex + file.first_vertex as u32));
+            match &file.content {
+                Content::InPlace(places) => {
+                    let source = file.source();
+                    for triangle in own {
+                        file.windows.touch(places.offset_of_triangle(triangle), || file.bytes.drop_pages());
+                        visit(places.triangle(&source, triangle)?);
+                    }
+                }
+                Content::Read(places) => places.for_each_triangle(own, visit).map_err(ImportError::from)?,
             }
             file.bytes.drop_pages();
         }
@@ -175,7 +180,45 @@ impl RangedFile {
     }
 }
 
+impl Content {
+    /// The number of vertices and that of triangles.
+    fn counts(&self) -> [u64; 2] {
+        match self {
+            Self::InPlace(places) => places.counts(),
+            Self::Read(places) => places.counts(),
+        }
+    }
+}
+
 impl Places {
+    /// The places of what a file has. None for texts, and where they do not follow from its beginning.
+    pub(super) fn of(source: &Source, channels: &Channels) -> Parsed<Option<Self>> {
+        Ok(match detect_format(source)? {
+            Format::Ply => PlyPlaces::of(source, &mut AttributeSink::new(channels)).map(Self::Ply),
+            // Others may be cut short, or end with something else.
+            Format::BinaryStl if stl::is_exact_binary_stl(source.bytes) => {
+                Some(Self::Stl(((source.bytes.len() - stl::HEADER_BYTES) / stl::RECORD_BYTES) as u64))
+            }
+            _ => None,
+        })
+    }
+
+    /// Checks the vertices that begin in some bytes, and returns the smallest and largest coordinates.
+    pub(super) fn check_vertices(&self, source: &Source, bytes: Range<u64>) -> Parsed<[DVec3; 2]> {
+        let mut bounds = Mesh::default().bounds();
+        let [start, end] = [bytes.start, bytes.end].map(|at| self.first_vertex_from(at));
+        for vertex in start..end {
+            let at = self.offset_of_vertex(vertex);
+            source.passed(at);
+            let position = self.position(source, vertex)?;
+            if !position.is_finite() {
+                return Err(source.coordinate(super::Location::Byte(at as u64), vertex, position));
+            }
+            bounds = [bounds[0].min(position), bounds[1].max(position)];
+        }
+        Ok(bounds)
+    }
+
     /// The number of vertices and that of triangles.
     fn counts(&self) -> [u64; 2] {
         match self {

@@ -57,7 +57,7 @@ fn open(files: &[(&str, Vec<u8>)], channels: &Channels) -> (tempfile::TempDir, V
     let folder = tempfile::tempdir().unwrap();
     let paths: Vec<PathBuf> = files.iter().map(|(name, _)| folder.path().join(name)).collect();
     files.iter().zip(&paths).for_each(|((_, bytes), path)| std::fs::write(path, bytes).unwrap());
-    let mesh = RangedMesh::open(&paths, channels).unwrap();
+    let mesh = RangedMesh::open(&paths, channels, None).unwrap();
     (folder, paths, mesh)
 }
 

@@ -105,6 +105,11 @@ impl<'a> Source<'a> {
         Self { path, bytes: file, file: Some(file), progress }
     }
 
+    /// The same file as if it ended at an offset.
+    pub(super) fn until(&self, end: usize) -> Self {
+        Self { bytes: &self.bytes[..end], ..*self }
+    }
+
     /// Declares everything before an offset as done, so it need not stay in memory. Reading it again is allowed.
     #[inline]
     pub(super) fn passed(&self, offset: usize) {

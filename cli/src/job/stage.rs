@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::part::part_name;
 use super::planned::PARTS_NAME;
+use crate::import::Ways;
 
 /// Parts for each task of [`Stage::Encode`], at least, and the most tasks.
 const PARTS_PER_ENCODER: u32 = 4;
@@ -20,7 +21,9 @@ pub const STAGES_NAME: &str = "stages";
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
-    /// One process reads inputs that cannot be read in ranges.
+    /// Lines of a range of texts are counted.
+    Lines,
+    /// One process reads inputs that cannot be read in ranges; texts are read in ranges.
     Import,
     /// Ranges of the input are checked and measured.
     Scan,
@@ -48,7 +51,8 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in order.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
+        Self::Lines,
         Self::Import,
         Self::Scan,
         Self::Count,
@@ -66,6 +70,7 @@ impl Stage {
     /// Its name in commands and files.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Lines => "lines",
             Self::Import => "import",
             Self::Scan => "scan",
             Self::Count => "count",
@@ -85,7 +90,7 @@ impl Stage {
     pub fn share(self) -> f64 {
         match self {
             Self::Import | Self::Cut | Self::Match | Self::Seams | Self::Arrange => 0.002,
-            Self::Scan | Self::Encode => 0.005,
+            Self::Lines | Self::Scan | Self::Encode => 0.005,
             Self::Count => 0.03,
             Self::Divide => 0.04,
             Self::Repair => 0.15,
@@ -113,8 +118,8 @@ pub struct Stages {
     pub ranges: u32,
     /// Runs of regions, and so parts.
     pub parts: u32,
-    /// Whether one process has to read the input first, because its format has no ranges.
-    pub imports: bool,
+    /// How the input is read.
+    pub ways: Ways,
     /// Bytes of memory that are enough for each task as a rule. Each task says so if it needs more.
     pub memory: u64,
 }
@@ -123,9 +128,11 @@ impl Stages {
     /// The number of tasks of a stage.
     pub fn tasks(&self, stage: Stage) -> u32 {
         match stage {
-            Stage::Import => u32::from(self.imports),
+            Stage::Lines | Stage::Import if self.ways == Ways::Lines => self.ranges,
+            Stage::Import if self.ways == Ways::Whole => 1,
+            Stage::Lines | Stage::Import => 0,
             // An import checks and measures everything.
-            Stage::Scan if self.imports => 0,
+            Stage::Scan if self.ways != Ways::Places => 0,
             Stage::Scan | Stage::Count | Stage::Divide => self.ranges,
             Stage::Cut | Stage::Match | Stage::Seams | Stage::Arrange => 1,
             Stage::Repair | Stage::Segment | Stage::Build => self.parts,
@@ -211,7 +218,7 @@ mod tests {
     #[test]
     fn ranges_hold_everything_once() {
         for ranges in [1, 3, 1000] {
-            let stages = Stages { ranges, parts: 1, imports: false, memory: 0 };
+            let stages = Stages { ranges, parts: 1, ..Stages::default() };
             let all: Vec<u64> = (0..ranges).flat_map(|task| stages.range(task, 17)).collect();
             assert_eq!(all, (0..17).collect::<Vec<u64>>());
         }

@@ -15,7 +15,7 @@ use super::stage::{STAGES_NAME, TaskFiles};
 use super::status::PartReport;
 use super::tasks::{AllRuns, Task};
 use super::{BuildError, BuildOptions, JobError, Manifest, PartOptions, PlannedJob, Stage, Stages};
-use crate::import::RangedMesh;
+use crate::import::{RangedMesh, Ways};
 use crate::machine::peak_memory_bytes;
 use crate::pipeline::PipelineError;
 use crate::pipeline::summary::Stopwatch;
@@ -84,14 +84,18 @@ impl StagedJob {
             return Err(PipelineError::Tolerance { what }.into());
         }
         let mut manifest = Manifest::sampled(&options)?;
-        let mesh = RangedMesh::open(&options.inputs, &options.model.channels)?;
+        let ways = Ways::of(&options.inputs, &options.model.channels)?;
+        let mesh = match ways {
+            Ways::Places => RangedMesh::open(&options.inputs, &options.model.channels, None)?,
+            Ways::Lines | Ways::Whole => None,
+        };
         let bytes: u64 = manifest.inputs.iter().map(|file| file.bytes).sum();
         let count =
             parts.count.unwrap_or_else(|| u32::try_from(bytes.div_ceil(RANGE_BYTES)).unwrap_or(u32::MAX).max(1));
         let ranges = bytes.div_ceil(parts.range_bytes.unwrap_or(RANGE_BYTES).max(1));
         let ranges = u32::try_from(ranges).unwrap_or(u32::MAX).clamp(1, count);
         let memory = region_memory(mesh.as_ref(), options.model.region_triangles);
-        manifest.stages = Some(Stages { ranges, parts: count, imports: mesh.is_none(), memory });
+        manifest.stages = Some(Stages { ranges, parts: count, ways, memory });
         manifest.output = product_name(path, &options.inputs);
         if options.resume && path.exists() {
             match Manifest::read(path) {

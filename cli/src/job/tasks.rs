@@ -3,7 +3,7 @@
 //! The steps are those of [`super::Job`], which does all of them in one process, so the plan is the same.
 
 use std::cell::OnceCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::ops::Range;
 use std::path::Path;
@@ -19,7 +19,10 @@ use super::input::read_input;
 use super::plan::{part_entries, write_plan};
 use super::stage::{TaskFiles, even_runs, run_file};
 use super::{BuildError, JobError, Manifest, Stage, Stages};
-use crate::import::{Imported, Overflow, RangedMesh, Room, TRIANGLES_NAME, VALUE_NAMES, VERTICES_NAME};
+use crate::import::{
+    Imported, Overflow, RangedMesh, Room, TRIANGLES_NAME, TextCounts, TextFile, TextFiles, TextPiece, TextSink,
+    VALUE_NAMES, VERTICES_NAME, Ways, remove_text_files,
+};
 use crate::mesh::Mesh;
 use crate::mesh::appearance::Appearance;
 use crate::mesh::attributes::Attributes;
@@ -71,7 +74,13 @@ struct ImportProduct {
 struct ScanProduct {
     bounds: [DVec3; 2],
     hashes: Vec<u64>,
+    /// Of each text what the range has; [`Stage::Import`] alone reads these.
+    texts: Vec<TextPiece>,
 }
+
+/// For each piece of a range, with the number of its file, what begins in it.
+#[derive(Serialize, Deserialize)]
+struct LinesProduct(Vec<(u32, TextCounts)>);
 
 /// How space is cut into regions.
 #[derive(Serialize, Deserialize)]
@@ -113,10 +122,12 @@ impl Task<'_> {
     /// Does a task of a stage. Returns the number of bytes that it hands on.
     pub fn run(&self, stage: Stage, progress: &dyn Progress) -> Result<u64, BuildError> {
         match stage {
+            Stage::Lines => self.count_lines(),
+            Stage::Import if self.stages.ways == Ways::Lines => self.read_texts(),
             Stage::Import => self.import(progress),
             Stage::Scan => self.scan(),
             Stage::Count => self.count(),
-            Stage::Cut => self.cut(),
+            Stage::Cut => self.cut(progress),
             Stage::Divide => self.divide(),
             Stage::Repair => self.repair(progress),
             Stage::Match => self.find_pairs(),
@@ -138,8 +149,7 @@ impl Task<'_> {
         let files = [VERTICES_NAME, TRIANGLES_NAME].iter().chain(&VALUE_NAMES).map(|name| self.directory.path(name));
         let mut bytes = 0;
         for path in files.filter(|path| path.exists()) {
-            let synced = File::open(&path).and_then(|file| file.sync_all().and(file.metadata()));
-            bytes += synced.map_err(|source| WorkError::new(&path, "written", source))?.len();
+            bytes += synced(&path)?;
         }
         let product = ImportProduct {
             attributes: mesh.attributes,
@@ -151,6 +161,53 @@ impl Task<'_> {
         Ok(bytes + self.hand_on(Stage::Import, &product)?)
     }
 
+    /// Counts what begins in a range of texts.
+    fn count_lines(&self) -> Result<u64, BuildError> {
+        let counts = self.contents().pieces(self.task).map(|(file, bytes)| {
+            let input = TextFile::open(&self.manifest.inputs[file].path, &self.manifest.options.channels)?;
+            Ok((file as u32, input.count(bytes)?))
+        });
+        let product = LinesProduct(counts.collect::<Result<_, BuildError>>()?);
+        self.hand_on(Stage::Lines, &product)
+    }
+
+    /// Hashes a range of the inputs, and reads what begins in it.
+    fn read_texts(&self) -> Result<u64, BuildError> {
+        let (mut before, mut all) = (BTreeMap::new(), BTreeMap::new());
+        for task in 0..self.stages.ranges {
+            let LinesProduct(pieces) = self.product(Stage::Lines, task)?;
+            for (file, counts) in pieces {
+                if task < self.task {
+                    *before.entry(file).or_insert(TextCounts::default()) += counts;
+                }
+                *all.entry(file).or_insert(TextCounts::default()) += counts;
+            }
+        }
+        let contents = self.contents();
+        let hashes = contents.hashes(self.task)?;
+        let mut bounds = Mesh::default().bounds();
+        let mut sink = TextSink::create(self.directory, self.task)?;
+        for (number, bytes) in contents.pieces(self.task) {
+            let input = TextFile::open(&self.manifest.inputs[number].path, &self.manifest.options.channels)?;
+            if !input.is_text() {
+                bounds = union(bounds, input.check_vertices(bytes)?);
+                continue;
+            }
+            let file = number as u32;
+            let counts = |of: &BTreeMap<u32, TextCounts>| of.get(&file).copied().unwrap_or_default();
+            sink.begin(file);
+            input.read(bytes, counts(&before), counts(&all), &mut sink)?;
+            sink.end()?;
+        }
+        let (texts, paths) = sink.finish()?;
+        bounds = texts.iter().fold(bounds, |bounds, piece| union(bounds, piece.bounds));
+        let mut written = 0;
+        for path in &paths {
+            written += synced(path)?;
+        }
+        Ok(written + self.hand_on(Stage::Import, &ScanProduct { bounds, hashes, texts })?)
+    }
+
     /// Hashes a range of the inputs, and measures the vertices that begin in it.
     fn scan(&self) -> Result<u64, BuildError> {
         let (mesh, contents) = (self.ranged()?, self.contents());
@@ -160,7 +217,7 @@ impl Task<'_> {
             bounds = union(bounds, mesh.check_vertices(file, bytes)?);
         }
         // A triangle that names a vertex that is not there is found when triangles are counted or divided.
-        self.hand_on(Stage::Scan, &ScanProduct { bounds, hashes })
+        self.hand_on(Stage::Scan, &ScanProduct { bounds, hashes, texts: vec![] })
     }
 
     fn count(&self) -> Result<u64, BuildError> {
@@ -176,7 +233,8 @@ impl Task<'_> {
         self.hand_on(Stage::Count, &counts)
     }
 
-    fn cut(&self) -> Result<u64, BuildError> {
+    fn cut(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
+        self.note_texts(progress)?;
         let (input, (bounds, hashes)) = (self.input()?, self.scanned()?);
         Scale::check_size(bounds)?;
         let count = input.triangle_count();
@@ -198,6 +256,25 @@ impl Task<'_> {
             }
         };
         self.hand_on(Stage::Cut, &CutProduct { bounds, tree, content: content::root(hashes) })
+    }
+
+    /// Says what was odd about texts.
+    fn note_texts(&self, progress: &dyn Progress) -> Result<(), WorkError> {
+        let (mut skipped, mut left_out) = (BTreeMap::new(), BTreeSet::new());
+        for TextPiece { file, skipped: of_piece, left_out: beside, .. } in self.texts()?.into_iter().flatten() {
+            left_out.extend(beside);
+            for (what, count) in of_piece {
+                *skipped.entry((file, what)).or_insert(0) += count;
+            }
+        }
+        for ((file, what), count) in skipped {
+            progress.note(&format!("{}: {count} {what}", self.manifest.inputs[file as usize].path.display()));
+        }
+        let left_out: Vec<String> = left_out.into_iter().collect();
+        if !left_out.is_empty() {
+            progress.note(&format!("{} of the input are left out", left_out.join(", ")));
+        }
+        Ok(())
     }
 
     fn divide(&self) -> Result<u64, BuildError> {
@@ -328,6 +405,9 @@ impl Task<'_> {
         (0..self.stages.ranges).for_each(|task| self.directory.remove(&self.run_file(task)));
         remove_shared(self.directory);
         self.directory.remove(&self.directory.path(TRIANGLES_NAME));
+        if self.stages.ways == Ways::Lines {
+            (0..self.stages.ranges).for_each(|task| remove_text_files(self.directory, task));
+        }
     }
 
     fn built(&self) -> BuiltJob<'_> {
@@ -353,7 +433,10 @@ impl Task<'_> {
 
     fn ranged(&self) -> Result<RangedMesh, BuildError> {
         let inputs: Vec<_> = self.manifest.inputs.iter().map(|file| file.path.clone()).collect();
-        let mesh = RangedMesh::open(&inputs, &self.manifest.options.channels)?;
+        let pieces = if self.stages.ways == Ways::Lines { self.texts()? } else { vec![] };
+        let texts = TextFiles { folder: self.directory.folder(), pieces: &pieces };
+        let texts = (self.stages.ways == Ways::Lines).then_some(texts);
+        let mesh = RangedMesh::open(&inputs, &self.manifest.options.channels, texts)?;
         // It had ranges when the job was begun.
         let gone = || JobError::Stale {
             path: self.directory.folder().to_owned(),
@@ -362,34 +445,49 @@ impl Task<'_> {
         Ok(mesh.ok_or_else(gone)?)
     }
 
+    /// Of each task what it has read of texts.
+    fn texts(&self) -> Result<Vec<Vec<TextPiece>>, WorkError> {
+        if self.stages.ways != Ways::Lines {
+            return Ok(vec![]);
+        }
+        let of = |task| self.product::<ScanProduct>(Stage::Import, task).map(|product| product.texts);
+        (0..self.stages.ranges).map(of).collect()
+    }
+
     fn input(&self) -> Result<NumberedMesh, BuildError> {
-        Ok(match self.stages.imports {
-            false => NumberedMesh::Ranged(self.ranged()?),
-            true => NumberedMesh::in_directory(self.directory, self.imported()?.triangles)?,
+        Ok(match self.stages.ways {
+            Ways::Places | Ways::Lines => NumberedMesh::Ranged(self.ranged()?),
+            Ways::Whole => NumberedMesh::in_directory(self.directory, self.imported()?.triangles)?,
         })
     }
 
     fn input_triangles(&self) -> Result<u64, BuildError> {
-        match self.stages.imports {
-            false => Ok(self.ranged()?.triangle_count()),
-            true => Ok(self.imported()?.triangles),
+        match self.stages.ways {
+            Ways::Places | Ways::Lines => Ok(self.ranged()?.triangle_count()),
+            Ways::Whole => Ok(self.imported()?.triangles),
         }
     }
 
-    /// What an import has found; nothing where there was none.
+    /// What an import of everything has found; nothing where there was none.
     fn imported(&self) -> Result<ImportProduct, WorkError> {
-        if self.stages.imports { self.product(Stage::Import, 0) } else { Ok(ImportProduct::default()) }
+        match self.stages.ways {
+            Ways::Whole => self.product(Stage::Import, 0),
+            Ways::Places | Ways::Lines => Ok(ImportProduct::default()),
+        }
     }
 
     /// The extent of the input, and the hashes of its ranges.
     fn scanned(&self) -> Result<([DVec3; 2], Vec<Vec<u64>>), WorkError> {
-        if self.stages.imports {
-            let ImportProduct { bounds, hashes, .. } = self.imported()?;
-            return Ok((bounds, hashes));
-        }
+        let stage = match scanning_stage(self.stages.ways) {
+            Some(stage) => stage,
+            None => {
+                let ImportProduct { bounds, hashes, .. } = self.imported()?;
+                return Ok((bounds, hashes));
+            }
+        };
         let (mut all, mut hashes) = (Mesh::default().bounds(), vec![]);
         for task in 0..self.stages.ranges {
-            let scanned: ScanProduct = self.product(Stage::Scan, task)?;
+            let scanned: ScanProduct = self.product(stage, task)?;
             all = union(all, scanned.bounds);
             hashes.push(scanned.hashes);
         }
@@ -423,12 +521,27 @@ impl Task<'_> {
 pub(super) fn known_hashes(job: &Path, manifest: &Manifest) -> Vec<Option<Vec<u64>>> {
     let stages = manifest.stages.unwrap_or_default();
     let product = |stage, task| TaskFiles::new(job, stage, task).product;
-    if stages.imports {
+    let Some(stage) = scanning_stage(stages.ways) else {
         let imported: Option<ImportProduct> = read(&product(Stage::Import, 0), KIND, manifest).ok();
         return imported.into_iter().flat_map(|imported| imported.hashes).map(Some).collect();
-    }
-    let scanned = |task| read::<ScanProduct>(&product(Stage::Scan, task), KIND, manifest).ok();
+    };
+    let scanned = |task| read::<ScanProduct>(&product(stage, task), KIND, manifest).ok();
     (0..stages.ranges).map(|task| scanned(task).map(|scanned| scanned.hashes)).collect()
+}
+
+/// The stage whose tasks measure and hash a range each; none where one process does it.
+fn scanning_stage(ways: Ways) -> Option<Stage> {
+    match ways {
+        Ways::Places => Some(Stage::Scan),
+        Ways::Lines => Some(Stage::Import),
+        Ways::Whole => None,
+    }
+}
+
+/// Makes sure that a file has reached the disk. Returns its size.
+fn synced(path: &Path) -> Result<u64, WorkError> {
+    let synced = File::open(path).and_then(|file| file.sync_all().and(file.metadata()));
+    Ok(synced.map_err(|source| WorkError::new(path, "written", source))?.len())
 }
 
 fn union([low, high]: [DVec3; 2], [other_low, other_high]: [DVec3; 2]) -> [DVec3; 2] {

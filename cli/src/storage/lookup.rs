@@ -106,12 +106,25 @@ impl Lookup {
         values.iter_mut().zip(from.chunks_exact(f32::BYTES)).for_each(|(value, bytes)| *value = f32::get(bytes));
     }
 
+    /// Reads a list of 32-bit numbers that stands behind its length in a file of such numbers. None where the file does not have it.
+    pub(crate) fn list(&self, place: u64, values: &mut Vec<u32>) -> Option<()> {
+        let bytes: &[u8] = self.map.as_deref().unwrap_or_default();
+        let at = usize::try_from(place).ok()?.checked_mul(u32::BYTES)?;
+        let (length, rest) = bytes.get(at..)?.split_at_checked(u32::BYTES)?;
+        self.windows.touch(at, || self.drop_pages());
+        let list = rest.get(..(u32::get(length) as usize).checked_mul(u32::BYTES)?)?;
+        values.clear();
+        values.extend(list.chunks_exact(u32::BYTES).map(u32::get));
+        Some(())
+    }
+
     /// The number of 32-bit numbers.
     pub fn float_count(&self) -> u64 {
         self.map.as_ref().map_or(0, |map| (map.len() / f32::BYTES) as u64)
     }
 
-    fn drop_pages(&self) {
+    /// Drops all pages. Those that are read again come back from the file.
+    pub(crate) fn drop_pages(&self) {
         if let Some(map) = &self.map {
             // SAFETY: the map is a read-only, shared one of a file, so dropped pages come back from the file with the
             // same bytes; nothing has ever been written through it. A failure only leaves the pages where they are.

@@ -6,18 +6,26 @@
 
 mod attributes;
 mod mtl;
+mod ranges;
+
+use std::ops::Range;
 
 use glam::DVec3;
 
 use self::attributes::ObjAttributes;
 pub(super) use self::attributes::files_beside;
+pub(super) use self::ranges::{count_in_range, read_range};
 use crate::import::MAX_VERTICES;
 use crate::import::error::{ImportError, Location, Parsed};
+use crate::import::lines::{first_line_from, is_continued};
 use crate::import::polygon::Triangulator;
 use crate::import::scan::{Scanner, parse_float};
 use crate::import::sink::MeshSink;
 use crate::import::source::Source;
 use crate::mesh::NONE;
+
+/// What is wrong with a face whose corners are no numbers.
+const BAD_FACE: &str = "a face needs vertex numbers like 7, 7/2, 7//3 or 7/2/3; the file is damaged or not OBJ";
 
 /// Words that can start the first statement of an OBJ file.
 const FIRST_WORDS: [&[u8]; 9] = [b"v", b"vt", b"vn", b"f", b"o", b"g", b"s", b"mtllib", b"usemtl"];
@@ -71,11 +79,7 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
                 }
                 Err(FaceProblem::Thin) => thin_count += 1,
                 Err(FaceProblem::Index) => return Err(find_bad_index(source)),
-                Err(FaceProblem::Words) => {
-                    let problem =
-                        "a face needs vertex numbers like 7, 7/2, 7//3 or 7/2/3; the file is damaged or not OBJ";
-                    return Err(source.syntax(location, problem));
-                }
+                Err(FaceProblem::Words) => return Err(source.syntax(location, BAD_FACE)),
             },
             b"surf" | b"curv" => free_form_count += 1,
             b"vn" => {
@@ -117,11 +121,8 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     source.note_missing_line_end();
     faces.count_thin(thin_count);
     faces.note(source);
-    source.note_skipped(weight_count, "vertices have a weight other than 1, which only curves use: ignored");
-    source.note_skipped(
-        free_form_count,
-        "free-form curves and surfaces were left out; convert them to polygons to keep them",
-    );
+    source.note_skipped(weight_count, ranges::WEIGHTS);
+    source.note_skipped(free_form_count, ranges::FREE_FORMS);
     Ok(())
 }
 
@@ -307,6 +308,8 @@ fn parse_long_integer(word: &[u8]) -> Option<i64> {
 struct Statements<'a> {
     source: Source<'a>,
     at: usize,
+    /// Statements that begin here or later are left out.
+    end: usize,
     lines_passed: u64,
     joined: Vec<u8>,
 }
@@ -314,7 +317,21 @@ struct Statements<'a> {
 impl<'a> Statements<'a> {
     fn new(source: Source<'a>) -> Self {
         let at = if source.bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
-        Self { source, at, lines_passed: 0, joined: Vec::new() }
+        Self { source, at, end: usize::MAX, lines_passed: 0, joined: Vec::new() }
+    }
+
+    /// The statements that begin in a range, after so many lines.
+    fn within(source: Source<'a>, range: Range<usize>, lines_passed: u64) -> Self {
+        let mut statements = Self { end: range.end, lines_passed, ..Self::new(source) };
+        if range.start > 0 {
+            let text = source.bytes;
+            statements.at = first_line_from(text, range.start);
+            // These lines belong to a statement that begins before the range.
+            while statements.at < text.len() && is_continued(text, statements.at) {
+                statements.at = first_line_from(text, statements.at + 1);
+            }
+        }
+        statements
     }
 
     fn next_line(&mut self) -> Option<&'a [u8]> {
@@ -328,6 +345,9 @@ impl<'a> Statements<'a> {
     /// The next statement, and the line on which it begins.
     fn next(&mut self) -> Option<(Location, Scanner<'_>)> {
         self.source.passed(self.at);
+        if self.at >= self.end {
+            return None;
+        }
         let line = self.next_line()?;
         let location = Location::Line(self.lines_passed);
         if line.last() != Some(&b'\\') {

@@ -6,6 +6,7 @@
 mod attributes;
 mod face;
 mod header;
+mod lines;
 mod places;
 mod values;
 
@@ -17,6 +18,7 @@ use glam::DVec3;
 use self::attributes::{Columns, Target, add_textures};
 use self::face::FaceCorners;
 use self::header::{Element, Encoding, Header, Kind};
+pub(super) use self::lines::PlyLines;
 pub(super) use self::places::PlyPlaces;
 use self::values::{AsciiValues, BinaryValues, Values};
 use super::error::{ImportError, Location, Parsed};
@@ -120,15 +122,7 @@ fn read_vertices<V: Values>(
     let is_kept = |name: &str| {
         element.properties.iter().zip(&columns.targets).any(|(p, target)| p.name == name && *target != Target::Skip)
     };
-    for property in &element.properties {
-        match property.name.as_str() {
-            name if is_kept(name) => {}
-            "nx" | "ny" | "nz" => sink.leave_out("normals"),
-            "s" | "t" | "u" | "v" | "texture_u" | "texture_v" => sink.leave_out("texture coordinates"),
-            "red" | "green" | "blue" | "diffuse_red" | "diffuse_green" | "diffuse_blue" => sink.leave_out("colours"),
-            _ => {}
-        }
-    }
+    left_out(element, is_kept, |what| sink.leave_out(what));
     let has_record = columns.layout.stride > 0;
     if has_record {
         sink.set_vertex_layout(columns.layout.clone());
@@ -159,6 +153,19 @@ fn read_vertices<V: Values>(
     }
     columns.note(source);
     Ok(())
+}
+
+/// What vertices have beside their positions and is not kept.
+fn left_out(element: &Element, is_kept: impl Fn(&str) -> bool, mut leave_out: impl FnMut(&'static str)) {
+    for property in &element.properties {
+        match property.name.as_str() {
+            name if is_kept(name) => {}
+            "nx" | "ny" | "nz" => leave_out("normals"),
+            "s" | "t" | "u" | "v" | "texture_u" | "texture_v" => leave_out("texture coordinates"),
+            "red" | "green" | "blue" | "diffuse_red" | "diffuse_green" | "diffuse_blue" => leave_out("colours"),
+            _ => {}
+        }
+    }
 }
 
 fn read_faces<V: Values>(

@@ -3,6 +3,8 @@
 use super::super::planned::chain;
 use super::regions::messy;
 use super::*;
+use crate::import::Ways;
+use crate::mesh::appearance::Channels;
 use crate::mesh::tolerance::Tolerance;
 
 /// Begins a job of so many parts, in ranges of so many bytes.
@@ -55,7 +57,7 @@ fn tasks_in_any_order_give_the_bytes_of_one_build() {
     for (parts, range_bytes) in [(1, u64::MAX), (5, 10_000), (64, 1000)] {
         let job = begin(&scene, &format!("job-{parts}"), parts, range_bytes);
         let stages = StagedJob::open(&job).unwrap().stages();
-        assert!(!stages.imports && stages.ranges == parts.min(stages.ranges), "{stages:?}");
+        assert!(stages.ways == Ways::Places && stages.ranges == parts.min(stages.ranges), "{stages:?}");
         run_backwards(&job, Stage::ALL.into_iter());
         assert!(merged(&job).unwrap() == expected, "{parts}");
         // What later stages do not need is gone.
@@ -74,20 +76,164 @@ fn tasks_in_any_order_give_the_bytes_of_one_build() {
 fn all_formats_and_several_inputs_are_divided_alike() {
     let (mesh, other) = (torus(60, 30), messy());
     let moved = Mesh { positions: mesh.positions.iter().map(|p| p * 0.5 + 9.0).collect(), ..torus(60, 30) };
-    let cases: [(&Inputs, bool); 5] = [
-        (&[("a.ply", MeshFormat::Ply, &mesh), ("b.ply", MeshFormat::Ply, &moved)], false),
-        (&[("a.stl", MeshFormat::Stl, &mesh), ("b.ply", MeshFormat::Ply, &moved)], false),
-        (&[("messy.ply", MeshFormat::Ply, &other)], false),
-        (&[("a.obj", MeshFormat::Obj, &mesh)], true),
-        (&[("a.ply", MeshFormat::Ply, &mesh), ("b.glb", MeshFormat::Glb, &moved)], true),
+    let cases: [(&Inputs, Ways); 6] = [
+        (&[("a.ply", MeshFormat::Ply, &mesh), ("b.ply", MeshFormat::Ply, &moved)], Ways::Places),
+        (&[("a.stl", MeshFormat::Stl, &mesh), ("b.ply", MeshFormat::Ply, &moved)], Ways::Places),
+        (&[("messy.ply", MeshFormat::Ply, &other)], Ways::Places),
+        (&[("messy.obj", MeshFormat::Obj, &other)], Ways::Lines),
+        (&[("a.ply", MeshFormat::Ply, &mesh), ("b.obj", MeshFormat::Obj, &moved)], Ways::Lines),
+        (&[("a.ply", MeshFormat::Ply, &mesh), ("b.glb", MeshFormat::Glb, &moved)], Ways::Whole),
     ];
-    for (inputs, imports) in cases {
+    for (inputs, ways) in cases {
         let scene = scene_of(inputs);
         let job = begin(&scene, "job", 3, 5000);
-        assert_eq!(StagedJob::open(&job).unwrap().stages().imports, imports, "{:?}", scene.options.inputs);
+        assert_eq!(StagedJob::open(&job).unwrap().stages().ways, ways, "{:?}", scene.options.inputs);
         work_all(&job).unwrap();
         assert!(merged(&job).unwrap() == scene.expected(), "{:?}", scene.options.inputs);
     }
+}
+
+/// A grid of quads with some triangles, and statements that are hard to divide: negative numbers, lines that go on, polygons before their
+/// vertices, faces without surface, ends of lines of every kind.
+fn odd_obj() -> Vec<u8> {
+    let (columns, rows) = (40, 30);
+    let height = |x: i32, y: i32| f64::from((x * 7 + y * 13) % 5) * 0.1;
+    let mut text = String::from("# a comment that goes on \\\nf 1 1 1\n\no grid\nf 1 2 42 41\n");
+    for y in 0..rows {
+        for x in 0..columns {
+            let end = ["\n", "\r\n", "\r", " \\\n1\n"][((x + y) % 4) as usize];
+            text += &format!("v {x}.25 {y} {:.3}{end}", height(x, y));
+        }
+        if y == 0 {
+            continue;
+        }
+        for x in 0..columns - 1 {
+            let [a, b] = [1 + (y - 1) * columns + x, 1 + y * columns + x];
+            text += &match x % 5 {
+                0 => format!("f {a} {} {}\nf {a} {}/7 {b}//3\n", a + 1, b + 1, b + 1),
+                1 => format!(
+                    "f {} {} {} {}\n",
+                    a - y * columns - columns - 1,
+                    a - y * columns - columns,
+                    x + 1 - columns,
+                    x - columns
+                ),
+                2 => format!("f {a} {} \\\n{} \\\r\n{b}\n", a + 1, b + 1),
+                _ => format!("f {a} {a} {} {} {b} {b}\nf {a} {b}\nf {a} {a} {b} {b}\n", a + 1, b + 1),
+            };
+        }
+    }
+    text.into_bytes()
+}
+
+#[test]
+fn texts_are_read_in_ranges_as_they_are_at_once() {
+    let scene = Scene::new();
+    let quads = "ply\r\nformat ascii 1.0\r\nelement vertex 9\r\nproperty float nx\r\nproperty double x\r\nproperty double y\r\n\
+                 property double z\r\nelement camera 1\r\nproperty int focus\r\nelement face 4\r\nproperty list uchar int vertex_index\r\n\
+                 property uchar flags\r\nend_header\r\n\r\n1 0 0 0\r\n1 1 0 0\r\n1 2 0 0\r\n1 0 1 0\r\n1 1 1 .4\r\n1 2 1 0\r\n\
+                 \r\n1 0 2 0\r\n1 1 2 0\r\n1 2 2 0\r\n17\r\n4 0 1 4 3 7\r\n4 1 2 5 4 7\r\n4 3 4 7 6 7\r\n5 4 5 8 8 7 7";
+    let inputs: [(&str, &[u8]); 2] = [("odd.obj", &odd_obj()), ("quads.ply", quads.as_bytes())];
+    for (name, content) in inputs {
+        let path = scene.path(name);
+        fs::write(&path, content).unwrap();
+        let mut scene = Scene::new();
+        scene.options.inputs = vec![path];
+        let expected = scene.expected();
+        for (parts, range_bytes) in [(1, u64::MAX), (5, 1000), (97, 64), (2000, 1)] {
+            let job = begin(&scene, &format!("job-{parts}"), parts, range_bytes);
+            assert_eq!(StagedJob::open(&job).unwrap().stages().ways, Ways::Lines);
+            run_backwards(&job, Stage::Cut.earlier());
+            work_all(&job).unwrap();
+            assert!(merged(&job).unwrap() == expected, "{name} {parts}");
+            let names = fs::read_dir(&job).unwrap().flatten().map(|entry| entry.file_name());
+            assert!(!names.into_iter().any(|name| name.to_str().unwrap().starts_with("text-")));
+        }
+    }
+}
+
+#[test]
+fn what_is_wrong_with_a_text_is_said_with_its_line() {
+    let cases = [
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 4\n", "line 5", "vertex 4"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 -4\n", "line 5", "vertex -4"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\n\n\nf 1 2 x\n", "line 6", "a face needs vertex numbers"),
+        ("v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", "line 2", "NaN"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1\nf 1 2 3\n", "line 3", "three numbers"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2 3\n", "text.obj", "no triangles"),
+    ];
+    for (text, place, problem) in cases {
+        let mut scene = Scene::new();
+        let path = scene.path("text.obj");
+        fs::write(&path, text).unwrap();
+        scene.options.inputs = vec![path];
+        let job = begin(&scene, "job", 4, 8);
+        let message = chain(&work_all(&job).unwrap_err());
+        assert!(message.contains(place) && message.contains(problem), "{text}: {message}");
+    }
+    let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    let cases = [
+        ("0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", "line 13", "vertex 7"),
+        ("0 0 0\n1 0\n0 0 1 0\n3 0 1 2\n", "line 11", "without --stages"),
+        ("0 0 0 1 0 0\n0 1 0\n3 0 1 2\n", "4 items", "without --stages"),
+        ("0 0 0\n1 0 0\n0 1 0\n3 0 x 2\n", "line 13", "\"x\" is not"),
+        ("0 0 0\n1 0 0\n0 1 0\n3 0 1 2 9\n", "line 13", "more numbers"),
+    ];
+    for (body, place, problem) in cases {
+        let mut scene = Scene::new();
+        let path = scene.path("text.ply");
+        fs::write(&path, format!("{header}{body}")).unwrap();
+        scene.options.inputs = vec![path];
+        let job = begin(&scene, "job", 7, 8);
+        let message = chain(&work_all(&job).unwrap_err());
+        assert!(message.contains(place) && message.contains(problem), "{body}: {message}");
+    }
+}
+
+#[test]
+fn texts_with_colours_are_read_whole() {
+    let mut scene = Scene::new();
+    let path = scene.path("text.obj");
+    let plain = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    fs::write(&path, plain.replace("0 0 0", "0 0 0 1 0 0")).unwrap();
+    scene.options.inputs = vec![path.clone()];
+    assert_eq!(StagedJob::open(&begin(&scene, "coloured", 3, 8)).unwrap().stages().ways, Ways::Whole);
+    // A colour that begins only after what is looked through.
+    let mut late = plain.to_owned() + &"# nothing\n".repeat(200_000);
+    late += "v 0 0 2 1 0 0\n";
+    fs::write(&path, &late).unwrap();
+    let job = begin(&scene, "late", 3, 1 << 19);
+    let message = chain(&work_all(&job).unwrap_err());
+    assert!(message.contains("line 200009") && message.contains("--channels none"), "{message}");
+    scene.options.model.channels = Channels::None;
+    let job = begin(&scene, "none", 3, 1 << 19);
+    work_all(&job).unwrap();
+    assert!(merged(&job).unwrap() == scene.expected());
+}
+
+#[test]
+fn damaged_files_of_texts_are_named() {
+    let mut scene = Scene::new();
+    let path = scene.path("odd.obj");
+    fs::write(&path, odd_obj()).unwrap();
+    scene.options.inputs = vec![path];
+    let job = begin(&scene, "job", 3, 4000);
+    run_backwards(&job, Stage::Count.earlier());
+    for name in ["text-1.vertices", "text-1.triangles", "text-1.polygons"] {
+        let path = job.join(name);
+        let sound = fs::read(&path).unwrap();
+        fs::write(&path, &sound[..sound.len() - 5]).unwrap();
+        let failures: Vec<String> =
+            (0..3).filter_map(|task| run(&job, Stage::Count, task).err()).map(|error| chain(&error)).collect();
+        assert!(
+            !failures.is_empty() && failures.iter().all(|failure| failure.contains("text-1.")),
+            "{name}: {failures:?}"
+        );
+        fs::write(&path, sound).unwrap();
+    }
+    work_all(&job).unwrap();
+    assert!(merged(&job).unwrap() == scene.expected());
 }
 
 #[test]

@@ -10,7 +10,9 @@ use crate::messages;
 use crate::output::{bytes, count, say, shell};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Result, anyhow, bail};
-use lodpack_cli::job::{BuildError, BuildOptions, JOB_EXTENSION, Job, Manifest, PartEntry, PartOptions, StagedJob};
+use lodpack_cli::job::{
+    BuildError, BuildOptions, JOB_EXTENSION, Job, Manifest, PartEntry, PartOptions, Stage, StagedJob,
+};
 use lodpack_cli::progress::Progress;
 use lodpack_cli::storage::memory::machine_bytes;
 use std::path::Path;
@@ -100,7 +102,7 @@ fn begin_stages(output: &Path, args: &JobArgs, options: &BuildOptions) -> Result
     }
     let (job, stages) = (shell(output), StagedJob::open(output)?.stages());
     say!("{}", output.display());
-    if stages.imports {
+    if stages.tasks(Stage::Import) == 1 {
         say!("  import     1 task: an input cannot be read in ranges, or has channels, so one worker reads everything");
     }
     say!("  stages     {} of ranges of the input, {} of regions", tasks(stages.ranges), tasks(stages.parts));
