@@ -15,7 +15,7 @@ use super::super::summary::Times;
 use super::super::texels::storage;
 use super::net::Net;
 use super::texels_above::{KnownTop, paint_above};
-use super::{Forest, Node};
+use super::{Forest, Node, NodeSurface};
 use crate::machine::thread_cpu_time;
 use crate::mesh::NONE;
 use crate::stage::arcs::HalfArc;
@@ -45,7 +45,9 @@ pub(in super::super) struct Top {
 pub(in super::super) struct TopSurface {
     /// Its border comes first.
     pub surface: CoarseSurface,
-    /// For each half-arc of its loops the samples of the arc up to its level.
+    /// What it covers one level finer; none for charts.
+    pub finer: Option<CoarseSurface>,
+    /// For each half-arc of its loops the samples of the arc up to its level, or one finer.
     pub samples: Vec<Vec<ArcSample>>,
     /// The texel streams of its block.
     pub texels: Vec<Vec<u8>>,
@@ -59,14 +61,11 @@ pub(in super::super) fn tops(forest: &Forest, triangles: u64) -> Vec<Top> {
     let top = |(root, record): (u32, &RootRecord)| {
         let mut blocks = (0..).zip(&record.blocks);
         let (level, block) = blocks.find_map(|(level, block)| Some((level, block.as_ref()?)))?;
-        let node = forest.nodes.iter().flatten().find(|node| node.record == root && node.level == end);
+        let node = forest.nodes.iter().flatten().find(|node| node.record == root && node.surface.level == end);
         let surface = node.map(|node| TopSurface {
-            surface: CoarseSurface {
-                positions: node.positions.clone(),
-                triangles: node.triangles.clone(),
-                error: node.error,
-            },
-            samples: node.loops.iter().flatten().map(|half_arc| forest.net.samples_of(*half_arc, end)).collect(),
+            surface: node.surface.coarse(),
+            finer: node.finer.as_ref().filter(|finer| finer.level == end + 1).map(NodeSurface::coarse),
+            samples: node.loops.iter().flatten().map(|half_arc| forest.net.samples_of(*half_arc, end + 1)).collect(),
             texels: block.texels.clone(),
         });
         let &BlockRecord { error, border_deviation, triangle_count, .. } = block;
@@ -134,9 +133,8 @@ pub(in super::super) fn count_above(
     }
 
     let is_whole = records.iter().filter(|record| record.parent.is_none()).count() == nodes.iter().flatten().count();
-    let surface =
-        |node: Node| CoarseSurface { positions: node.positions, triangles: node.triangles, error: node.error };
-    let coarsest = is_whole.then(|| CoarseSurface::joined(nodes.into_iter().flatten().map(surface).collect()));
+    let surfaces = || nodes.iter().flatten().map(|node| node.surface.coarse()).collect();
+    let coarsest = is_whole.then(|| CoarseSurface::joined(surfaces()));
     let model = Model { levels: head.levels.clone(), lattice: head.lattice, roots: records, ..Model::default() };
     let levels = 0..usize::from(bottom);
     let drawn = levels.map(|level| drawn(&model, level)).collect::<lodpack::Result<_>>()?;
@@ -210,7 +208,7 @@ impl Known {
             Some(BlockRecord { error, border_deviation, triangle_count, ..BlockRecord::default() });
         self.records.push(RootRecord { bounds, blocks, ..RootRecord::default() });
         self.numbers.push(number);
-        let Some(TopSurface { surface, samples, texels }) = top.surface else { return Ok(()) };
+        let Some(TopSurface { surface, finer, samples, texels }) = top.surface else { return Ok(()) };
         if samples.len() != around.iter().flatten().count() {
             return Err(wrong());
         }
@@ -225,8 +223,9 @@ impl Known {
             }
             loops.push(of_loop);
         }
-        let CoarseSurface { positions, triangles, error } = surface;
-        self.nodes.push(Node { record, loops, level: bottom, positions, triangles, error, border_deviation });
+        let surface = NodeSurface::new(bottom, surface);
+        let finer = finer.map(|finer| NodeSurface::new(bottom + 1, finer));
+        self.nodes.push(Node { record, loops, surface, finer, border_deviation });
         self.weights.push(weight);
         self.texels.push(texels);
         Ok(())

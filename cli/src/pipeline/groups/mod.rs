@@ -3,7 +3,8 @@
 //!
 //! The members of a group are joined along the arcs between them, and their surface is simplified without these. So vertices are free
 //! where borders were, and a group has about as many triangles as each of its members, four times as far from the input. A group is
-//! certified against its members, whose own bound is added: nothing here looks at the input.
+//! made from what lies two heights below it where there is that, and certified against it: its bound is added, and is a sixteenth of
+//! what the group may be off. Nothing here looks at the input.
 
 pub(super) mod above_regions;
 mod corners;
@@ -38,8 +39,8 @@ use crate::stage::simplify::{SimplifiedChart, SimplifyOptions, simplify_chart};
 use corners::corner_levels;
 use net::Net;
 use outline::Borders;
-use parts::InParts;
-use surface::{Joined, join};
+use parts::{InParts, has_small_parts};
+use surface::{Joined, Part, join};
 use top::{leave_out, reduce_top};
 
 /// How often corners are kept because a border could not be simplified without them.
@@ -53,19 +54,37 @@ const FEWEST: usize = 400;
 /// Distances below this share of a level's threshold need not be resolved.
 const FLOOR: f64 = 0.1;
 
-/// A chart or a group, as the group above sees it: its surface at its coarsest level.
+/// A chart or a group, as the groups above see it.
 pub(super) struct Node {
     /// Number of its record.
     pub record: u32,
     pub loops: Vec<Vec<HalfArc>>,
+    /// Its surface at its coarsest level.
+    pub surface: NodeSurface,
+    /// What it covers one level finer; none for charts.
+    pub finer: Option<NodeSurface>,
+    /// How far its border is from finer samples than those that are known here; 0 if all are.
+    pub border_deviation: f64,
+}
+
+/// What is drawn of a node, or of its members together, at a level.
+pub(super) struct NodeSurface {
     pub level: u8,
     /// The border, loop after loop, then the inside; relative to the lattice's origin.
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
     /// Bound of the distance to the input.
     pub error: f64,
-    /// How far its border is from finer samples than those that are known here; 0 if all are.
-    pub border_deviation: f64,
+}
+
+impl NodeSurface {
+    fn new(level: u8, CoarseSurface { positions, triangles, error }: CoarseSurface) -> Self {
+        Self { level, positions, triangles, error }
+    }
+
+    fn coarse(&self) -> CoarseSurface {
+        CoarseSurface { positions: self.positions.clone(), triangles: self.triangles.clone(), error: self.error }
+    }
 }
 
 /// The records of nodes, then of the groups above them.
@@ -110,7 +129,8 @@ pub(super) fn node_of_chart(
     let error = root.record.blocks[usize::from(level)].as_ref().map_or(0.0, |block| block.error);
     let Patch { interior, triangles, .. } = &root.coarsest;
     let positions = positions(net, scale, &loops, level, interior);
-    Node { record, loops, level, positions, triangles: triangles.clone(), error, border_deviation: 0.0 }
+    let surface = NodeSurface { level, positions, triangles: triangles.clone(), error };
+    Node { record, loops, surface, finer: None, border_deviation: 0.0 }
 }
 
 /// The vertices of a node at the bottom: those of its border, then the others.
@@ -234,7 +254,11 @@ impl<'a> Forest<'a> {
         if nodes.is_empty() {
             return Err(vec![]);
         }
-        let mut joined = join(&borders, &nodes, coarsest);
+        let members = join(&borders, &members_of(&nodes), coarsest);
+        let finer = finer_of(&nodes).map(|parts| join(&borders, &parts, coarsest));
+        let below = finer.as_ref().unwrap_or(&members);
+        // Of many parts few stay, however they are made: four times the triangles would cost a quarter of the build for nothing.
+        let mut joined = if has_small_parts(&members) { members.clone() } else { below.clone() };
         times.cut += thread_cpu_time() - start;
 
         let start = thread_cpu_time();
@@ -267,17 +291,16 @@ impl<'a> Forest<'a> {
             }
             simplified.cap_missing(&joined.chart(), usize::from(coarsest));
         }
-        let lacks_parts = thin_parts(&joined, &mut simplified, usize::from(coarsest), is_bare);
+        let lacks_parts = thin_parts(&joined, &members, &mut simplified, usize::from(coarsest), is_bare);
         times.simplify += thread_cpu_time() - start;
 
-        let below = TriangleBvh::new(&joined.positions, &joined.triangles);
-        let error_below = nodes.iter().map(|node| node.error).fold(0.0, f64::max);
+        let original = TriangleBvh::new(&below.positions, &below.triangles);
         let deviation_below = nodes.iter().map(|node| node.border_deviation).fold(0.0, f64::max);
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let origin = DVec3::from_array(scale.lattice.origin);
         let mut blocks = vec![None; scale.levels.len()];
         let mut all_drawn: DrawnBlocks = if self.drawn.is_empty() { vec![] } else { vec![None; blocks.len()] };
-        let (mut interior_vertices, mut node) = (0, None);
+        let (mut interior_vertices, mut surfaces) = (0, vec![]);
         for (level, level_patch) in (0..=finest).zip(&simplified.levels) {
             let Some(level_patch) = level_patch else { continue };
             let start = thread_cpu_time();
@@ -297,13 +320,13 @@ impl<'a> Forest<'a> {
                 floor: scale.levels[usize::from(level)].threshold * FLOOR,
                 ..CertifyOptions::default()
             };
-            let distance = two_sided_along(&below, &drawn, &joined.pairing(level), &options).upper;
+            let distance = two_sided_along(&original, &drawn, &below.pairing(level), &options).upper;
             times.certify += thread_cpu_time() - start;
             for &p in &positions {
                 bounds = [bounds[0].min(p + origin), bounds[1].max(p + origin)];
             }
             interior_vertices += patch.interior.len() as u64;
-            let error = error_sum(error_below, distance);
+            let error = error_sum(below.error, distance);
             blocks[usize::from(level)] = Some(BlockRecord {
                 error,
                 border_deviation: self.deviation(&borders, &joined, level, deviation_below),
@@ -311,18 +334,14 @@ impl<'a> Forest<'a> {
                 symbols,
                 texels: vec![],
             });
-            let Patch { triangles, .. } = patch;
-            let (loops, border_deviation) = (joined.loops.clone(), deviation_below);
-            let this = Node { record: 0, loops, level, positions, triangles, error, border_deviation };
-            node.get_or_insert(this);
+            surfaces.push(NodeSurface { level, positions, triangles: patch.triangles, error });
         }
         if coarsest == 0 {
             leave_out(&mut blocks);
         }
         if joined.loops.is_empty() && coarsest == 0 {
-            let Joined { positions, triangles, .. } = &joined;
-            let whole =
-                CoarseSurface { positions: positions.clone(), triangles: triangles.clone(), error: error_below };
+            let Joined { positions, triangles, error, .. } = below;
+            let whole = CoarseSurface { positions: positions.clone(), triangles: triangles.clone(), error: *error };
             reduce_top(&whole, &mut blocks, scale, lacks_parts, &mut all_drawn);
         }
         raise_coarser(&mut blocks);
@@ -334,7 +353,10 @@ impl<'a> Forest<'a> {
         }
         let loops = record_loops(&joined.loops);
         let record = RootRecord { filling: Filling::Irregular, loops, bounds, parent: None, blocks };
-        let Some(node) = node else { unreachable!("a missing level has been capped") };
+        let (loops, mut surfaces) = (members.loops.clone(), surfaces.into_iter());
+        let Some(surface) = surfaces.next() else { unreachable!("a missing level has been capped") };
+        let finer = Some(surfaces.next().unwrap_or_else(|| members.surface(finest + 1)));
+        let node = Node { record: 0, loops, surface, finer, border_deviation: deviation_below };
         Ok(BuiltGroup { record, node, drawn: all_drawn, interior_vertices })
     }
 
@@ -401,16 +423,34 @@ impl Joined {
     }
 }
 
+/// The surfaces of nodes.
+fn members_of<'a>(nodes: &[&'a Node]) -> Vec<Part<'a>> {
+    nodes.iter().map(|node| Part { loops: &node.loops, surface: &node.surface }).collect()
+}
+
+/// The surfaces of nodes one level finer; none unless all have one of the same level.
+fn finer_of<'a>(nodes: &[&'a Node]) -> Option<Vec<Part<'a>>> {
+    let parts: Option<Vec<Part>> =
+        nodes.iter().map(|node| Some(Part { loops: &node.loops, surface: node.finer.as_ref()? })).collect();
+    parts.filter(|parts| parts.windows(2).all(|pair| pair[0].surface.level == pair[1].surface.level))
+}
+
 /// Gives the levels fewer small parts where these are too many, or where `is_bare` says that they are missing. Returns whether any did.
-fn thin_parts(joined: &Joined, simplified: &mut SimplifiedChart, coarsest: usize, is_bare: bool) -> bool {
+fn thin_parts(
+    joined: &Joined,
+    members: &Joined,
+    simplified: &mut SimplifiedChart,
+    coarsest: usize,
+    is_bare: bool,
+) -> bool {
     let Some(parts) = InParts::new(joined) else { return false };
     let mut changed = false;
-    let mut share = 1.0;
+    let (mut share, depth) = (1.0, members.triangles.len() as f64 / joined.triangles.len() as f64);
     for level in (coarsest..simplified.levels.len()).rev() {
         share *= SHARE;
-        let wanted = FEWEST.max((joined.triangles.len() as f64 * share) as usize);
+        let wanted = FEWEST.max((members.triangles.len() as f64 * share) as usize);
         let patch = simplified.levels[level].as_ref().filter(|_| !is_bare);
-        if let Some(patch) = parts.with_fewer(patch, level, wanted, share) {
+        if let Some(patch) = parts.with_fewer(patch, level, wanted, share * depth) {
             simplified.levels[level] = Some(patch);
             changed = true;
         }

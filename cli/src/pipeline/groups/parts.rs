@@ -38,9 +38,8 @@ impl<'a> InParts<'a> {
         if small.is_empty() {
             return None;
         }
-        let Joined { positions, loops, border, .. } = joined;
-        let rest = Joined { positions: positions.clone(), triangles, loops: loops.clone(), border: border.clone() };
-        Some(Self { joined, rest, small: Mesh { positions: positions.clone(), triangles: small } })
+        let rest = Joined { triangles, ..joined.clone() };
+        Some(Self { joined, rest, small: Mesh { positions: joined.positions.clone(), triangles: small } })
     }
 
     /// A patch with about `wanted` triangles for a level; `patch` is the one that the level has so far, if it has all parts. Small parts
@@ -78,6 +77,13 @@ impl<'a> InParts<'a> {
         let measured = candidates.map(|patch| (distance(&patch), patch));
         measured.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, patch)| patch).or(rough)
     }
+}
+
+/// Whether a surface has small parts.
+pub(super) fn has_small_parts(surface: &Joined) -> bool {
+    let border = surface.border.iter().flatten().map(|&(_, vertex)| vertex);
+    let is_small = small_parts(surface.positions.len(), &surface.triangles, border);
+    surface.triangles.iter().any(|corners| is_small[corners[0] as usize])
 }
 
 fn is_crowded(patch: &LevelPatch, wanted: usize) -> bool {

@@ -3,14 +3,23 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::super::coarse::filled;
-use super::Node;
+use super::NodeSurface;
 use super::outline::{BorderPoint, Borders, Members, Place};
 use crate::mesh::NONE;
 use crate::mesh::union_find::{find, unite};
 use crate::stage::arcs::HalfArc;
 use glam::DVec3;
 
-/// One surface of several nodes, each at the level at which it is given.
+/// A surface that is to be joined with others of the same level.
+#[derive(Clone, Copy)]
+pub(super) struct Part<'a> {
+    /// Its border.
+    pub loops: &'a [Vec<HalfArc>],
+    pub surface: &'a NodeSurface,
+}
+
+/// Several surfaces of a level as one.
+#[derive(Clone)]
 pub(super) struct Joined {
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
@@ -18,13 +27,15 @@ pub(super) struct Joined {
     pub loops: Vec<Vec<HalfArc>>,
     /// The points of its border, loop after loop, each with its vertex.
     pub border: Vec<Vec<(BorderPoint, u32)>>,
+    /// Bound of its distance to the input.
+    pub error: f64,
 }
 
-/// Joins nodes along the arcs between them. Corners are joined only where arcs are, so that surfaces which touch in a corner stay
+/// Joins parts along the arcs between them. Corners are joined only where arcs are, so that surfaces which touch in a corner stay
 /// apart there. Each loop begins with a vertex of the level `coarsest`.
-pub(super) fn join(borders: &Borders, nodes: &[&Node], coarsest: u8) -> Joined {
-    let members = Members::new(nodes.iter().map(|node| node.loops.as_slice()).collect());
-    let mut vertices = Vertices::new(borders, nodes);
+pub(super) fn join(borders: &Borders, parts: &[Part], coarsest: u8) -> Joined {
+    let members = Members::new(parts.iter().map(|part| part.loops).collect());
+    let mut vertices = Vertices::new(borders, parts);
     for [place, opposite] in members.inner() {
         let (along, mut against) = (vertices.of_arc(&members, place), vertices.of_arc(&members, opposite));
         against.reverse();
@@ -34,17 +45,18 @@ pub(super) fn join(borders: &Borders, nodes: &[&Node], coarsest: u8) -> Joined {
     let mut positions = vec![DVec3::ZERO; count];
     let mut triangles = vec![];
     let mut edges: HashMap<[u32; 2], u32> = HashMap::new();
-    for (node, &first) in nodes.iter().zip(&vertices.firsts) {
-        let of_node = |v: u32| numbers[(first + v) as usize];
-        (0..).zip(&node.positions).for_each(|(v, &position)| positions[of_node(v) as usize] = position);
-        for corners in &node.triangles {
-            sides(corners.map(of_node)).for_each(|edge| *edges.entry(edge).or_default() += 1);
+    let surfaces = || parts.iter().map(|part| part.surface).zip(&vertices.firsts);
+    for (surface, &first) in surfaces() {
+        let of_part = |v: u32| numbers[(first + v) as usize];
+        (0..).zip(&surface.positions).for_each(|(v, &position)| positions[of_part(v) as usize] = position);
+        for corners in &surface.triangles {
+            sides(corners.map(of_part)).for_each(|edge| *edges.entry(edge).or_default() += 1);
         }
     }
-    for (node, &first) in nodes.iter().zip(&vertices.firsts) {
-        let of_node = |v: u32| numbers[(first + v) as usize];
-        let crowded = |edge: [u32; 2]| edges[&ordered(edge.map(of_node))] > 2;
-        triangles.extend(divided(node, crowded, of_node, &mut positions));
+    for (surface, &first) in surfaces() {
+        let of_part = |v: u32| numbers[(first + v) as usize];
+        let crowded = |edge: [u32; 2]| edges[&ordered(edge.map(of_part))] > 2;
+        triangles.extend(divided(surface, crowded, of_part, &mut positions));
     }
     let (mut loops, mut border) = (vec![], vec![]);
     for mut around in members.outline() {
@@ -54,13 +66,17 @@ pub(super) fn join(borders: &Borders, nodes: &[&Node], coarsest: u8) -> Joined {
         for &place in &around {
             let of_place = vertices.at(place).map(|v| numbers[v as usize]);
             points.extend(
-                borders.points(members.half_arc(place), nodes[place[0] as usize].level).into_iter().zip(of_place),
+                borders
+                    .points(members.half_arc(place), parts[place[0] as usize].surface.level)
+                    .into_iter()
+                    .zip(of_place),
             );
         }
         border.push(points);
         loops.push(around.into_iter().map(|place| members.half_arc(place)).collect());
     }
-    Joined { positions, triangles, loops, border }
+    let error = parts.iter().map(|part| part.surface.error).fold(0.0, f64::max);
+    Joined { positions, triangles, loops, border, error }
 }
 
 fn ordered([a, b]: [u32; 2]) -> [u32; 2] {
@@ -72,18 +88,18 @@ fn sides([a, b, c]: [u32; 3]) -> impl Iterator<Item = [u32; 2]> {
     [[a, b], [b, c], [c, a]].map(ordered).into_iter()
 }
 
-/// The triangles of a node in the numbers of all. Where edges of several nodes run between the same two vertices, those inside a node
+/// The triangles of a part in the numbers of all. Where edges of several parts run between the same two vertices, those inside a part
 /// get a vertex of their own, so that no edge has more than two triangles.
 fn divided(
-    node: &Node,
+    surface: &NodeSurface,
     crowded: impl Fn([u32; 2]) -> bool,
-    of_node: impl Fn(u32) -> u32,
+    of_part: impl Fn(u32) -> u32,
     positions: &mut Vec<DVec3>,
 ) -> Vec<[u32; 3]> {
-    let edges = inner_edges(&node.triangles, crowded);
+    let edges = inner_edges(&surface.triangles, crowded);
     let middles = (positions.len() as u32..).zip(&edges).map(|(middle, &edge)| (edge, middle)).collect();
-    positions.extend(edges.iter().map(|edge| middle(edge.map(|v| node.positions[v as usize]))));
-    node.triangles.iter().flat_map(|&corners| fan(corners, &middles, &of_node)).collect()
+    positions.extend(edges.iter().map(|edge| middle(edge.map(|v| surface.positions[v as usize]))));
+    surface.triangles.iter().flat_map(|&corners| fan(corners, &middles, &of_part)).collect()
 }
 
 /// Some of the edges that have triangles on both sides, ascending.
@@ -110,6 +126,24 @@ fn fan(corners: [u32; 3], middles: &BTreeMap<[u32; 2], u32>, number: impl Fn(u32
 }
 
 impl Joined {
+    /// The surface as one of a node.
+    pub fn surface(&self, level: u8) -> NodeSurface {
+        let mut numbers = vec![NONE; self.positions.len()];
+        let border = self.border.iter().flatten().map(|&(_, vertex)| vertex);
+        let mut order: Vec<u32> = border.collect();
+        (0..).zip(&order).for_each(|(number, &vertex)| numbers[vertex as usize] = number);
+        for vertex in 0..self.positions.len() as u32 {
+            let number = &mut numbers[vertex as usize];
+            if *number == NONE {
+                *number = order.len() as u32;
+                order.push(vertex);
+            }
+        }
+        let positions = order.into_iter().map(|vertex| self.positions[vertex as usize]).collect();
+        let triangles = self.triangles.iter().map(|corners| corners.map(|v| numbers[v as usize])).collect();
+        NodeSurface { level, positions, triangles, error: self.error }
+    }
+
     /// The same surface, where every edge inside with so many ends at the border, one or two, has a vertex in its middle: then no border
     /// vertex is kept only because removing it would pinch the surface.
     pub fn with_divided_edges(mut self, ends: usize) -> Self {
@@ -147,15 +181,15 @@ impl Joined {
             }
             border.push(left);
         }
-        Self { positions: self.positions.clone(), triangles, loops: self.loops.clone(), border }
+        Self { positions: self.positions.clone(), triangles, loops: self.loops.clone(), border, error: self.error }
     }
 }
 
-/// The vertices of several nodes, some of which are the same.
+/// The vertices of several parts, some of which are the same.
 struct Vertices {
-    /// First vertex of each node.
+    /// First vertex of each part.
     firsts: Vec<u32>,
-    /// Per node, loop and half-arc its first vertex; one more for each loop's end.
+    /// Per part, loop and half-arc its first vertex; one more for each loop's end.
     starts: Vec<Vec<Vec<u32>>>,
     /// Whether the half-arc begins with a vertex.
     has_corner: Vec<Vec<Vec<bool>>>,
@@ -163,24 +197,24 @@ struct Vertices {
 }
 
 impl Vertices {
-    fn new(borders: &Borders, nodes: &[&Node]) -> Self {
+    fn new(borders: &Borders, parts: &[Part]) -> Self {
         let mut this = Self { firsts: vec![], starts: vec![], has_corner: vec![], same_as: vec![] };
         let mut next = 0;
-        for node in nodes {
+        for &Part { loops, surface } in parts {
             this.firsts.push(next);
             let (mut at, mut starts, mut has_corner) = (next, vec![], vec![]);
-            for half_arcs in &node.loops {
+            for half_arcs in loops {
                 let mut of_loop = vec![at];
                 for &half_arc in half_arcs {
-                    at += borders.points(half_arc, node.level).len() as u32;
+                    at += borders.points(half_arc, surface.level).len() as u32;
                     of_loop.push(at);
                 }
                 starts.push(of_loop);
-                has_corner.push(half_arcs.iter().map(|&h| borders.begins_with_vertex(h, node.level)).collect());
+                has_corner.push(half_arcs.iter().map(|&h| borders.begins_with_vertex(h, surface.level)).collect());
             }
             this.starts.push(starts);
             this.has_corner.push(has_corner);
-            next += node.positions.len() as u32;
+            next += surface.positions.len() as u32;
         }
         this.same_as = (0..next).collect();
         this

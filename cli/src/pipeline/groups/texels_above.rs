@@ -22,13 +22,13 @@ impl KnownTop {
     /// Decodes the streams of a top. None if it has none.
     pub fn new(node: &Node, streams: &[Vec<u8>], storage: &Storage, step: f64) -> Option<Self> {
         let (map, mut images) = (streams.first().filter(|map| !map.is_empty())?, streams[1..].iter());
-        let positions: Vec<DVec3> = node.positions.iter().map(|&point| (point / step).round()).collect();
+        let positions: Vec<DVec3> = node.surface.positions.iter().map(|&point| (point / step).round()).collect();
         let lattice: Vec<[i64; 3]> = positions.iter().map(|point| point.to_array().map(|x| x as i64)).collect();
-        let map = Map::decode(map, &lattice, &node.triangles, MAX_TEXELS).ok()?;
+        let map = Map::decode(map, &lattice, &node.surface.triangles, MAX_TEXELS).ok()?;
         let image = |channel: &Stored| channel.decode(images.next()?, &map);
         let images = storage.channels().iter().map(image).collect::<Option<Vec<_>>>()?;
         let images = Images::new(storage, images);
-        Some(Self { positions, triangles: node.triangles.clone(), map, images })
+        Some(Self { positions, triangles: node.surface.triangles.clone(), map, images })
     }
 
     /// The size of its texels, lattice units.
