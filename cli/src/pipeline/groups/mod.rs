@@ -39,7 +39,7 @@ use crate::stage::simplify::{SimplifiedChart, SimplifyOptions, simplify_chart};
 use corners::corner_levels;
 use net::Net;
 use outline::Borders;
-use parts::{InParts, has_small_parts};
+use parts::{InParts, is_of_small_parts};
 use surface::{Joined, Part, join};
 use top::{leave_out, reduce_top};
 
@@ -258,7 +258,7 @@ impl<'a> Forest<'a> {
         let finer = finer_of(&nodes).map(|parts| join(&borders, &parts, coarsest));
         let below = finer.as_ref().unwrap_or(&members);
         // Of many parts few stay, however they are made: four times the triangles would cost a quarter of the build for nothing.
-        let mut joined = if has_small_parts(&members) { members.clone() } else { below.clone() };
+        let mut joined = if is_of_small_parts(&members) { members.clone() } else { below.clone() };
         times.cut += thread_cpu_time() - start;
 
         let start = thread_cpu_time();

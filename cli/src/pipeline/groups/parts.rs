@@ -79,11 +79,12 @@ impl<'a> InParts<'a> {
     }
 }
 
-/// Whether a surface has small parts.
-pub(super) fn has_small_parts(surface: &Joined) -> bool {
+/// Whether most of a surface consists of small parts.
+pub(super) fn is_of_small_parts(surface: &Joined) -> bool {
     let border = surface.border.iter().flatten().map(|&(_, vertex)| vertex);
     let is_small = small_parts(surface.positions.len(), &surface.triangles, border);
-    surface.triangles.iter().any(|corners| is_small[corners[0] as usize])
+    let count = surface.triangles.iter().filter(|corners| is_small[corners[0] as usize]).count();
+    2 * count > surface.triangles.len()
 }
 
 fn is_crowded(patch: &LevelPatch, wanted: usize) -> bool {
