@@ -87,7 +87,7 @@ fn every_sample_is_within_the_tolerance_and_every_cell_is_covered_once() {
         for has_voids in [false, true] {
             let is_void = |column: u32, row: u32| {
                 let [x, y] = [f64::from(column) - f64::from(size[0]) * 0.48, f64::from(row) - 40.0];
-                has_voids && size[0] > 2 && (x.hypot(y) < 30.0 || (column * 7 + row * 13) % 97 == 0)
+                has_voids && size[0] > 2 && (x.hypot(y) < 30.0 || (column * 7 + row * 13).is_multiple_of(97))
             };
             let path = folder.fractal(&format!("{number}-{has_voids}.tif"), &Grid::utm(size), false, is_void);
             let file = open(built(&path, &RasterOptions::default(), Tolerance::InputUnits(0.25), 1 << 30).0);
