@@ -47,7 +47,8 @@ fn island(size: [u32; 2], [first, row]: [u32; 2], heights: &mut [f32]) {
     let latitude = 90.0 - 180.0 * f64::from(row) / f64::from(size[1] - 1);
     for (column, height) in (first..).zip(heights) {
         let longitude = -180.0 + 360.0 * f64::from(column) / f64::from(size[0]);
-        let is_near = (longitude - 20.0).powi(2) + (latitude - 10.0).powi(2) < 25.0;
+        let [x, y] = [longitude - 20.0, latitude - 10.0];
+        let is_near = x * x + y * y < 25.0;
         *height = if is_near { height.abs() } else { 0.0 };
     }
 }
