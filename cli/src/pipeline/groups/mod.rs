@@ -340,9 +340,11 @@ impl<'a> Forest<'a> {
             leave_out(&mut blocks);
         }
         if joined.loops.is_empty() && coarsest == 0 {
-            let Joined { positions, triangles, error, .. } = below;
-            let whole = CoarseSurface { positions: positions.clone(), triangles: triangles.clone(), error: *error };
-            reduce_top(&whole, &mut blocks, scale, lacks_parts, &mut all_drawn);
+            let is_reduced = reduce_top(&below.whole(), &mut blocks, scale, lacks_parts, &mut all_drawn);
+            // Of very many parts too many may be left, however they are reduced; the members have fewer.
+            if !is_reduced && finer.is_some() {
+                reduce_top(&members.whole(), &mut blocks, scale, lacks_parts, &mut all_drawn);
+            }
         }
         raise_coarser(&mut blocks);
         let mut bounds = bounds.map(|p| p.to_array());
@@ -377,6 +379,11 @@ impl<'a> Forest<'a> {
 }
 
 impl Joined {
+    /// The surface alone.
+    fn whole(&self) -> CoarseSurface {
+        CoarseSurface { positions: self.positions.clone(), triangles: self.triangles.clone(), error: self.error }
+    }
+
     /// The surface as the simplifier takes it.
     fn chart(&self) -> ChartMesh {
         let loops = self.border.iter().map(|points| {

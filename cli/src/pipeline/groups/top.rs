@@ -30,15 +30,15 @@ pub(super) fn leave_out(blocks: &mut [Option<BlockRecord>]) {
 }
 
 /// Replaces the coarsest blocks of a top by one of few triangles, if these have more, or are farther off because parts are missing
-/// (`lacks_parts`). `surface` is what it stands for, and `drawn` what is drawn of it.
+/// (`lacks_parts`). `surface` is what it stands for, and `drawn` what is drawn of it. Returns whether some block has few triangles now.
 pub(super) fn reduce_top(
     surface: &CoarseSurface,
     blocks: &mut [Option<BlockRecord>],
     scale: &Scale,
     lacks_parts: bool,
     drawn: &mut DrawnBlocks,
-) {
-    let Some(finest) = blocks.iter().rposition(Option::is_some) else { return };
+) -> bool {
+    let Some(finest) = blocks.iter().rposition(Option::is_some) else { return false };
     let is_small = |block: &&BlockRecord| block.triangle_count as usize <= OVERVIEW_TRIANGLES;
     let small = blocks.iter().flatten().filter(is_small).map(|block| block.error).reduce(f64::min);
     if (small.is_none() || lacks_parts)
@@ -66,4 +66,5 @@ pub(super) fn reduce_top(
             }
         }
     }
+    blocks.iter().flatten().any(|block| is_small(&block))
 }
