@@ -1,6 +1,12 @@
 //! Files of heights: checks pass on planes, coasts and globes and find planted faults; the program draws them.
 
-use std::{path::PathBuf, sync::Arc};
+use std::{
+    path::PathBuf,
+    sync::{
+        Arc,
+        atomic::{AtomicU32, Ordering},
+    },
+};
 
 use glam::DVec3;
 use lodpack_cli::{
@@ -23,7 +29,9 @@ fn terrain(name: &str, grid: &Grid, surface: SurfaceKind, is_there: impl Fn(u32,
 }
 
 fn terrain_with(name: &str, grid: &Grid, options: RasterOptions, is_there: impl Fn(u32, u32) -> bool) -> PathBuf {
-    let folder = folder(&format!("heights-{name}"));
+    // Several tests draw the same terrain at the same time.
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let folder = folder(&format!("heights-{name}-{}", COUNT.fetch_add(1, Ordering::Relaxed)));
     let (raster, out) = (folder.join("dem.tif"), folder.join("dem.lodpack"));
     let fractal = Fractal::of_samples(5, grid.size[0].max(grid.size[1]));
     let fill = |row: u32, heights: &mut [f32]| {

@@ -256,9 +256,9 @@ impl<'a> Forest<'a> {
         }
         let members = join(&borders, &members_of(&nodes), coarsest);
         let finer = finer_of(&nodes).map(|parts| join(&borders, &parts, coarsest));
-        let below = finer.as_ref().unwrap_or(&members);
         // Of many parts few stay, however they are made: four times the triangles would cost a quarter of the build for nothing.
-        let mut joined = if is_of_small_parts(&members) { members.clone() } else { below.clone() };
+        let below = finer.as_ref().filter(|_| !is_of_small_parts(&members)).unwrap_or(&members);
+        let mut joined = below.clone();
         times.cut += thread_cpu_time() - start;
 
         let start = thread_cpu_time();
