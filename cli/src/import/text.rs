@@ -53,6 +53,7 @@ impl Ways {
             let file = TextFile::open(path, channels)?;
             match file.kind {
                 Kind::Places(_) => {}
+                Kind::Obj if file.looks_coloured() => return Ok(Self::Whole),
                 Kind::Obj | Kind::Ply(_) => all = Self::Lines,
                 Kind::Other => return Ok(Self::Whole),
             }
@@ -111,14 +112,7 @@ impl TextFile {
                 Some(lines) => Kind::Ply(Box::new(lines)),
                 None => Kind::Other,
             },
-            (None, Format::Obj) => {
-                let has_colours = || obj::count_in_range(&source, 0..LOOKED_THROUGH, true).is_err();
-                // A library that is there makes faces look like something.
-                match with_colours && (has_colours() || !obj::files_beside(&source).is_empty()) {
-                    true => Kind::Other,
-                    false => Kind::Obj,
-                }
-            }
+            (None, Format::Obj) => Kind::Obj,
             _ => Kind::Other,
         };
         Ok(Self { path: path.to_owned(), bytes, kind, with_colours })
@@ -138,6 +132,14 @@ impl TextFile {
         let bounds = places.check_vertices(&self.source(), bytes)?;
         self.bytes.drop_pages();
         Ok(bounds)
+    }
+
+    /// Whether an OBJ file has colours that are wanted. This looks for libraries in all of it, so a job asks once, before it begins.
+    fn looks_coloured(&self) -> bool {
+        let source = self.source();
+        let has_colours = || obj::count_in_range(&source, 0..LOOKED_THROUGH, true).is_err();
+        // A library that is there makes faces look like something.
+        self.with_colours && (has_colours() || !obj::files_beside(&source).is_empty())
     }
 
     fn source(&self) -> Source<'_> {

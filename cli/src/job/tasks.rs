@@ -433,7 +433,7 @@ impl Task<'_> {
 
     fn ranged(&self) -> Result<RangedMesh, BuildError> {
         let inputs: Vec<_> = self.manifest.inputs.iter().map(|file| file.path.clone()).collect();
-        let pieces = if self.stages.ways == Ways::Lines { self.texts()? } else { vec![] };
+        let pieces = self.texts()?;
         let texts = TextFiles { folder: self.directory.folder(), pieces: &pieces };
         let texts = (self.stages.ways == Ways::Lines).then_some(texts);
         let mesh = RangedMesh::open(&inputs, &self.manifest.options.channels, texts)?;

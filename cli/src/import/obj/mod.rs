@@ -55,11 +55,8 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
         let Some((location, mut words)) = statements.next() else { break };
         match words.word() {
             b"v" => {
-                let position = read_vertex(source, location, &mut words)?;
                 vertex_count += 1;
-                if !position.is_finite() {
-                    return Err(source.coordinate(location, vertex_count, position));
-                }
+                let position = read_vertex(source, location, vertex_count, &mut words)?;
                 let rest = numbers_left(&mut words);
                 // One number is a weight, three are a colour; neither is geometry.
                 weight_count += u64::from(rest.len() == 1 && rest[0] != 1.0);
@@ -168,12 +165,16 @@ fn push_early_polygons(
     Ok(())
 }
 
-fn read_vertex(source: &Source, location: Location, words: &mut Scanner) -> Parsed<DVec3> {
+/// The position of a vertex, counted from 1.
+fn read_vertex(source: &Source, location: Location, number: u64, words: &mut Scanner) -> Parsed<DVec3> {
     let mut position = DVec3::ZERO;
     for axis in 0..3 {
         position[axis] = words
             .float()
             .map_err(|_| source.syntax(location, "a vertex needs three numbers; the file is damaged or not OBJ"))?;
+    }
+    if !position.is_finite() {
+        return Err(source.coordinate(location, number, position));
     }
     Ok(position)
 }

@@ -9,7 +9,7 @@ use crate::import::error::Parsed;
 use crate::import::source::Source;
 use crate::import::text::{TextCounts, TextSink};
 
-/// What the header of a task's message says where a channel is found that only a whole import reads.
+/// Why a vertex with a colour is refused: only an import of the whole reads colours.
 const HAS_COLOURS: &str =
     "this vertex has a colour, which is not read in ranges; plan it without --stages, or with --channels none";
 
@@ -47,11 +47,8 @@ pub(in crate::import) fn read_range(
     while let Some((location, mut words)) = statements.next() {
         match words.word() {
             b"v" => {
-                let position = read_vertex(source, location, &mut words)?;
                 vertex_count += 1;
-                if !position.is_finite() {
-                    return Err(source.coordinate(location, vertex_count, position));
-                }
+                let position = read_vertex(source, location, vertex_count, &mut words)?;
                 let rest = numbers_left(&mut words);
                 if rest.len() == 1 && rest[0] != 1.0 {
                     sink.skip(WEIGHTS, 1);

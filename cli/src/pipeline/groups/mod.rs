@@ -342,7 +342,7 @@ impl<'a> Forest<'a> {
         if joined.loops.is_empty() && coarsest == 0 {
             let is_reduced = reduce_top(&below.whole(), &mut blocks, scale, lacks_parts, &mut all_drawn);
             // Of very many parts too many may be left, however they are reduced; the members have fewer.
-            if !is_reduced && finer.is_some() {
+            if !is_reduced && !std::ptr::eq(below, &members) {
                 reduce_top(&members.whole(), &mut blocks, scale, lacks_parts, &mut all_drawn);
             }
         }
