@@ -1,6 +1,6 @@
 //! Drawing: the data of each root on the GPU, and a pass over all of them.
 
-use std::{collections::BTreeMap, sync::Arc, time::Instant};
+use std::{sync::Arc, time::Instant};
 
 use anyhow::Result;
 use glam::DVec3;
@@ -17,6 +17,7 @@ use crate::{
     camera::{Pair, pair},
     gpu::{Gpu, Targets},
     picture::{BACKGROUND, Picture},
+    pool::{Place, Pool},
     scene::{Report, Scene, milliseconds},
     texels::{Texels, look_number, mean},
 };
@@ -44,12 +45,20 @@ impl Batch {
     }
 }
 
+/// Where the triangles of a root are.
+enum Triangles {
+    /// In the pool; nowhere if there are none.
+    Pooled(Option<Place>),
+    /// In buffers of their own. Where the border is pulled, they are the inner ones.
+    Own(Batch),
+}
+
 /// The data of a root on the GPU.
 struct Block {
+    root: u32,
     info: RootInfo,
     strips: Vec<Arc<Strip>>,
-    /// All triangles, or only the inner ones if the border is pulled.
-    batch: Batch,
+    triangles: Triangles,
     /// For pulling: the bound buffers, and the number of vertices of the border.
     pulled: Option<(wgpu::BindGroup, u32)>,
     /// What it was made with.
@@ -66,6 +75,13 @@ impl Block {
     fn has_triangles_of(&self, drawn: &DrawnRoot) -> bool {
         let mut strips = self.strips.iter().zip(&drawn.strips);
         self.info[1] == u32::from(drawn.surface.level) && strips.all(|(a, b)| Arc::ptr_eq(a, b))
+    }
+
+    fn place(&self) -> Option<&Place> {
+        match &self.triangles {
+            Triangles::Pooled(place) => place.as_ref(),
+            Triangles::Own(_) => None,
+        }
     }
 
     fn has_image_of(&self, drawn: &DrawnRoot) -> bool {
@@ -107,7 +123,9 @@ pub struct Renderer {
     pub images_per_frame: usize,
     /// What could not be drawn as wanted.
     problems: Vec<String>,
-    blocks: BTreeMap<u32, Block>,
+    pool: Pool,
+    /// By root.
+    blocks: Vec<Block>,
 }
 
 impl Renderer {
@@ -123,7 +141,8 @@ impl Renderer {
             lattice: Lattice::default(),
             images_per_frame: usize::MAX,
             problems: Vec::new(),
-            blocks: BTreeMap::new(),
+            pool: Pool::new(gpu),
+            blocks: Vec::new(),
         }
     }
 
@@ -137,42 +156,69 @@ impl Renderer {
         // The shader does the ramp.
         let number = |shown: Option<Shown>| shown.map(|shown| shown.number);
         if number(self.shown) != number(shown) {
-            self.blocks.clear();
+            self.keep(Vec::new());
         }
         self.shown = shown;
     }
 
+    /// Draws these blocks from now on, and gives back what those before had in the pool.
+    fn keep(&mut self, blocks: Vec<Block>) {
+        for block in std::mem::replace(&mut self.blocks, blocks) {
+            self.drop_block(block);
+        }
+    }
+
+    fn drop_block(&mut self, block: Block) {
+        if let Triangles::Pooled(Some(place)) = block.triangles {
+            self.pool.free(place);
+        }
+    }
+
     /// Draws these surfaces from now on. Uploads only what is new.
     pub fn update(&mut self, surfaces: &Surfaces) {
-        self.blocks.retain(|root, _| surfaces.root(*root).is_some());
         let mut images_left = self.images_per_frame;
+        // Both lists are sorted, so one walk finds what is there already.
+        let mut before = std::mem::take(&mut self.blocks).into_iter().peekable();
+        let mut blocks = Vec::with_capacity(surfaces.roots().len());
         for drawn in surfaces.roots() {
             let root = drawn.surface.root;
-            // Levels of heights are depths.
-            let level = u32::from(drawn.surface.level);
-            let depth =
-                if self.depths.is_empty() { level } else { self.depths.get(root as usize).copied().unwrap_or(0) };
-            let mean = self.shown.map_or(0, |shown| mean(&shown.appearance, drawn));
-            let info = [root, level, (drawn.error() as f32).to_bits(), depth, mean];
-            let before = self.blocks.remove(&root);
-            let has_image = before.as_ref().is_some_and(|before| before.has_image_of(drawn));
-            let waits = drawn.texture().is_some() && !has_image && images_left == 0;
-            let is_uploaded = drawn.texture().is_some() && !has_image && !waits;
-            images_left -= usize::from(is_uploaded);
-            // Those of tiles are small.
-            let is_uploaded = is_uploaded || drawn.images().is_some() && !has_image;
-            let block = match before {
-                Some(before) if before.has_triangles_of(drawn) && (has_image || waits) => Block { info, ..before },
-                before => {
-                    let known = before.filter(|_| has_image).and_then(|before| before.texels);
-                    let texels = if is_uploaded { self.upload(drawn) } else { known };
-                    let texture = drawn.texture().filter(|_| !waits).cloned();
-                    let images = drawn.images().cloned();
-                    Block { texture, images, ..self.block(info, &self.planted(drawn), texels) }
-                }
-            };
-            self.blocks.insert(root, block);
+            while let Some(gone) = before.next_if(|block| block.root < root) {
+                self.drop_block(gone);
+            }
+            let known = before.next_if(|block| block.root == root);
+            blocks.push(self.updated(drawn, known, &mut images_left));
         }
+        before.for_each(|gone| self.drop_block(gone));
+        self.blocks = blocks;
+    }
+
+    /// A root's data, of which perhaps some are there.
+    fn updated(&mut self, drawn: &DrawnRoot, before: Option<Block>, images_left: &mut usize) -> Block {
+        let root = drawn.surface.root;
+        // Levels of heights are depths.
+        let level = u32::from(drawn.surface.level);
+        let depth = if self.depths.is_empty() { level } else { self.depths.get(root as usize).copied().unwrap_or(0) };
+        let mean = self.shown.map_or(0, |shown| mean(&shown.appearance, drawn));
+        let info = [root, level, (drawn.error() as f32).to_bits(), depth, mean];
+        let has_image = before.as_ref().is_some_and(|before| before.has_image_of(drawn));
+        let waits = drawn.texture().is_some() && !has_image && *images_left == 0;
+        let is_uploaded = drawn.texture().is_some() && !has_image && !waits;
+        *images_left -= usize::from(is_uploaded);
+        // Those of tiles are small.
+        let is_uploaded = is_uploaded || drawn.images().is_some() && !has_image;
+        let known = match before {
+            Some(before) if before.has_triangles_of(drawn) && (has_image || waits) => return Block { info, ..before },
+            Some(mut before) => {
+                let texels = before.texels.take().filter(|_| has_image);
+                self.drop_block(before);
+                texels
+            }
+            None => None,
+        };
+        let texels = if is_uploaded { self.upload(drawn) } else { known };
+        let texture = drawn.texture().filter(|_| !waits).cloned();
+        let images = drawn.images().cloned();
+        Block { texture, images, ..self.block(info, &self.planted(drawn), texels) }
     }
 
     /// Uploads a root's image, if it has one.
@@ -188,35 +234,40 @@ impl Renderer {
         })
     }
 
-    fn block(&self, info: RootInfo, drawn: &DrawnRoot, texels: Option<Texels>) -> Block {
-        let (gpu, surface, strips, texture) = (&self.gpu, &drawn.surface, drawn.strips.clone(), None);
+    fn block(&mut self, info: RootInfo, drawn: &DrawnRoot, texels: Option<Texels>) -> Block {
+        let gpu = Arc::clone(&self.gpu);
+        let (surface, strips, texture) = (&drawn.surface, drawn.strips.clone(), None);
+        let root = surface.root;
         if drawn.images().is_some() {
             let (positions, triangles) = drawn.joined();
             let places: Vec<[f32; 2]> = drawn.places().collect();
             let pieces = Some(gpu.buffer(&places, BufferUsages::VERTEX));
-            let batch = Batch::new(gpu, &positions, &triangles);
-            return Block { info, strips, batch, pulled: None, texture, images: None, texels, pieces };
+            let triangles = Triangles::Own(Batch::new(&gpu, &positions, &triangles));
+            return Block { root, info, strips, triangles, pulled: None, texture, images: None, texels, pieces };
         }
         if self.way == Way::Stitched {
-            let (positions, triangles, pieces) = match texels.as_ref().and_then(|_| drawn.by_piece()) {
-                Some(ByPiece { positions, triangles, pieces }) => (positions, triangles, Some(pieces)),
+            let (triangles, pieces) = match texels.as_ref().and_then(|_| drawn.by_piece()) {
+                Some(ByPiece { positions, triangles, pieces }) => {
+                    let pieces = gpu.buffer(&pieces, BufferUsages::VERTEX);
+                    (Triangles::Own(Batch::new(&gpu, &positions, &triangles)), Some(pieces))
+                }
                 None => {
                     let (positions, triangles) = drawn.joined();
-                    (positions, triangles, None)
+                    let vertices: Vec<Pair> = positions.into_iter().map(pair).collect();
+                    (Triangles::Pooled(self.pool.place(&vertices, &triangles)), None)
                 }
             };
-            let pieces = pieces.map(|pieces| gpu.buffer(&pieces, BufferUsages::VERTEX));
-            let batch = Batch::new(gpu, &positions, &triangles);
-            return Block { info, strips, batch, pulled: None, texture, images: None, texels, pieces };
+            return Block { root, info, strips, triangles, pulled: None, texture, images: None, texels, pieces };
         }
         let records = border_records(surface);
-        let batch = Batch::new(gpu, &surface.positions, &surface.triangles);
+        let batch = Batch::new(&gpu, &surface.positions, &surface.triangles);
         let table = snap_table(drawn, &records);
         let border_count = 3 * table[0] * (records.len() / RECORD) as u32;
         let [records, table] = [records, table].map(|words| gpu.buffer(&words, BufferUsages::STORAGE));
         let group = gpu.bind(&gpu.pipelines.block_layout, &[&batch.vertices, &batch.indices, &records, &table]);
         let pulled = Some((group, border_count));
-        Block { info, strips, batch, pulled, texture, images: None, texels, pieces: None }
+        let triangles = Triangles::Own(batch);
+        Block { root, info, strips, triangles, pulled, texture, images: None, texels, pieces: None }
     }
 
     fn planted(&self, drawn: &DrawnRoot) -> DrawnRoot {
@@ -231,11 +282,11 @@ impl Renderer {
 
     /// Draws a mesh instead, as root 0 of level 0.
     pub fn set_mesh(&mut self, positions: &[[f64; 3]], triangles: &[[u32; 3]]) {
-        let batch = Batch::new(&self.gpu, positions, triangles);
+        let triangles = Triangles::Own(Batch::new(&self.gpu, positions, triangles));
         let info = RootInfo::default();
         let (strips, texture, images, texels) = (Vec::new(), None, None, None);
-        let block = Block { info, strips, batch, pulled: None, texture, images, texels, pieces: None };
-        self.blocks = BTreeMap::from([(MESH, block)]);
+        let block = Block { root: MESH, info, strips, triangles, pulled: None, texture, images, texels, pieces: None };
+        self.keep(vec![block]);
     }
 
     /// The shader's settings for one pass.
@@ -262,7 +313,7 @@ impl Renderer {
                 [look_number(appearance.look()), f32::from(u8::from(is_unlit)), low, high]
             }),
         ];
-        let infos: Vec<RootInfo> = self.blocks.values().map(|block| block.info).collect();
+        let infos: Vec<RootInfo> = self.blocks.iter().map(|block| block.info).collect();
         let globals = self.gpu.buffer(&globals, BufferUsages::UNIFORM);
         let infos = self.gpu.buffer(&infos, BufferUsages::STORAGE);
         self.gpu.bind(&self.gpu.pipelines.globals_layout, &[&globals, &infos])
@@ -307,7 +358,7 @@ impl Renderer {
         let pipelines = &self.gpu.pipelines;
         // Where colours mean something else, images are not seen.
         let draws_images = !counts && !self.overlays.iter().any(|overlay| COLOURINGS.contains(overlay));
-        let blocks = || (0..).zip(self.blocks.values()).map(|(slot, block)| (slot..slot + 1, block));
+        let blocks = || (0..).zip(&self.blocks).map(|(slot, block)| (slot, block));
         for is_textured in [false, true] {
             let program = |number: usize| match is_textured {
                 false => &pipelines.programs[number][usize::from(counts)],
@@ -318,9 +369,12 @@ impl Renderer {
                 continue;
             }
             pass.set_pipeline(program(0));
+            if !is_textured {
+                self.pool.draw(pass, own().filter_map(|(slot, block)| Some((slot, block.place()?))));
+            }
             let mut is_for_tiles = false;
-            for (instances, block) in own().filter(|(_, block)| block.pulled.is_none()) {
-                let Block { batch, texels, pieces, images, .. } = block;
+            for (slot, block) in own().filter(|(_, block)| block.pulled.is_none()) {
+                let Block { triangles: Triangles::Own(batch), texels, pieces, images, .. } = block else { continue };
                 // All roots of a picture are tiles of heights, or none is.
                 if is_textured && images.is_some() && !std::mem::replace(&mut is_for_tiles, true) {
                     pass.set_pipeline(&pipelines.tile);
@@ -331,17 +385,21 @@ impl Renderer {
                 }
                 pass.set_vertex_buffer(0, batch.vertices.slice(..));
                 pass.set_index_buffer(batch.indices.slice(..), wgpu::IndexFormat::Uint32);
-                pass.draw_indexed(0..batch.index_count, 0, instances);
+                pass.draw_indexed(0..batch.index_count, 0, slot..slot + 1);
             }
             for (number, is_border) in [(1, false), (2, true)] {
                 pass.set_pipeline(program(number));
-                for (instances, Block { batch, pulled, texels, .. }) in own() {
-                    let Some((group, border_count)) = pulled else { continue };
+                for (slot, block) in own() {
+                    let Block { triangles: Triangles::Own(batch), pulled: Some((group, border_count)), texels, .. } =
+                        block
+                    else {
+                        continue;
+                    };
                     pass.set_bind_group(1, group, &[]);
                     if let (true, Some(texels)) = (is_textured, texels) {
                         pass.set_bind_group(2, &texels.group, &[]);
                     }
-                    pass.draw(0..if is_border { *border_count } else { batch.index_count }, instances);
+                    pass.draw(0..if is_border { *border_count } else { batch.index_count }, slot..slot + 1);
                 }
             }
         }
@@ -371,6 +429,7 @@ impl Renderer {
         report.upload_ms = milliseconds(begun.elapsed());
         let begun = Instant::now();
         self.draw(targets, view);
+        report.record_ms = milliseconds(begun.elapsed());
         self.gpu.wait()?;
         report.draw_ms = milliseconds(begun.elapsed());
         Ok(())

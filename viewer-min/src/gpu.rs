@@ -23,6 +23,8 @@ pub struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     pub(crate) pipelines: Pipelines,
+    /// Whether one call draws a list of roots. Otherwise each is a call of its own.
+    pub draws_lists: bool,
     trouble: Arc<OnceLock<String>>,
 }
 
@@ -38,7 +40,11 @@ impl Gpu {
         let adapter = pollster::block_on(instance.request_adapter(&options)).context(
             "no graphics adapter: install a driver; without a GPU, Mesa's lavapipe works too (Debian: mesa-vulkan-drivers)",
         )?;
-        let descriptor = wgpu::DeviceDescriptor { required_limits: adapter.limits(), ..Default::default() };
+        let required_features = adapter.features() & wgpu::Features::INDIRECT_FIRST_INSTANCE;
+        let reads_lists = adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::INDIRECT_EXECUTION);
+        let draws_lists = reads_lists && !required_features.is_empty();
+        let descriptor =
+            wgpu::DeviceDescriptor { required_features, required_limits: adapter.limits(), ..Default::default() };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).context("no graphics device")?;
         // Keep only the first error: others follow from it.
         let trouble: Arc<OnceLock<String>> = Arc::default();
@@ -50,7 +56,7 @@ impl Gpu {
             let _ = wrong.set(format!("graphics: {error}"));
         }));
         let pipelines = Pipelines::new(&device);
-        Ok(Self { adapter, device, queue, pipelines, trouble })
+        Ok(Self { adapter, device, queue, pipelines, draws_lists, trouble })
     }
 
     /// An error if anything has gone wrong so far. The device cannot be used any more then.
@@ -72,7 +78,7 @@ impl Gpu {
         buffer
     }
 
-    fn empty_buffer(&self, size: u64, usage: BufferUsages) -> wgpu::Buffer {
+    pub(crate) fn empty_buffer(&self, size: u64, usage: BufferUsages) -> wgpu::Buffer {
         self.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
     }
 

@@ -16,6 +16,7 @@ pub mod gpu;
 mod headless;
 mod overlay;
 pub mod picture;
+mod pool;
 mod present;
 pub mod scene;
 mod texels;

@@ -41,6 +41,8 @@ pub struct Report {
     pub update_ms: f64,
     pub upload_ms: f64,
     pub draw_ms: f64,
+    /// Of which the commands are written and handed to the device.
+    pub record_ms: f64,
     pub nodes: usize,
     pub triangles: u64,
     pub bytes: u64,
