@@ -26,7 +26,7 @@ ORDER = {
     "viewer-min": (
         "lodpack_view",
         "viewer-min/src",
-        "main window headless check controls present overlay draw scene channel texels blocks gpu picture args camera",
+        "main window headless check controls present overlay draw pool scene channel texels blocks gpu picture args camera",
     ),
 }
 
