@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
-use super::gather::finished;
+use super::fill::finished;
 use super::projection::{Projection, projections};
 use super::raster::Drawn;
 use super::values::{Storage, Sums};
@@ -118,5 +118,5 @@ pub(super) fn gather_surfels<'a>(
             }
         }
     }
-    finished(sums, map, drawn)
+    finished(sums, patch, map, drawn)
 }

@@ -121,3 +121,79 @@ fn patches_without_area_and_without_a_source_have_an_image_or_none() {
         }
     }
 }
+
+/// Triangles with a number each.
+struct Numbered(Vec<([[f64; 3]; 3], f32)>);
+
+impl Source for Numbered {
+    fn triangle_count(&self) -> usize {
+        self.0.len()
+    }
+    fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.0[triangle].0.map(DVec3::from)
+    }
+    fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], _: f32, values: &mut Vec<f32>) {
+        values.extend(weights.iter().map(|_| self.0[triangle].1));
+    }
+}
+
+fn numbers() -> Storage {
+    Storage::new(vec![Stored::Scalar { low: 0.0, step: 1.0 }])
+}
+
+/// The numbers with which a reader interpolates in each triangle: the smallest and the largest.
+fn numbers_shown(positions: &[LatticePoint], triangles: &[[u32; 3]], baked: &Baked) -> Vec<[u16; 2]> {
+    let map = Map::decode(&baked.streams[0], positions, triangles, MAX_TEXELS).unwrap();
+    let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
+    let shown = triangles.iter().enumerate().map(|(number, corners)| {
+        let points = corners.map(|v| DVec3::from(positions[v as usize].map(|x| x as f64)));
+        let mut range = [u16::MAX, 0];
+        for (i, j) in (0..=40).flat_map(|i| (0..=40 - i).map(move |j| (i, j))) {
+            let [b, c] = [i, j].map(|x| f64::from(x) / 40.0);
+            let point = points[0] * (1.0 - b - c) + points[1] * b + points[2] * c;
+            let place = map.piece(number).unbounded(point.to_array());
+            for corner in [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]] {
+                let [x, y] = [0, 1].map(|k| (place[k] + corner[k]) as u32);
+                let number = image.texel(x, y)[0];
+                range = [range[0].min(number), range[1].max(number)];
+            }
+        }
+        range
+    });
+    shown.collect()
+}
+
+/// A ridge, whose sides are pieces of their own.
+const RIDGE: ([LatticePoint; 4], [[u32; 3]; 2]) =
+    ([[0, 0, 80], [0, 100, 80], [-60, 50, 0], [60, 50, 0]], [[0, 1, 2], [1, 0, 3]]);
+
+#[test]
+fn a_piece_shows_nothing_of_the_piece_that_lies_beside_it_in_the_image() {
+    let (positions, triangles) = RIDGE;
+    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0 };
+    let scaled = |side: usize, factor: f64| {
+        let corners = triangles[side].map(|v| DVec3::from(positions[v as usize].map(|x| x as f64)));
+        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+        corners.map(|corner| (middle + (corner - middle) * factor).to_array())
+    };
+    // One side is known as far as it goes, the other one beyond its borders.
+    for [left, right] in [[1.0, 1.5], [1.5, 1.0]] {
+        let mut source = Numbered(vec![(scaled(0, left), 100.0), (scaled(1, right), 900.0)]);
+        let baked = bake(&patch, &mut source, 4, &numbers()).unwrap();
+        assert_eq!(numbers_shown(&positions, &triangles, &baked), [[100; 2], [900; 2]]);
+    }
+}
+
+#[test]
+fn a_piece_of_which_nothing_is_known_shows_what_lies_beside_it_on_the_surface() {
+    let (positions, triangles) = RIDGE;
+    for side in [0, 1] {
+        let one = [triangles[side]];
+        let corners = triangles[side].map(|v| positions[v as usize].map(|x| x as f64));
+        let finer = BakedPatch { positions: &positions, triangles: &one, reach: 5.0 };
+        let finer = bake(&finer, &mut Numbered(vec![(corners, 700.0)]), 2, &numbers()).unwrap();
+        let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0 };
+        let baked = bake_coarser(&patch, finer.surfels.iter(), 4, &numbers()).unwrap();
+        assert_eq!(numbers_shown(&positions, &triangles, &baked), [[700; 2]; 2]);
+    }
+}
