@@ -355,6 +355,10 @@ impl Source for InputSource<'_> {
         let face = self.painter.face(self.own[triangle] as usize, self.points(triangle));
         let footprint = footprint * self.scale.step() as f32;
         let maps = self.appearance.maps;
+        let is_colour_all = maps == MaterialMaps::default() && self.appearance.scalars.is_empty();
+        if self.appearance.has_colour && is_colour_all {
+            return face.base_colours(weights, footprint, values);
+        }
         for &weights in weights {
             if self.appearance.has_colour {
                 values.extend(face.base_colour(weights, footprint));

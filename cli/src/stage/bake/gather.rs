@@ -1,6 +1,6 @@
 //! Collects for each texel what the input shows there.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use lodpack::decode::texels::Map;
 
 use super::fill::finished;
@@ -70,14 +70,22 @@ impl Samples {
 
     /// Finds the texels that a triangle of the source covers.
     fn find(&mut self, projection: &Projection, corners: [DVec3; 3], map: &Map, drawn: &Drawn) {
-        let places = corners.map(|corner| projection.place(corner));
+        let mut places = corners.map(|corner| projection.place(corner));
+        let mut depths = corners.map(|corner| projection.depth(corner));
         let [low, high] = projection.range;
         let least = [0, 1].map(|k| places[0][k].min(places[1][k]).min(places[2][k]));
         let most = [0, 1].map(|k| places[0][k].max(places[1][k]).max(places[2][k]));
         if (0..2).any(|k| most[k] < low[k] - 0.5 || least[k] > high[k] + 0.5) {
             return;
         }
-        let depths = corners.map(|corner| projection.depth(corner));
+        for k in 0..3 {
+            if (0..2).all(|axis| low[axis] - 0.5 <= places[k][axis] && places[k][axis] < high[axis] + 0.5) {
+                let point = Vec3::new(places[k][0] as f32, places[k][1] as f32, depths[k] as f32);
+                let closest = drawn.closest(point, texel_at(places[k], map.size), map.size, projection.reach);
+                let step = (closest - point).as_dvec3();
+                (places[k], depths[k]) = ([places[k][0] + step.x, places[k][1] + step.y], depths[k] + step.z);
+            }
+        }
         let width = map.size[0] as usize;
         // Texels of the piece.
         let [left, top] = low.map(|x| x as usize);

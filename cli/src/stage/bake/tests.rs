@@ -197,3 +197,29 @@ fn a_piece_of_which_nothing_is_known_shows_what_lies_beside_it_on_the_surface() 
         assert_eq!(numbers_shown(&positions, &triangles, &baked), [[700; 2]; 2]);
     }
 }
+
+#[test]
+fn points_of_the_source_are_shown_where_the_patch_is_closest_to_them() {
+    // Two slopes in one piece. Strips of the source, with a number each, lie above one of them, along its normal.
+    let positions = [[0, 0, 58], [0, 60, 58], [-100, 0, 0], [-100, 60, 0], [100, 0, 0], [100, 60, 0]];
+    let triangles = [[0, 1, 2], [1, 3, 2], [1, 0, 4], [1, 4, 5]];
+    let above = DVec3::new(58.0, 0.0, 100.0).normalize() * 2.4;
+    let strips = (0..10).flat_map(|strip| {
+        let [left, right] = [strip, strip + 1].map(|x| f64::from(x) * 10.0);
+        let point = |x: f64, y: f64| (DVec3::new(x, y, 58.0 - 0.58 * x) + above).to_array();
+        let [a, b, c, d] = [point(left, 0.0), point(right, 0.0), point(right, 60.0), point(left, 60.0)];
+        [[a, b, c], [a, c, d]].map(|corners| (corners, (strip + 1) as f32))
+    });
+    let mut source = Numbered(strips.collect());
+    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0 };
+    let baked = bake(&patch, &mut source, 0, &numbers()).unwrap();
+    let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
+    let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
+    for (border, y) in (1..10_u16).flat_map(|border| (5..55).map(move |y| (border, y))) {
+        for (beside, number) in [(-0.9, border), (0.9, border + 1)] {
+            let x = f64::from(border) * 10.0 + beside;
+            let place = map.piece(2).unbounded([x, f64::from(y), 58.0 - 0.58 * x]).map(|x| x as u32);
+            assert_eq!(image.texel(place[0], place[1])[0], number, "at {x}, {y}");
+        }
+    }
+}

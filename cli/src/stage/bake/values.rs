@@ -116,10 +116,13 @@ fn byte(value: f32) -> u8 {
 
 /// Colours as they are stored, from linear light.
 fn colours<'a>(texels: impl Iterator<Item = &'a [f32]>, size: [u32; 2], components: u8) -> Image<u8> {
-    let mut data = Vec::with_capacity(size[0] as usize * size[1] as usize * usize::from(components));
-    for texel in texels {
-        let colour = [srgb_byte(texel[0]), srgb_byte(texel[1]), srgb_byte(texel[2]), byte(texel[3])];
-        data.extend(&colour[..usize::from(components)]);
+    let count = usize::from(components);
+    let mut data = vec![0; size[0] as usize * size[1] as usize * count];
+    for (to, texel) in data.chunks_exact_mut(count).zip(texels) {
+        (0..3).for_each(|k| to[k] = srgb_byte(texel[k]));
+        if let Some(opacity) = to.get_mut(3) {
+            *opacity = byte(texel[3]);
+        }
     }
     Image { size, components, data }
 }
@@ -144,6 +147,15 @@ impl<'a> Sums<'a> {
         let sums = &mut self.sums[texel * count..][..*count];
         let weights = &mut self.weights[texel * weights..][..*weights];
         weights[0] += weight;
+        // Most inputs have colours alone.
+        if let ([Stored::Colour { .. }], [red, green, blue, opacity], &[r, g, b, o]) =
+            (&channels[..], &mut *sums, values)
+        {
+            let share = weight * o;
+            (*red, *green, *blue) = (*red + r * share, *green + g * share, *blue + b * share);
+            *opacity += share;
+            return;
+        }
         let (mut at, mut scalar) = (0, 1);
         for channel in channels {
             match channel {
