@@ -19,7 +19,8 @@ const MAX_ROUNDS: usize = 16;
 pub(super) fn finished(mut sums: Sums<'_>, patch: &BakedPatch<'_>, map: &Map, drawn: &Drawn) -> Vec<f32> {
     sums.divide();
     let known: Vec<bool> = (0..drawn.is_used.len()).map(|texel| sums.has(texel)).collect();
-    let mut filling = Filling { map, is_used: &drawn.is_used, known, count: sums.count(), values: sums.sums };
+    let (count, labels) = (sums.count(), sums.labels());
+    let mut filling = Filling { map, is_used: &drawn.is_used, known, count, labels, values: sums.sums };
     let mut rounds = 0;
     while !filling.fill_pieces() && rounds < MAX_ROUNDS && filling.cross(patch) {
         rounds += 1;
@@ -35,6 +36,8 @@ struct Filling<'a> {
     known: Vec<bool>,
     /// Values of a texel.
     count: usize,
+    /// Where labels lie among them.
+    labels: Vec<usize>,
     values: Vec<f32>,
 }
 
@@ -105,20 +108,22 @@ impl Filling<'_> {
         }
     }
 
-    /// Appends the mean of those texels that have values. Says whether there are any.
+    /// Appends the mean of those texels that have values, and the labels of the first one. Says whether there are any.
     fn add_mean(&self, texels: impl Iterator<Item = usize>, means: &mut Vec<f32>) -> bool {
-        let (first, mut known) = (means.len(), 0.0);
+        let (first, mut known, mut one) = (means.len(), 0.0, None);
         means.resize(first + self.count, 0.0);
         for texel in texels.filter(|&texel| self.known[texel]) {
             let values = &self.values[texel * self.count..][..self.count];
             means[first..].iter_mut().zip(values).for_each(|(sum, &value)| *sum += value);
             known += 1.0;
+            one = one.or(Some(texel));
         }
-        if known == 0.0 {
+        let Some(one) = one else {
             means.truncate(first);
             return false;
-        }
+        };
         means[first..].iter_mut().for_each(|sum| *sum /= known);
+        self.labels.iter().for_each(|&label| means[first + label] = self.values[one * self.count + label]);
         true
     }
 

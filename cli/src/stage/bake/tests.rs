@@ -223,3 +223,33 @@ fn points_of_the_source_are_shown_where_the_patch_is_closest_to_them() {
         }
     }
 }
+
+#[test]
+fn a_texel_has_the_label_of_most_of_it_and_none_between() {
+    // A plane whose left three quarters are of class 3, the others of class 900; texels of 2 lie across the border at 151.
+    let class = |x: f64| if x < 151.0 { 3.0 } else { 900.0 };
+    let quad = |[left, right]: [f64; 2]| {
+        let [a, b, c, d] = [[left, 0.0, 0.0], [right, 0.0, 0.0], [right, 100.0, 0.0], [left, 100.0, 0.0]];
+        [[a, b, c], [a, c, d]].map(|corners| (corners, class(0.5 * (left + right)) as f32))
+    };
+    // Strips of 3, but that the border divides one.
+    let mut bounds: Vec<f64> = (0..=67).map(|x| f64::from(x) * 3.0).chain([151.0]).collect();
+    bounds.sort_by(f64::total_cmp);
+    let source = bounds.windows(2).flat_map(|pair| quad([pair[0], pair[1]])).collect();
+    let positions = [[0, 0, 0], [201, 0, 0], [201, 100, 0], [0, 100, 0]];
+    let triangles = [[0, 1, 2], [0, 2, 3]];
+    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0 };
+    let storage = Storage::new(vec![Stored::Label { low: 3.0 }]);
+    let fine = bake(&patch, &mut Numbered(source), 2, &storage).unwrap();
+    let coarse = bake_coarser(&patch, fine.surfels.iter(), 7, &storage).unwrap();
+    for (baked, size) in [(&fine, 2.0), (&coarse, 11.4)] {
+        let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
+        let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
+        for x in 0..=200 {
+            let place = map.piece(0).unbounded([f64::from(x), 50.0, 0.0]).map(|x| x as u32);
+            let label = f64::from(image.texel(place[0], place[1])[0]) + 3.0;
+            let x = f64::from(x);
+            assert!(label == class(x) || (x - 151.0).abs() <= size && [3.0, 900.0].contains(&label), "{label} at {x}");
+        }
+    }
+}

@@ -233,6 +233,21 @@ impl Face<'_> {
         if weight > 0.0 { sum / weight } else { f32::NAN }
     }
 
+    /// The label of the nearest corner, counted as scalars are. NaN if it has none.
+    pub fn label(&self, which: usize, weights: [f32; 3]) -> f32 {
+        let [a, b, c] = weights;
+        let nearest = if a >= b && a >= c {
+            0
+        } else if b >= c {
+            1
+        } else {
+            2
+        };
+        let mut alone = [0.0; 3];
+        alone[nearest] = 1.0;
+        self.scalar(which, alone)
+    }
+
     /// Samples per unit of length that the channels of the input have here, but for scalars: texels of its textures, or about one for each
     /// vertex; 0 where all of them are the same everywhere.
     pub fn material_density(&self) -> f32 {
