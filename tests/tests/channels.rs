@@ -5,6 +5,7 @@ use crate::open;
 use glam::DVec3;
 use lodpack::Query;
 use lodpack::decode::{ChannelImage, TexturedMesh};
+use lodpack::index::ChannelKind;
 use lodpack_cli::mesh::Mesh;
 use lodpack_tests::generate::{bumpy_sphere, save_ply, torus};
 use std::fs;
@@ -152,6 +153,60 @@ fn every_level_shows_the_colours_and_numbers_of_the_input() {
         let [of_colour, of_number] = errors(&shown, numbers);
         let triangles = shown.mesh.triangles.len();
         assert!(of_colour <= most && of_number <= most_of_number, "{triangles} triangles: {of_colour} {of_number}");
+    }
+}
+
+/// The class of a place, far from that of its neighbours as a number.
+fn class(p: DVec3) -> i32 {
+    [7, 40_000, 12][((p.x > 0.1) as usize) + ((p.z > 0.3) as usize)]
+}
+
+#[test]
+fn labels_stay_those_of_the_input() {
+    let folder = Folder::new();
+    let sphere = bumpy_sphere(60);
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\nproperty int label\n\
+         element face {}\nproperty list uchar uint vertex_indices\nend_header\n",
+        sphere.positions.len(),
+        sphere.triangles.len()
+    );
+    for &p in &sphere.positions {
+        text += &format!("{} {} {} {}\n", p.x, p.y, p.z, class(p));
+    }
+    sphere.triangles.iter().for_each(|[a, b, c]| text += &format!("3 {a} {b} {c}\n"));
+    fs::write(folder.path("classes.ply"), text).expect("writable");
+    folder.run("build classes.ply -o classes.lodpack --region-triangles 4000");
+    let bytes = folder.read("classes.lodpack");
+    let file = open(&bytes);
+    let [channel] = file.channels() else { panic!("one channel") };
+    assert_eq!((channel.kind, channel.low, channel.step, channel.bound), (ChannelKind::Label, 7.0, 1.0, 0.0));
+    for (level, most) in [(u8::MAX, 0.02), (1, 0.06), (0, 0.25)] {
+        let cut = file.uniform_cut(level.min(file.level_count() as u8 - 1)).expect("a cut");
+        let shown = file.extract_textured(&cut, &[0]).expect("sound");
+        let (mut wrong, mut count) = (0.0, 0.0);
+        for (values, &position) in shown.vertex_values(0, ChannelKind::Label).iter().zip(&shown.mesh.positions) {
+            let label = values.expect("every node has texels")[0] as i32 + 7;
+            assert!([7, 40_000, 12].contains(&label), "{label}");
+            wrong += f64::from(u8::from(label != class(DVec3::from(position))));
+            count += 1.0;
+        }
+        assert!(wrong / count <= most, "level {level}: {wrong} of {count}");
+    }
+    // Out, as it is and simplified as a whole, and in again.
+    for budget in ["", "--triangles 900"] {
+        folder.run(&format!("extract classes.lodpack {budget} -o out.ply --force"));
+        let out = folder.read("out.ply");
+        let end = out.windows(11).position(|bytes| bytes == b"end_header\n").expect("a header") + 11;
+        let header = String::from_utf8_lossy(&out[..end]).into_owned();
+        assert!(header.contains("property double z\nproperty int label\nelement face"), "{header}");
+        let count = header.lines().find_map(|line| line.strip_prefix("element vertex ")).expect("vertices");
+        for vertex in out[end..].chunks_exact(28).take(count.parse().expect("a number")) {
+            let label = i32::from_le_bytes(vertex[24..].try_into().expect("4 bytes"));
+            assert!([7, 40_000, 12].contains(&label), "{label}");
+        }
+        folder.run("build out.ply -o again.lodpack --force");
+        assert_eq!(open(&folder.read("again.lodpack")).channels()[0].kind, ChannelKind::Label);
     }
 }
 

@@ -149,6 +149,23 @@ pub struct MaterialMaps {
     pub roughness: bool,
 }
 
+/// Names of numbers per vertex that are those of classes, where all of them are whole; `_id` may follow.
+const LABELS: [&str; 13] = [
+    "label",
+    "labels",
+    "class",
+    "classification",
+    "category",
+    "segment",
+    "instance",
+    "object",
+    "part",
+    "region",
+    "cluster",
+    "material",
+    "material_index",
+];
+
 /// The finite values of a scalar in the whole input.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ScalarRange {
@@ -176,6 +193,15 @@ impl ScalarRange {
             self.high = self.high.max(value);
             self.is_whole &= value.trunc() == value;
         }
+    }
+
+    /// Whether the values are numbers of classes, between which there is nothing: whole numbers under a name that classes have.
+    pub fn is_label(&self) -> bool {
+        let name = self.name.to_ascii_lowercase();
+        // As CloudCompare writes names.
+        let name = name.strip_prefix("scalar_").unwrap_or(&name);
+        let name = name.strip_suffix("_id").unwrap_or(name);
+        self.is_whole && f64::from(self.high) - f64::from(self.low) <= f64::from(u16::MAX) && LABELS.contains(&name)
     }
 
     /// Adds the values of another range.
@@ -378,6 +404,21 @@ pub fn decode_image(bytes: &[u8]) -> Result<DynamicImage, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn whole_numbers_are_labels_by_name() {
+        let range = |name: &str, values: &[f32]| {
+            let mut range = ScalarRange::new(name);
+            values.iter().for_each(|&value| range.add(value));
+            range
+        };
+        assert!(
+            ["label", "Class_ID", "scalar_Classification"].iter().all(|name| range(name, &[3.0, 65538.0]).is_label())
+        );
+        assert!(!range("quality", &[3.0]).is_label());
+        // Parts of classes, and more of them than an image tells apart.
+        assert!(!range("label", &[3.0, 3.5]).is_label() && !range("label", &[0.0, 65536.0]).is_label());
+    }
 
     #[test]
     fn channels_are_chosen_by_name_in_either_spelling() {

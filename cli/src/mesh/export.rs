@@ -63,7 +63,7 @@ pub fn write_mesh(
     }
     let mut out = BufWriter::with_capacity(1 << 20, out);
     match format {
-        MeshFormat::Ply => write_ply::<0>(&mut out, positions, triangles, &[]),
+        MeshFormat::Ply => write_ply::<0>(&mut out, positions, triangles, &[], &[]),
         MeshFormat::Obj => write_obj(&mut out, positions, triangles),
         MeshFormat::Stl => write_stl(&mut out, positions, triangles),
         MeshFormat::Glb => write_glb(&mut out, positions, triangles),
@@ -71,12 +71,24 @@ pub fn write_mesh(
     out.flush()
 }
 
-/// Writes binary PLY. Vertices have as many components of colour as there are in `colours`: one entry each, or none at all.
+/// A number of every vertex, as PLY has it.
+pub(super) struct Column {
+    /// Its name.
+    pub name: String,
+    /// `float` or `int`.
+    pub kind: &'static str,
+    /// Little-endian bytes.
+    pub values: Vec<[u8; 4]>,
+}
+
+/// Writes binary PLY. Vertices have as many components of colour as there are in `colours`: one entry each, or none at all; and an entry of each
+/// column.
 pub(super) fn write_ply<const N: usize>(
     out: &mut impl Write,
     positions: &[[f64; 3]],
     triangles: &[[u32; 3]],
     colours: &[[u8; N]],
+    columns: &[Column],
 ) -> io::Result<()> {
     write!(
         out,
@@ -86,12 +98,18 @@ pub(super) fn write_ply<const N: usize>(
     for component in &["red", "green", "blue", "alpha"][..N] {
         writeln!(out, "property uchar {component}")?;
     }
+    for Column { name, kind, .. } in columns {
+        writeln!(out, "property {kind} {name}")?;
+    }
     write!(out, "element face {}\nproperty list uchar uint vertex_indices\nend_header\n", triangles.len())?;
     for (vertex, position) in positions.iter().enumerate() {
         for x in position {
             out.write_all(&x.to_le_bytes())?;
         }
         out.write_all(colours.get(vertex).map_or(&[], |colour| colour.as_slice()))?;
+        for column in columns {
+            out.write_all(&column.values.get(vertex).copied().unwrap_or_default())?;
+        }
     }
     for triangle in triangles {
         out.write_all(&[3])?;

@@ -37,7 +37,7 @@ pub fn write_shaded_mesh(
         (MeshFormat::Glb, _) => write_glb(out, (positions, triangles), shading),
         (MeshFormat::Ply, Some(colours)) => {
             let mut out = BufWriter::with_capacity(1 << 20, out);
-            write_ply(&mut out, positions, triangles, colours)?;
+            write_ply(&mut out, positions, triangles, colours, &[])?;
             out.flush()
         }
         _ => write_mesh(out, format, positions, triangles),

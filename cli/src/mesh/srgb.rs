@@ -1,42 +1,58 @@
 //! Colours as screens encode them (IEC 61966-2-1, sRGB), and in linear light.
 
-use std::sync::LazyLock;
-
 /// Linear light of each byte.
-pub static LINEAR_OF_BYTE: LazyLock<[f32; 256]> =
-    LazyLock::new(|| std::array::from_fn(|byte| linear_from_srgb(byte as f32 / 255.0)));
+pub static LINEAR_OF_BYTE: [f32; 256] = {
+    let (mut table, mut byte) = ([0.0; 256], 0);
+    while byte < table.len() {
+        table[byte] = linear_from_srgb(byte as f32 / 255.0);
+        byte += 1;
+    }
+    table
+};
 
 /// Linear light of an encoded value from 0 to 1. It uses no function whose last bit differs between machines.
-pub fn linear_from_srgb(encoded: f32) -> f32 {
-    let encoded = f64::from(encoded.clamp(0.0, 1.0));
+pub const fn linear_from_srgb(encoded: f32) -> f32 {
+    let encoded = encoded.clamp(0.0, 1.0) as f64;
     if encoded <= 0.04045 {
         return (encoded / 12.92) as f32;
     }
     let base = (encoded + 0.055) / 1.055;
     // base^2.4 = base^2 * (base^2)^(1/5), and Newton's method finds the fifth root. It starts above the root, so it comes down to it.
     let square = base * base;
-    let mut root = 1.0;
-    for _ in 0..12 {
+    let (mut root, mut round) = (1.0, 0);
+    while round < 12 {
         let fourth = root * root * root * root;
         root -= (root - square / fourth) / 5.0;
+        round += 1;
     }
     (square * root) as f32
 }
 
 /// The least linear light of each byte but 0.
-static LEAST_OF_BYTE: LazyLock<[f32; 255]> =
-    LazyLock::new(|| std::array::from_fn(|byte| linear_from_srgb((byte as f32 + 0.5) / 255.0)));
+static LEAST_OF_BYTE: [f32; 255] = {
+    let (mut table, mut byte) = ([0.0; 255], 0);
+    while byte < table.len() {
+        table[byte] = linear_from_srgb((byte as f32 + 0.5) / 255.0);
+        byte += 1;
+    }
+    table
+};
 
 /// The parts into which linear light is divided for a first guess.
 const PARTS: usize = 4096;
 
 /// The byte at the beginning of each part.
-static BYTE_OF_PART: LazyLock<[u8; PARTS]> = LazyLock::new(|| {
-    std::array::from_fn(|part| {
-        let start = part as f32 / PARTS as f32;
-        LEAST_OF_BYTE.partition_point(|&least| least <= start) as u8
-    })
-});
+static BYTE_OF_PART: [u8; PARTS] = {
+    let (mut table, mut part, mut byte) = ([0; PARTS], 0, 0);
+    while part < PARTS {
+        while byte < LEAST_OF_BYTE.len() && LEAST_OF_BYTE[byte] <= part as f32 / PARTS as f32 {
+            byte += 1;
+        }
+        table[part] = byte as u8;
+        part += 1;
+    }
+    table
+};
 
 /// The byte whose encoded value is nearest to that of linear light.
 pub fn srgb_byte(linear: f32) -> u8 {

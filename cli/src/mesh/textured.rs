@@ -5,9 +5,10 @@ use std::io::{self, BufWriter, Cursor, Write};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use lodpack::decode::TexturedMesh;
 use lodpack::decode::texels::Image;
-use lodpack::index::ChannelKind;
+use lodpack::index::{ChannelInfo, ChannelKind};
 use serde_json::{Value, json};
 
+use super::export::Column;
 use super::layers::Layer;
 use super::pages::PagedMesh;
 
@@ -24,16 +25,53 @@ pub fn png(image: &Image<u8>) -> io::Result<Vec<u8>> {
     Ok(bytes.into_inner())
 }
 
-/// Writes binary PLY: each vertex has the mean colour of what the triangles around it show there.
+/// Writes binary PLY: each vertex has the mean of what the triangles around it show there, and the label of one of them. `colour` and
+/// `numbers` are places among the channels that the mesh has.
 ///
 /// # Errors
 /// Any error of the writer.
-pub fn write_coloured_ply(out: impl Write, textured: &TexturedMesh, channel: usize) -> io::Result<()> {
-    let mesh = &textured.mesh;
-    let colours = vertex_colours(textured, channel);
+pub fn write_textured_ply(
+    out: impl Write,
+    textured: &TexturedMesh,
+    colour: Option<usize>,
+    numbers: &[(usize, &ChannelInfo)],
+) -> io::Result<()> {
+    let (positions, triangles) = (&textured.mesh.positions, &textured.mesh.triangles);
+    let mut columns: Vec<Column> = vec![];
+    for &(place, channel) in numbers {
+        let mut column = column(textured, place, channel);
+        // Other properties may have the name.
+        while ["x", "y", "z", "red", "green", "blue", "alpha"].contains(&column.name.as_str())
+            || columns.iter().any(|other| other.name == column.name)
+        {
+            column.name.push('_');
+        }
+        columns.push(column);
+    }
     let mut out = BufWriter::with_capacity(1 << 20, out);
-    super::export::write_ply(&mut out, &mesh.positions, &mesh.triangles, &colours)?;
+    match colour {
+        Some(colour) => {
+            super::export::write_ply(&mut out, positions, triangles, &vertex_colours(textured, colour), &columns)?;
+        }
+        None => super::export::write_ply::<0>(&mut out, positions, triangles, &[], &columns)?,
+    }
     out.flush()
+}
+
+/// The numbers of a channel of one component: NaN, or the label 0, where nothing is known.
+fn column(textured: &TexturedMesh, place: usize, channel: &ChannelInfo) -> Column {
+    let is_label = channel.kind == ChannelKind::Label;
+    let value = |values: Option<[f64; 4]>| values.map(|[number, ..]| channel.low + channel.step * number);
+    let bytes = |value: Option<f64>| match is_label {
+        // The conversion saturates.
+        true => (value.unwrap_or(0.0).round() as i32).to_le_bytes(),
+        false => (value.unwrap_or(f64::NAN) as f32).to_le_bytes(),
+    };
+    Column {
+        name: channel.name.chars().map(|c| if c.is_ascii_graphic() { c } else { '_' }).collect(),
+        kind: if is_label { "int" } else { "float" },
+        values: textured.vertex_values(place, channel.kind).into_iter().map(|values| bytes(value(values))).collect(),
+    }
 }
 
 /// The colour of each vertex; white where nothing is known.

@@ -55,6 +55,9 @@ fn storage(channels: &[&ChannelInfo]) -> Option<Storage> {
         ChannelKind::Colour => Some(Stored::Colour { components: channel.components, step: STEP }),
         ChannelKind::Normal => Some(Stored::Normal { step: STEP }),
         ChannelKind::Factor if channel.components == 1 => Some(Stored::Factor { step: STEP }),
+        ChannelKind::Label if channel.components == 1 && channel.step == 1.0 => {
+            Some(Stored::Label { low: channel.low })
+        }
         ChannelKind::Scalar if channel.components == 1 => Some(Stored::Scalar { low: channel.low, step: channel.step }),
         _ => None,
     };

@@ -58,7 +58,9 @@ pub(super) fn channels(appearance: &Appearance) -> Vec<ChannelInfo> {
         // A number per vertex may have the name of what materials have.
         let is_taken = all.iter().any(|channel| channel.name == range.name);
         let name = if is_taken { format!("{} of vertices", range.name) } else { range.name.clone() };
-        all.push(of(&name, ChannelKind::Scalar, 1, low, step, step * 0.5));
+        let (kind, bound) =
+            if range.is_label() { (ChannelKind::Label, 0.0) } else { (ChannelKind::Scalar, step * 0.5) };
+        all.push(of(&name, kind, 1, low, step, bound));
     }
     all
 }
@@ -93,7 +95,7 @@ pub(super) fn storage(appearance: &Appearance, step: u8) -> Storage {
     ];
     let scalars = appearance.scalars.iter().map(|range| {
         let [low, step] = numbers(range);
-        Stored::Scalar { low, step }
+        if range.is_label() { Stored::Label { low } } else { Stored::Scalar { low, step } }
     });
     let of_materials = of_materials.into_iter().filter(|(is_there, _)| *is_there).map(|(_, stored)| stored);
     Storage::new(of_materials.chain(scalars).collect())
@@ -188,6 +190,7 @@ impl PaintedRegion<'_> {
             own: self.triangles(chart, around),
             scale,
             appearance: self.appearance,
+            is_label: self.appearance.scalars.iter().map(ScalarRange::is_label).collect(),
             painter: self.shader.painter(self.attributes),
         };
         let Some(density) = source.density() else { return Painted::default() };
@@ -316,6 +319,8 @@ struct InputSource<'a> {
     own: Vec<u32>,
     scale: &'a Scale,
     appearance: &'a Appearance,
+    /// Of each scalar whether it is one of labels.
+    is_label: Vec<bool>,
     painter: Painter<'a>,
 }
 
@@ -355,6 +360,10 @@ impl Source for InputSource<'_> {
         let face = self.painter.face(self.own[triangle] as usize, self.points(triangle));
         let footprint = footprint * self.scale.step() as f32;
         let maps = self.appearance.maps;
+        let is_colour_all = maps == MaterialMaps::default() && self.appearance.scalars.is_empty();
+        if self.appearance.has_colour && is_colour_all {
+            return face.base_colours(weights, footprint, values);
+        }
         for &weights in weights {
             if self.appearance.has_colour {
                 values.extend(face.base_colour(weights, footprint));
@@ -368,7 +377,9 @@ impl Source for InputSource<'_> {
                 values.extend(maps.metallic.then_some(metallic));
                 values.extend(maps.roughness.then_some(roughness));
             }
-            values.extend((0..self.appearance.scalars.len()).map(|scalar| face.scalar(scalar, weights)));
+            values.extend((0..).zip(&self.is_label).map(|(number, &is_label)| {
+                if is_label { face.label(number, weights) } else { face.scalar(number, weights) }
+            }));
         }
     }
 }

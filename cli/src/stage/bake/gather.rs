@@ -1,8 +1,9 @@
 //! Collects for each texel what the input shows there.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use lodpack::decode::texels::Map;
 
+use super::fill::finished;
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, for_each_sample, texel_at};
 use super::values::{Storage, Sums};
@@ -38,14 +39,7 @@ pub(super) fn gather(
         }
     }
     add_closest(map, drawn, &pieces, patch, source, &mut sums);
-    finished(sums, map, drawn)
-}
-
-/// The means, and those of their neighbours where nothing was found.
-pub(super) fn finished(mut sums: Sums<'_>, map: &Map, drawn: &Drawn) -> Vec<f32> {
-    sums.divide();
-    spread(map.size[0] as usize, &mut sums, &drawn.is_used);
-    sums.sums
+    finished(sums, patch, map, drawn)
 }
 
 /// Points of a triangle, each on a texel.
@@ -76,14 +70,22 @@ impl Samples {
 
     /// Finds the texels that a triangle of the source covers.
     fn find(&mut self, projection: &Projection, corners: [DVec3; 3], map: &Map, drawn: &Drawn) {
-        let places = corners.map(|corner| projection.place(corner));
+        let mut places = corners.map(|corner| projection.place(corner));
+        let mut depths = corners.map(|corner| projection.depth(corner));
         let [low, high] = projection.range;
         let least = [0, 1].map(|k| places[0][k].min(places[1][k]).min(places[2][k]));
         let most = [0, 1].map(|k| places[0][k].max(places[1][k]).max(places[2][k]));
         if (0..2).any(|k| most[k] < low[k] - 0.5 || least[k] > high[k] + 0.5) {
             return;
         }
-        let depths = corners.map(|corner| projection.depth(corner));
+        for k in 0..3 {
+            if (0..2).all(|axis| low[axis] - 0.5 <= places[k][axis] && places[k][axis] < high[axis] + 0.5) {
+                let point = Vec3::new(places[k][0] as f32, places[k][1] as f32, depths[k] as f32);
+                let closest = drawn.closest(point, texel_at(places[k], map.size), map.size, projection.reach);
+                let step = (closest - point).as_dvec3();
+                (places[k], depths[k]) = ([places[k][0] + step.x, places[k][1] + step.y], depths[k] + step.z);
+            }
+        }
         let width = map.size[0] as usize;
         // Texels of the piece.
         let [left, top] = low.map(|x| x as usize);
@@ -165,39 +167,4 @@ fn barycentric([a, b, c]: [DVec3; 3], point: DVec3) -> [f32; 3] {
     let of_c = (b - a).cross(point - a).dot(normal) / squared;
     let [of_b, of_c] = [of_b.clamp(0.0, 1.0), of_c.clamp(0.0, 1.0)];
     [(1.0 - of_b - of_c).max(0.0) as f32, of_b as f32, of_c as f32]
-}
-
-/// Gives the texels that are left the mean of their neighbours, ring by ring. Sums are means by now.
-fn spread(width: usize, sums: &mut Sums<'_>, is_used: &[bool]) {
-    let mut known: Vec<bool> = (0..is_used.len()).map(|texel| sums.has(texel)).collect();
-    let mut left: Vec<usize> = (0..is_used.len()).filter(|&texel| is_used[texel] && !known[texel]).collect();
-    let count = sums.count();
-    let height = is_used.len() / width.max(1);
-    while !left.is_empty() {
-        let mut found = vec![];
-        for &texel in &left {
-            let (x, y) = (texel % width, texel / width);
-            let columns = x.saturating_sub(1)..=(x + 1).min(width - 1);
-            let rows = y.saturating_sub(1)..=(y + 1).min(height - 1);
-            let (mut mean, mut neighbours) = (vec![0.0; count], 0.0);
-            let around = rows.flat_map(|y| columns.clone().map(move |x| y * width + x));
-            for neighbour in around.filter(|&neighbour| known[neighbour]) {
-                let values = &sums.sums[neighbour * count..][..count];
-                mean.iter_mut().zip(values).for_each(|(sum, &value)| *sum += value);
-                neighbours += 1.0;
-            }
-            if neighbours > 0.0 {
-                mean.iter_mut().for_each(|sum| *sum /= neighbours);
-                found.push((texel, mean));
-            }
-        }
-        if found.is_empty() {
-            break;
-        }
-        for (texel, mean) in found {
-            sums.sums[texel * count..][..count].copy_from_slice(&mean);
-            known[texel] = true;
-        }
-        left.retain(|&texel| !known[texel]);
-    }
 }

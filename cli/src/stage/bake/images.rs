@@ -18,7 +18,9 @@ impl Stored {
             }
             Self::Normal { .. } => ChannelImage::Normals(Image::decode_normals(bytes, map).ok()?),
             Self::Factor { .. } => ChannelImage::Factors(Image::decode_colours(bytes, map.size, 1).ok()?),
-            Self::Scalar { .. } => ChannelImage::Values(Image::decode_values(bytes, map.size, 1).ok()?),
+            Self::Scalar { .. } | Self::Label { .. } => {
+                ChannelImage::Values(Image::decode_values(bytes, map.size, 1).ok()?)
+            }
         })
     }
 }
@@ -36,11 +38,11 @@ impl Images {
         Self { all: storage.channels().iter().copied().zip(images).collect(), count: storage.count() }
     }
 
-    /// Appends the values at a place in texels: means over a width in texels, of places within a range.
-    pub fn sample(&self, place: [f64; 2], [low, high]: [[f64; 2]; 2], width: f64, values: &mut Vec<f32>) {
+    /// Appends the values at a place in texels: means over a width in texels, of places within a range; the label there.
+    pub fn sample(&self, place: [f64; 2], [low_place, high_place]: [[f64; 2]; 2], width: f64, values: &mut Vec<f32>) {
         let count = width.ceil().clamp(1.0, MOST_SAMPLES) as u32;
         let offset = |k: u32| ((f64::from(k) + 0.5) / f64::from(count) - 0.5) * width;
-        let clamped = |axis: usize, k: u32| (place[axis] + offset(k)).clamp(low[axis], high[axis]);
+        let clamped = |axis: usize, k: u32| (place[axis] + offset(k)).clamp(low_place[axis], high_place[axis]);
         let share = 1.0 / (count * count) as f32;
         let first = values.len();
         values.resize(first + self.count, 0.0);
@@ -55,8 +57,12 @@ impl Images {
             }
         }
         let mut sums = &mut values[first..];
-        for (stored, _) in &self.all {
+        for (stored, image) in &self.all {
             let (own, rest) = sums.split_at_mut(stored.values());
+            if let (Stored::Label { low }, ChannelImage::Values(image)) = (stored, image) {
+                let [x, y] = [0, 1].map(|axis| place[axis].clamp(low_place[axis], high_place[axis]) as u32);
+                own[0] = (low + f64::from(image.texel(x, y)[0])) as f32;
+            }
             // Colours count by their opacity.
             if let (Stored::Colour { .. }, [red, green, blue, opacity]) = (stored, &mut *own)
                 && *opacity > 0.0

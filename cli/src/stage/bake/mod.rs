@@ -5,6 +5,7 @@
 //! input's textures are not seen by the result. The texels of coarser patches are means of those of finer ones as they were before they
 //! were quantised ([`Surfels`]): each point of the input is looked at once, and nothing is lost twice.
 
+mod fill;
 mod gather;
 mod images;
 mod pieces;

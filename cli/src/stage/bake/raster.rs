@@ -1,10 +1,13 @@
 //! Triangles on the texels of a map.
 
+use glam::Vec3;
 use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
 use super::projection::projections;
 
+/// A point is moved by no more texels than patches are widened by.
+const MAX_STEP: f32 = 1.5;
 /// Depths that differ by less than this many texels are those of one sheet.
 const SAME_SHEET: f32 = 2.0;
 
@@ -14,6 +17,8 @@ pub(super) struct Drawn {
     /// For each texel the depth of the patch along the axis of the piece, in texels from the patch's origin; beside the patch that of the nearest texel of it, as
     /// far as images are read there. NaN elsewhere.
     pub depth: Vec<f32>,
+    /// How the depth grows along a row and along a column, per texel.
+    pub slope: Vec<[f32; 2]>,
     /// Whether the texel's centre lies in a triangle.
     pub is_covered: Vec<bool>,
     /// Whether a reader may interpolate with the texel.
@@ -24,19 +29,22 @@ pub(super) struct Drawn {
 
 impl Drawn {
     pub fn new(patch: &BakedPatch<'_>, map: &Map) -> Self {
-        let mut this = Self { depth: vec![f32::NAN; map.size[0] as usize * map.size[1] as usize], ..Self::default() };
+        let count = map.size[0] as usize * map.size[1] as usize;
+        let mut this = Self { depth: vec![f32::NAN; count], slope: vec![[0.0; 2]; count], ..Self::default() };
         let projections = projections(patch, map);
         for (number, corners) in (0..).zip(patch.triangles) {
             let projection = &projections[usize::from(map.labels[number as usize])];
             let points = corners.map(|corner| patch.position(corner));
             let places = points.map(|point| projection.place(point));
             let depths = points.map(|point| projection.depth(point));
+            let slope = slope(places, depths);
             let mut is_hidden = false;
             for_each_sample(places, map.size, 1, |texel, weights| {
                 let at = (weights[0] * depths[0] + weights[1] * depths[1] + weights[2] * depths[2]) as f32;
                 let before = &mut this.depth[texel];
                 if before.is_nan() {
                     *before = at;
+                    this.slope[texel] = slope;
                 } else if (*before - at).abs() > SAME_SHEET {
                     is_hidden = true;
                 }
@@ -60,11 +68,14 @@ impl Drawn {
         let projections = projections(patch, map);
         for (corners, &label) in patch.triangles.iter().zip(&map.labels) {
             let projection = &projections[usize::from(label)];
-            for &corner in corners {
-                let point = patch.position(corner);
-                let texel = texel_at(projection.place(point), map.size);
+            let points = corners.map(|corner| patch.position(corner));
+            let places = points.map(|point| projection.place(point));
+            let depths = points.map(|point| projection.depth(point));
+            for (place, depth) in places.into_iter().zip(depths) {
+                let texel = texel_at(place, map.size);
                 if self.depth[texel].is_nan() {
-                    self.depth[texel] = projection.depth(point) as f32;
+                    self.depth[texel] = depth as f32;
+                    self.slope[texel] = slope(places, depths);
                 }
             }
         }
@@ -72,40 +83,81 @@ impl Drawn {
 
     /// Texels beside the patch get the depth of their neighbours, twice: once for interpolation, once where finer borders reach.
     fn widen(&mut self, map: &Map) {
-        let rectangles: Vec<[usize; 4]> = map
-            .pieces
-            .iter()
-            .map(|piece| {
-                let [low, high] = piece.range();
-                [low[0] as usize, low[1] as usize, high[0] as usize, high[1] as usize]
-            })
-            .collect();
         let width = map.size[0] as usize;
-        for _ in 0..2 {
-            let before = self.depth.clone();
-            for &[left, top, right, bottom] in &rectangles {
+        let (mut rows, mut beside): (Vec<Vec<bool>>, Vec<(usize, f32, [f32; 2])>) = (vec![], vec![]);
+        for piece in &map.pieces {
+            let [[left, top], [right, bottom]] = piece.range().map(|corner| corner.map(|x| x as usize));
+            for _ in 0..2 {
+                // Of each texel whether it or one beside it in its row has a depth.
+                rows.resize_with(bottom - top + 1, Vec::new);
+                for (row, y) in rows.iter_mut().zip(top..=bottom) {
+                    row.clear();
+                    row.extend((left..=right).map(|x| !self.depth[y * width + x].is_nan()));
+                    widen_row(row);
+                }
                 for y in top..=bottom {
+                    let around = y.saturating_sub(1).max(top)..=(y + 1).min(bottom);
                     for x in left..=right {
-                        if !before[y * width + x].is_nan() {
+                        let texel = y * width + x;
+                        if !self.depth[texel].is_nan() || !around.clone().any(|y| rows[y - top][x - left]) {
                             continue;
                         }
-                        let rows = y.saturating_sub(1).max(top)..=(y + 1).min(bottom);
-                        let around = rows.flat_map(|y| {
-                            (x.saturating_sub(1).max(left)..=(x + 1).min(right)).map(move |x| y * width + x)
-                        });
-                        let (mut sum, mut count) = (0.0, 0.0);
-                        for depth in around.map(|texel| before[texel]).filter(|depth| !depth.is_nan()) {
-                            (sum, count) = (sum + depth, count + 1.0);
+                        let (mut sum, mut slopes, mut count) = (0.0, [0.0; 2], 0.0);
+                        let columns = x.saturating_sub(1).max(left)..=(x + 1).min(right);
+                        for other in around.clone().flat_map(|y| columns.clone().map(move |x| y * width + x)) {
+                            if !self.depth[other].is_nan() {
+                                (sum, count) = (sum + self.depth[other], count + 1.0);
+                                (0..2).for_each(|k| slopes[k] += self.slope[other][k]);
+                            }
                         }
-                        if count > 0.0 {
-                            self.depth[y * width + x] = sum / count;
-                        }
+                        beside.push((texel, sum / count, slopes.map(|slope| slope / count)));
                     }
+                }
+                for (texel, depth, slope) in beside.drain(..) {
+                    (self.depth[texel], self.slope[texel]) = (depth, slope);
                 }
             }
         }
         self.is_used = self.depth.iter().map(|depth| !depth.is_nan()).collect();
     }
+
+    /// The point of the patch that is closest to a point of the source, as far as the patch is as flat there as at the texel of the point: so
+    /// the source is shown where a viewer would look for it, whatever the axis. Points are a place and a depth. A point that is further
+    /// away than `reach` along the axis stays where it is.
+    #[inline]
+    pub fn closest(&self, point: Vec3, texel: usize, size: [u32; 2], reach: f32) -> Vec3 {
+        let width = size[0] as usize;
+        let [along, down] = self.slope[texel];
+        let centre = [(texel % width) as f32 + 0.5, (texel / width) as f32 + 0.5];
+        let away = point.z - (self.depth[texel] + along * (point.x - centre[0]) + down * (point.y - centre[1]));
+        // Comparisons with NaN are false.
+        if away.abs() <= reach {
+            let step = away / (1.0 + along * along + down * down);
+            let moved = Vec3::new(along * step, down * step, -step);
+            if moved.x.abs().max(moved.y.abs()) <= MAX_STEP { point + moved } else { point }
+        } else {
+            point
+        }
+    }
+}
+
+/// Spreads what is true of an element to both beside it.
+fn widen_row(row: &mut [bool]) {
+    let mut before = false;
+    for at in 0..row.len() {
+        let this = row[at];
+        row[at] |= before | row.get(at + 1).copied().unwrap_or(false);
+        before = this;
+    }
+}
+
+/// How the depth of a triangle grows along both directions of the image; 0 if it has no area there.
+fn slope([a, b, c]: [[f64; 2]; 3], depths: [f64; 3]) -> [f32; 2] {
+    let ([x, y], [z, w]) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+    let (of_b, of_c) = (depths[1] - depths[0], depths[2] - depths[0]);
+    let area = x * w - y * z;
+    let slope = [(of_b * w - of_c * y) / area, (of_c * x - of_b * z) / area].map(|slope| slope as f32);
+    if slope.iter().all(|slope| slope.is_finite()) { slope } else { [0.0; 2] }
 }
 
 /// The texel in which a place lies.
@@ -144,12 +196,30 @@ pub(super) fn for_each_sample(
         let weight =
             |p: [f64; 2], q: [f64; 2]| ((p[0] - 0.5 * step) * (q[1] - y) - (p[1] - y) * (q[0] - 0.5 * step)) * inverse;
         let first = [weight(b, c), weight(c, a), weight(a, b)];
-        let texels = (row / fineness) as usize * size[0] as usize;
-        for column in columns.clone() {
-            let weights = [0, 1, 2].map(|k| first[k] + f64::from(column) * growth[k]);
-            if weights[0] >= 0.0 && weights[1] >= 0.0 && weights[2] >= 0.0 {
-                visit(texels + (column / fineness) as usize, weights);
+        let weights = |column: u32| [0, 1, 2].map(|k| first[k] + f64::from(column) * growth[k]);
+        let is_inside = |column: u32| weights(column).iter().all(|&weight| weight >= 0.0);
+        // Each weight is monotonous, so those inside are a range: one is computed, and corrected at both ends.
+        let (mut low, mut high) = (f64::from(columns.start), f64::from(columns.end));
+        for k in 0..3 {
+            let root = -first[k] / growth[k];
+            if growth[k] > 0.0 {
+                low = low.max(root);
+            } else if growth[k] < 0.0 {
+                high = high.min(root);
             }
+        }
+        // The conversions saturate.
+        let (mut start, mut end) = (low as u32, (high as u32).saturating_add(2).min(columns.end));
+        start = start.saturating_sub(1).max(columns.start);
+        while start < end && !is_inside(start) {
+            start += 1;
+        }
+        while start < end && !is_inside(end - 1) {
+            end -= 1;
+        }
+        let texels = (row / fineness) as usize * size[0] as usize;
+        for column in start..end {
+            visit(texels + (column / fineness) as usize, weights(column));
         }
     }
 }

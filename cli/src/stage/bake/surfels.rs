@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
-use super::gather::finished;
+use super::fill::finished;
 use super::projection::{Projection, projections};
 use super::raster::Drawn;
 use super::values::{Storage, Sums};
@@ -77,6 +77,8 @@ fn run(
             }
             let point = projection.point([x as f64 + 0.5, y as f64 + 0.5], f64::from(drawn.depth[texel]));
             if run.points.is_empty() {
+                run.points.reserve_exact(SIDE * SIDE);
+                run.values.reserve_exact(SIDE * SIDE * count);
                 run.origin = point;
             }
             run.bounds = [run.bounds[0].min(point), run.bounds[1].max(point)];
@@ -107,7 +109,13 @@ pub(super) fn gather_surfels<'a>(
             let (first, [by_x, by_y, by_z]) = projection.around(run.origin - patch.origin());
             for (point, values) in run.points.iter().zip(run.values.chunks_exact(storage.count())) {
                 let at = first + by_x * point.x + by_y * point.y + by_z * point.z;
-                if at.x < low[0] || at.y < low[1] || at.x >= high[0] || at.y >= high[1] {
+                let is_beside = |at: Vec3| at.x < low[0] || at.y < low[1] || at.x >= high[0] || at.y >= high[1];
+                if is_beside(at) {
+                    continue;
+                }
+                let texel = at.y as usize * width + at.x as usize;
+                let at = drawn.closest(at, texel, map.size, projection.reach);
+                if is_beside(at) {
                     continue;
                 }
                 let texel = at.y as usize * width + at.x as usize;
@@ -118,5 +126,5 @@ pub(super) fn gather_surfels<'a>(
             }
         }
     }
-    finished(sums, map, drawn)
+    finished(sums, patch, map, drawn)
 }

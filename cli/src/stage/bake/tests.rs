@@ -121,3 +121,135 @@ fn patches_without_area_and_without_a_source_have_an_image_or_none() {
         }
     }
 }
+
+/// Triangles with a number each.
+struct Numbered(Vec<([[f64; 3]; 3], f32)>);
+
+impl Source for Numbered {
+    fn triangle_count(&self) -> usize {
+        self.0.len()
+    }
+    fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.0[triangle].0.map(DVec3::from)
+    }
+    fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], _: f32, values: &mut Vec<f32>) {
+        values.extend(weights.iter().map(|_| self.0[triangle].1));
+    }
+}
+
+fn numbers() -> Storage {
+    Storage::new(vec![Stored::Scalar { low: 0.0, step: 1.0 }])
+}
+
+/// The numbers with which a reader interpolates in each triangle: the smallest and the largest.
+fn numbers_shown(positions: &[LatticePoint], triangles: &[[u32; 3]], baked: &Baked) -> Vec<[u16; 2]> {
+    let map = Map::decode(&baked.streams[0], positions, triangles, MAX_TEXELS).unwrap();
+    let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
+    let shown = triangles.iter().enumerate().map(|(number, corners)| {
+        let points = corners.map(|v| DVec3::from(positions[v as usize].map(|x| x as f64)));
+        let mut range = [u16::MAX, 0];
+        for (i, j) in (0..=40).flat_map(|i| (0..=40 - i).map(move |j| (i, j))) {
+            let [b, c] = [i, j].map(|x| f64::from(x) / 40.0);
+            let point = points[0] * (1.0 - b - c) + points[1] * b + points[2] * c;
+            let place = map.piece(number).unbounded(point.to_array());
+            for corner in [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]] {
+                let [x, y] = [0, 1].map(|k| (place[k] + corner[k]) as u32);
+                let number = image.texel(x, y)[0];
+                range = [range[0].min(number), range[1].max(number)];
+            }
+        }
+        range
+    });
+    shown.collect()
+}
+
+/// A ridge, whose sides are pieces of their own.
+const RIDGE: ([LatticePoint; 4], [[u32; 3]; 2]) =
+    ([[0, 0, 80], [0, 100, 80], [-60, 50, 0], [60, 50, 0]], [[0, 1, 2], [1, 0, 3]]);
+
+#[test]
+fn a_piece_shows_nothing_of_the_piece_that_lies_beside_it_in_the_image() {
+    let (positions, triangles) = RIDGE;
+    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0 };
+    let scaled = |side: usize, factor: f64| {
+        let corners = triangles[side].map(|v| DVec3::from(positions[v as usize].map(|x| x as f64)));
+        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+        corners.map(|corner| (middle + (corner - middle) * factor).to_array())
+    };
+    // One side is known as far as it goes, the other one beyond its borders.
+    for [left, right] in [[1.0, 1.5], [1.5, 1.0]] {
+        let mut source = Numbered(vec![(scaled(0, left), 100.0), (scaled(1, right), 900.0)]);
+        let baked = bake(&patch, &mut source, 4, &numbers()).unwrap();
+        assert_eq!(numbers_shown(&positions, &triangles, &baked), [[100; 2], [900; 2]]);
+    }
+}
+
+#[test]
+fn a_piece_of_which_nothing_is_known_shows_what_lies_beside_it_on_the_surface() {
+    let (positions, triangles) = RIDGE;
+    for side in [0, 1] {
+        let one = [triangles[side]];
+        let corners = triangles[side].map(|v| positions[v as usize].map(|x| x as f64));
+        let finer = BakedPatch { positions: &positions, triangles: &one, reach: 5.0 };
+        let finer = bake(&finer, &mut Numbered(vec![(corners, 700.0)]), 2, &numbers()).unwrap();
+        let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0 };
+        let baked = bake_coarser(&patch, finer.surfels.iter(), 4, &numbers()).unwrap();
+        assert_eq!(numbers_shown(&positions, &triangles, &baked), [[700; 2]; 2]);
+    }
+}
+
+#[test]
+fn points_of_the_source_are_shown_where_the_patch_is_closest_to_them() {
+    // Two slopes in one piece. Strips of the source, with a number each, lie above one of them, along its normal.
+    let positions = [[0, 0, 58], [0, 60, 58], [-100, 0, 0], [-100, 60, 0], [100, 0, 0], [100, 60, 0]];
+    let triangles = [[0, 1, 2], [1, 3, 2], [1, 0, 4], [1, 4, 5]];
+    let above = DVec3::new(58.0, 0.0, 100.0).normalize() * 2.4;
+    let strips = (0..10).flat_map(|strip| {
+        let [left, right] = [strip, strip + 1].map(|x| f64::from(x) * 10.0);
+        let point = |x: f64, y: f64| (DVec3::new(x, y, 58.0 - 0.58 * x) + above).to_array();
+        let [a, b, c, d] = [point(left, 0.0), point(right, 0.0), point(right, 60.0), point(left, 60.0)];
+        [[a, b, c], [a, c, d]].map(|corners| (corners, (strip + 1) as f32))
+    });
+    let mut source = Numbered(strips.collect());
+    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0 };
+    let baked = bake(&patch, &mut source, 0, &numbers()).unwrap();
+    let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
+    let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
+    for (border, y) in (1..10_u16).flat_map(|border| (5..55).map(move |y| (border, y))) {
+        for (beside, number) in [(-0.9, border), (0.9, border + 1)] {
+            let x = f64::from(border) * 10.0 + beside;
+            let place = map.piece(2).unbounded([x, f64::from(y), 58.0 - 0.58 * x]).map(|x| x as u32);
+            assert_eq!(image.texel(place[0], place[1])[0], number, "at {x}, {y}");
+        }
+    }
+}
+
+#[test]
+fn a_texel_has_the_label_of_most_of_it_and_none_between() {
+    // A plane whose left three quarters are of class 3, the others of class 900; texels of 2 lie across the border at 151.
+    let class = |x: f64| if x < 151.0 { 3.0 } else { 900.0 };
+    let quad = |[left, right]: [f64; 2]| {
+        let [a, b, c, d] = [[left, 0.0, 0.0], [right, 0.0, 0.0], [right, 100.0, 0.0], [left, 100.0, 0.0]];
+        [[a, b, c], [a, c, d]].map(|corners| (corners, class(0.5 * (left + right)) as f32))
+    };
+    // Strips of 3, but that the border divides one.
+    let mut bounds: Vec<f64> = (0..=67).map(|x| f64::from(x) * 3.0).chain([151.0]).collect();
+    bounds.sort_by(f64::total_cmp);
+    let source = bounds.windows(2).flat_map(|pair| quad([pair[0], pair[1]])).collect();
+    let positions = [[0, 0, 0], [201, 0, 0], [201, 100, 0], [0, 100, 0]];
+    let triangles = [[0, 1, 2], [0, 2, 3]];
+    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0 };
+    let storage = Storage::new(vec![Stored::Label { low: 3.0 }]);
+    let fine = bake(&patch, &mut Numbered(source), 2, &storage).unwrap();
+    let coarse = bake_coarser(&patch, fine.surfels.iter(), 7, &storage).unwrap();
+    for (baked, size) in [(&fine, 2.0), (&coarse, 11.4)] {
+        let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
+        let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
+        for x in 0..=200 {
+            let place = map.piece(0).unbounded([f64::from(x), 50.0, 0.0]).map(|x| x as u32);
+            let label = f64::from(image.texel(place[0], place[1])[0]) + 3.0;
+            let x = f64::from(x);
+            assert!(label == class(x) || (x - 151.0).abs() <= size && [3.0, 900.0].contains(&label), "{label} at {x}");
+        }
+    }
+}

@@ -33,6 +33,11 @@ pub enum Stored {
         /// What each number adds.
         step: f64,
     },
+    /// The number of a class, NaN where there is none. A texel has the one that most of it has.
+    Label {
+        /// The smallest number.
+        low: f64,
+    },
 }
 
 impl Stored {
@@ -41,7 +46,7 @@ impl Stored {
         match self {
             Self::Colour { .. } => 4,
             Self::Normal { .. } => 3,
-            Self::Factor { .. } | Self::Scalar { .. } => 1,
+            Self::Factor { .. } | Self::Scalar { .. } | Self::Label { .. } => 1,
         }
     }
 }
@@ -52,7 +57,7 @@ pub struct Storage {
     channels: Vec<Stored>,
     /// Values of a point.
     count: usize,
-    /// Weights of a texel: that of all samples, and for each scalar that of samples which have it.
+    /// Weights of a texel: that of all samples, for each scalar that of samples which have it, and for each label its lead.
     weights: usize,
 }
 
@@ -60,7 +65,8 @@ impl Storage {
     /// Of channels in their order.
     pub fn new(channels: Vec<Stored>) -> Self {
         let count = channels.iter().map(|channel| channel.values()).sum();
-        let weights = 1 + channels.iter().filter(|channel| matches!(channel, Stored::Scalar { .. })).count();
+        let is_number = |channel: &&Stored| matches!(channel, Stored::Scalar { .. } | Stored::Label { .. });
+        let weights = 1 + channels.iter().filter(is_number).count();
         Self { channels, count, weights }
     }
 
@@ -72,6 +78,16 @@ impl Storage {
     /// Values of a point.
     pub fn count(&self) -> usize {
         self.count
+    }
+
+    /// Where the labels lie among the values of a point.
+    pub(super) fn labels(&self) -> Vec<usize> {
+        let mut end = 0;
+        let starts = self.channels.iter().map(|channel| {
+            end += channel.values();
+            (channel, end - channel.values())
+        });
+        starts.filter(|(channel, _)| matches!(channel, Stored::Label { .. })).map(|(_, start)| start).collect()
     }
 
     /// The image of each channel, of texels that have these values. Texels that are not used may have any value afterwards.
@@ -96,6 +112,10 @@ impl Storage {
                     let data = texels.map(|texel| number_of(texel[0], low, step)).collect();
                     encode_values(&Image { size: map.size, components: 1, data }, is_used)
                 }
+                Stored::Label { low } => {
+                    let data = texels.map(|texel| number_of(texel[0], low, 1.0)).collect();
+                    encode_values(&Image { size: map.size, components: 1, data }, is_used)
+                }
             });
             first += channel.values();
         }
@@ -116,15 +136,29 @@ fn byte(value: f32) -> u8 {
 
 /// Colours as they are stored, from linear light.
 fn colours<'a>(texels: impl Iterator<Item = &'a [f32]>, size: [u32; 2], components: u8) -> Image<u8> {
-    let mut data = Vec::with_capacity(size[0] as usize * size[1] as usize * usize::from(components));
-    for texel in texels {
-        let colour = [srgb_byte(texel[0]), srgb_byte(texel[1]), srgb_byte(texel[2]), byte(texel[3])];
-        data.extend(&colour[..usize::from(components)]);
+    let count = usize::from(components);
+    let mut data = vec![0; size[0] as usize * size[1] as usize * count];
+    for (to, texel) in data.chunks_exact_mut(count).zip(texels) {
+        (0..3).for_each(|k| to[k] = srgb_byte(texel[k]));
+        if let Some(opacity) = to.get_mut(3) {
+            *opacity = byte(texel[3]);
+        }
     }
     Image { size, components, data }
 }
 
-/// Weighted sums of values by texel. Colours are weighted with their opacity, and missing scalars do not count.
+/// Counts a vote for a label (Boyer and Moore 1981, "MJRTY"): what has more than half of the weight wins, whatever the order.
+fn vote(winner: &mut f32, lead: &mut f32, label: f32, weight: f32) {
+    if *winner == label {
+        *lead += weight;
+    } else if *lead > weight {
+        *lead -= weight;
+    } else {
+        (*winner, *lead) = (label, weight - *lead);
+    }
+}
+
+/// Weighted sums of values by texel. Colours are weighted with their opacity, missing scalars do not count, and labels are voted for.
 pub(super) struct Sums<'a> {
     storage: &'a Storage,
     /// The values of each texel.
@@ -144,6 +178,15 @@ impl<'a> Sums<'a> {
         let sums = &mut self.sums[texel * count..][..*count];
         let weights = &mut self.weights[texel * weights..][..*weights];
         weights[0] += weight;
+        // Most inputs have colours alone.
+        if let ([Stored::Colour { .. }], [red, green, blue, opacity], &[r, g, b, o]) =
+            (&channels[..], &mut *sums, values)
+        {
+            let share = weight * o;
+            (*red, *green, *blue) = (*red + r * share, *green + g * share, *blue + b * share);
+            *opacity += share;
+            return;
+        }
         let (mut at, mut scalar) = (0, 1);
         for channel in channels {
             match channel {
@@ -168,8 +211,19 @@ impl<'a> Sums<'a> {
                     }
                     (at, scalar) = (at + 1, scalar + 1);
                 }
+                Stored::Label { .. } => {
+                    if !values[at].is_nan() {
+                        vote(&mut sums[at], &mut weights[scalar], values[at], weight);
+                    }
+                    (at, scalar) = (at + 1, scalar + 1);
+                }
             }
         }
+    }
+
+    /// Where the labels lie among the values of a texel.
+    pub fn labels(&self) -> Vec<usize> {
+        self.storage.labels()
     }
 
     /// Values of a texel.
@@ -201,6 +255,7 @@ impl<'a> Sums<'a> {
                         own[0] /= weights[scalar];
                         scalar += 1;
                     }
+                    Stored::Label { .. } => scalar += 1,
                 }
                 at += channel.values();
             }

@@ -174,21 +174,42 @@ struct TexturedFace {
 
 impl TexturedFace {
     fn sample(&self, weights: [f32; 3], footprint: f32) -> [f32; 4] {
+        self.with(&self.filter(footprint), weights)
+    }
+
+    fn filter(&self, footprint: f32) -> texture::Filter<'_> {
+        self.texture.filter(footprint * self.density)
+    }
+
+    #[inline]
+    fn with(&self, filter: &texture::Filter<'_>, weights: [f32; 3]) -> [f32; 4] {
         let at = |axis: usize| (0..3).map(|k| self.uv[k][axis] * f64::from(weights[k])).sum();
-        self.texture.sample([at(0), at(1)], self.wrap, footprint * self.density)
+        filter.sample([at(0), at(1)], self.wrap)
     }
 }
 
 impl Face<'_> {
     /// Red, green, blue and straight alpha in linear light, averaged over about a `footprint`, which is a length in units of the positions.
     pub fn base_colour(&self, weights: [f32; 3], footprint: f32) -> [f32; 4] {
+        let texture = self.textures[Use::Base as usize].as_ref();
+        self.base_colour_with(texture.map(|face| (face, face.filter(footprint))).as_ref(), weights)
+    }
+
+    /// Appends the base colours of several points, as [`Face::base_colour`] has them.
+    pub fn base_colours(&self, weights: &[[f32; 3]], footprint: f32, values: &mut Vec<f32>) {
+        let texture = self.textures[Use::Base as usize].as_ref().map(|face| (face, face.filter(footprint)));
+        weights.iter().for_each(|&weights| values.extend_from_slice(&self.base_colour_with(texture.as_ref(), weights)));
+    }
+
+    #[inline]
+    fn base_colour_with(&self, texture: Option<&(&TexturedFace, texture::Filter<'_>)>, weights: [f32; 3]) -> [f32; 4] {
         let mut colour = self.material.map_or([1.0; 4], |material| material.base_colour);
         let mut multiply = |factor: [f32; 4]| (0..4).for_each(|i| colour[i] *= factor[i]);
         if let Some(place) = self.colour {
             multiply([0, 1, 2, 3].map(|i| self.interpolated(place + i, weights)));
         }
-        if let Some(face) = &self.textures[Use::Base as usize] {
-            multiply(face.sample(weights, footprint));
+        if let Some((face, filter)) = texture {
+            multiply(face.with(filter, weights));
         }
         match self.material.map(|material| material.alpha) {
             Some(AlphaMode::Opaque) => colour[3] = 1.0,
@@ -210,6 +231,21 @@ impl Face<'_> {
             }
         }
         if weight > 0.0 { sum / weight } else { f32::NAN }
+    }
+
+    /// The label of the nearest corner, counted as scalars are. NaN if it has none.
+    pub fn label(&self, which: usize, weights: [f32; 3]) -> f32 {
+        let [a, b, c] = weights;
+        let nearest = if a >= b && a >= c {
+            0
+        } else if b >= c {
+            1
+        } else {
+            2
+        };
+        let mut alone = [0.0; 3];
+        alone[nearest] = 1.0;
+        self.scalar(which, alone)
     }
 
     /// Samples per unit of length that the channels of the input have here, but for scalars: texels of its textures, or about one for each

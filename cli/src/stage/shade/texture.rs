@@ -94,19 +94,34 @@ impl Texture {
         self.levels.iter().map(|level| level.bytes()).sum()
     }
 
-    /// The average over a width in texels, around a place that counts in images.
-    pub(super) fn sample(&self, at: [f64; 2], wrap: [Wrap; 2], width: f32) -> [f32; 4] {
+    /// What gives averages over a width in texels.
+    pub(super) fn filter(&self, width: f32) -> Filter<'_> {
         let (mut level, mut width, last) = (0, if width.is_finite() { width } else { 1.0 }, self.levels.len() - 1);
         while width >= 2.0 && level < last {
             (level, width) = (level + 1, width / 2.0);
         }
-        let fine = self.levels[level].sample(at, wrap);
         let share = if level < last { (width - 1.0).max(0.0) } else { 0.0 };
-        if share == 0.0 {
-            return straight(fine);
-        }
-        let coarse = self.levels[level + 1].sample(at, wrap);
-        straight([0, 1, 2, 3].map(|i| fine[i] + share * (coarse[i] - fine[i])))
+        let coarse = if share > 0.0 { self.levels.get(level + 1) } else { None };
+        Filter { fine: &self.levels[level], coarse, share }
+    }
+}
+
+/// Two levels of a texture, and the share of the coarser one.
+#[derive(Clone, Copy)]
+pub(super) struct Filter<'t> {
+    fine: &'t Level,
+    coarse: Option<&'t Level>,
+    share: f32,
+}
+
+impl Filter<'_> {
+    /// The average around a place that counts in images.
+    #[inline]
+    pub(super) fn sample(&self, at: [f64; 2], wrap: [Wrap; 2]) -> [f32; 4] {
+        let fine = self.fine.sample(at, wrap);
+        let Some(coarse) = self.coarse else { return straight(fine) };
+        let coarse = coarse.sample(at, wrap);
+        straight([0, 1, 2, 3].map(|i| fine[i] + self.share * (coarse[i] - fine[i])))
     }
 }
 
@@ -122,32 +137,22 @@ impl Level {
     #[inline]
     fn texel(&self, x: u32, y: u32) -> [f32; 4] {
         let at = y as usize * self.size[0] as usize + x as usize;
-        let [red, green, blue, alpha] = match &self.texels {
-            Texels::Encoded(texels) => {
-                let [red, green, blue, alpha] = texels[at];
-                let linear = |value: u8| LINEAR_OF_BYTE[usize::from(value)];
-                [linear(red), linear(green), linear(blue), f32::from(alpha) / 255.0]
-            }
-            Texels::Shares(texels) => texels[at].map(|value| f32::from(value) / 255.0),
-            Texels::Root(texels) => {
-                let [red, green, blue, alpha] = texels[at].map(|value| f32::from(value) / 65535.0);
-                [red * red, green * green, blue * blue, alpha]
-            }
-        };
-        [red * alpha, green * alpha, blue * alpha, alpha]
+        match &self.texels {
+            Texels::Encoded(texels) => of_encoded(texels[at]),
+            Texels::Shares(texels) => of_shares(texels[at]),
+            Texels::Root(texels) => of_root(texels[at]),
+        }
     }
 
     /// Linear light times alpha, and alpha, between four texels.
+    #[inline]
     fn sample(&self, at: [f64; 2], wrap: [Wrap; 2]) -> [f32; 4] {
         let [columns, rows] = [0, 1].map(|axis| neighbours(at[axis], self.size[axis], wrap[axis]));
-        let mut sum = [0.0; 4];
-        for (y, of_row) in rows {
-            for (x, of_column) in columns {
-                let texel = self.texel(x, y);
-                (0..4).for_each(|i| sum[i] += of_row * of_column * texel[i]);
-            }
+        match &self.texels {
+            Texels::Encoded(texels) => blended(texels, self.size[0], columns, rows, of_encoded),
+            Texels::Shares(texels) => blended(texels, self.size[0], columns, rows, of_shares),
+            Texels::Root(texels) => blended(texels, self.size[0], columns, rows, of_root),
         }
-        sum
     }
 
     /// The level of half its size; none if it has one texel.
@@ -175,6 +180,47 @@ impl Level {
     }
 }
 
+#[inline(always)]
+fn of_encoded([red, green, blue, alpha]: [u8; 4]) -> [f32; 4] {
+    let linear = |value: u8| LINEAR_OF_BYTE[usize::from(value)];
+    times_alpha([linear(red), linear(green), linear(blue), f32::from(alpha) / 255.0])
+}
+
+#[inline(always)]
+fn of_shares(texel: [u8; 4]) -> [f32; 4] {
+    times_alpha(texel.map(|value| f32::from(value) / 255.0))
+}
+
+#[inline(always)]
+fn of_root(texel: [u16; 4]) -> [f32; 4] {
+    let [red, green, blue, alpha] = texel.map(|value| f32::from(value) / 65535.0);
+    times_alpha([red * red, green * green, blue * blue, alpha])
+}
+
+#[inline(always)]
+fn times_alpha([red, green, blue, alpha]: [f32; 4]) -> [f32; 4] {
+    [red * alpha, green * alpha, blue * alpha, alpha]
+}
+
+/// The sum of the four texels in two columns and two rows, each with its shares.
+#[inline(always)]
+fn blended<T: Copy>(
+    texels: &[T],
+    width: u32,
+    columns: [(u32, f32); 2],
+    rows: [(u32, f32); 2],
+    value: impl Fn(T) -> [f32; 4],
+) -> [f32; 4] {
+    let mut sum = [0.0; 4];
+    for (y, of_row) in rows {
+        for (x, of_column) in columns {
+            let texel = value(texels[y as usize * width as usize + x as usize]);
+            (0..4).for_each(|i| sum[i] += of_row * of_column * texel[i]);
+        }
+    }
+    sum
+}
+
 /// For each of fewer texels in a row those that it covers, at most three, and their shares.
 fn shares(from: u32, to: u32) -> Vec<[(u32, f32); 3]> {
     let covered = |texel: u32| {
@@ -194,22 +240,34 @@ fn shares(from: u32, to: u32) -> Vec<[(u32, f32); 3]> {
 fn neighbours(at: f64, count: u32, wrap: Wrap) -> [(u32, f32); 2] {
     let length = f64::from(count);
     let within = match wrap {
-        Wrap::Repeat => at.rem_euclid(1.0),
-        Wrap::Mirror => 1.0 - (at.rem_euclid(2.0) - 1.0).abs(),
+        Wrap::Repeat => at - floor(at),
+        Wrap::Mirror => 1.0 - (at - 2.0 * floor(at / 2.0) - 1.0).abs(),
         Wrap::Clamp => at.clamp(0.0, 1.0),
     };
-    let place = within * length - 0.5;
-    let low = place.floor();
-    let share = (place - low) as f32;
-    let wrapped = |at: f64| match wrap {
-        Wrap::Repeat => at.rem_euclid(length).min(length - 1.0) as u32,
-        Wrap::Mirror | Wrap::Clamp => at.clamp(0.0, length - 1.0) as u32,
-    };
-    [(wrapped(low), 1.0 - share), (wrapped(low + 1.0), share)]
+    // At least -0.5, so that the conversion rounds down. Far from 0 nothing is left of a fraction, and `within` may be anything.
+    let place = within.clamp(0.0, 1.0) * length + 0.5;
+    let high = place as u32;
+    let share = (place - f64::from(high)) as f32;
+    let (first, last) = if wrap == Wrap::Repeat { (0, count - 1) } else { (count - 1, 0) };
+    let low = if high > 0 { high - 1 } else { last };
+    [(low, 1.0 - share), (if high < count { high } else { first }, share)]
+}
+
+/// The largest whole number that is not greater. Numbers that are too large to have a fraction are whole.
+#[inline]
+fn floor(x: f64) -> f64 {
+    if x.abs() >= (1_u64 << 52) as f64 {
+        return x;
+    }
+    let whole = x as i64 as f64;
+    if whole > x { whole - 1.0 } else { whole }
 }
 
 /// Colours without the alpha by which they are multiplied.
 fn straight([red, green, blue, alpha]: [f32; 4]) -> [f32; 4] {
+    if alpha == 1.0 {
+        return [red, green, blue, alpha];
+    }
     if alpha > 0.0 { [red / alpha, green / alpha, blue / alpha, alpha] } else { [0.0; 4] }
 }
 

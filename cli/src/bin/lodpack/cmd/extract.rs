@@ -9,14 +9,14 @@ use crate::messages;
 use crate::output::{PendingFile, bytes, count, length, say};
 use anyhow::{Context, Result, bail};
 use lodpack::decode::TexturedMesh;
-use lodpack::index::ChannelInfo;
+use lodpack::index::{ChannelInfo, ChannelKind};
 use lodpack::{Cut, Error, Lattice, Limiter, Outside, Query};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh};
 use lodpack_cli::mesh::glb::write_textured_glb;
 use lodpack_cli::mesh::layers::{Layer, Look};
 use lodpack_cli::mesh::pages::PagedMesh;
 use lodpack_cli::mesh::shaded::{Shading, write_shaded_mesh};
-use lodpack_cli::mesh::textured::{material_file, png, write_coloured_ply, write_textured_obj};
+use lodpack_cli::mesh::textured::{material_file, png, write_textured_obj, write_textured_ply};
 use lodpack_cli::pipeline::{Topology, cut_triangles, finish, painted};
 use serde::Serialize;
 use std::fs::File;
@@ -160,6 +160,8 @@ fn mesh_of(
             channels.iter().filter_map(|&channel| file.channels().get(usize::from(channel))).collect();
         drawn = drawn.finished(&file.lattice(), most, &known)?;
     }
+    let known = channels.iter().filter_map(|&channel| file.channels().get(usize::from(channel)));
+    drawn.numbers = known.cloned().enumerate().filter(|(_, channel)| is_number(channel)).collect();
     Ok((drawn, cut.nodes.len() as u64))
 }
 
@@ -176,6 +178,8 @@ pub struct Drawn {
     pub topology: Topology,
     /// The same with images of its look.
     pub textured: Option<(TexturedMesh, Look)>,
+    /// Measured numbers and labels among its channels, with their places.
+    pub numbers: Vec<(usize, ChannelInfo)>,
     /// Of heights: normals, and colours if there is a ramp.
     pub shading: Option<Shading>,
 }
@@ -192,6 +196,7 @@ impl Drawn {
             cut_triangles: None,
             topology: Topology::Kept,
             textured: None,
+            numbers: vec![],
             shading: None,
         }
     }
@@ -218,6 +223,7 @@ impl Drawn {
             cut_triangles: Some(self.triangles.len() as u64),
             topology: finished.topology,
             textured,
+            numbers: vec![],
             shading: None,
         })
     }
@@ -231,11 +237,24 @@ fn look_of(file: &lodpack::File<Source>, format: MeshFormat, args: &ExtractArgs)
         MeshFormat::Obj => !is_stdout(&args.output),
         MeshFormat::Ply | MeshFormat::Glb => true,
     };
-    if has_room && args.channels == "auto" {
-        Look::of(file.channels(), format == MeshFormat::Glb)
-    } else {
-        Default::default()
+    if !has_room || args.channels != "auto" {
+        return Default::default();
     }
+    let (look, mut channels) = Look::of(file.channels(), format == MeshFormat::Glb);
+    if format == MeshFormat::Ply {
+        channels.extend((0..).zip(file.channels()).filter(|(_, channel)| is_number(channel)).map(|(number, _)| number));
+    }
+    (look, channels)
+}
+
+/// Whether a channel is a property of vertices in PLY.
+fn is_number(channel: &ChannelInfo) -> bool {
+    channel.components == 1
+        && match channel.kind {
+            ChannelKind::Scalar => true,
+            ChannelKind::Label => channel.step == 1.0,
+            _ => false,
+        }
 }
 
 fn format_of(args: &ExtractArgs) -> Result<MeshFormat> {
@@ -312,7 +331,9 @@ fn write(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: &Dra
     };
     match format {
         MeshFormat::Ply | MeshFormat::Stl => {
-            write_coloured_ply(out, textured, look.colour().unwrap_or_default())?;
+            let numbers: Vec<(usize, &ChannelInfo)> =
+                mesh.numbers.iter().map(|(place, channel)| (*place, channel)).collect();
+            write_textured_ply(out, textured, look.colour(), &numbers)?;
         }
         MeshFormat::Glb => write_textured_glb(out, &PagedMesh::new(textured, look, lodpack::decode::PagedMesh::SIDE))?,
         MeshFormat::Obj => {

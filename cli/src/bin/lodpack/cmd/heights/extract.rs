@@ -42,6 +42,7 @@ pub fn mesh_of(file: &Heights<Source>, tolerance: Option<f64>, args: &ExtractArg
         cut_triangles: None,
         topology: Topology::Kept,
         textured: None,
+        numbers: vec![],
         shading: Some(Shading { normals, colours }),
     };
     Ok((drawn, (cut.tiles.len() as u64, "tiles")))
@@ -66,6 +67,7 @@ pub fn tin_of(file: &Heights<Source>, tolerance: f64, args: &ExtractArgs) -> Res
         cut_triangles: None,
         topology: Topology::Kept,
         textured: None,
+        numbers: vec![],
         shading: None,
     };
     Ok((drawn, (tin.sample_count, "samples")))
