@@ -84,7 +84,8 @@ impl Drawn {
     /// Texels beside the patch get the depth of their neighbours, twice: once for interpolation, once where finer borders reach.
     fn widen(&mut self, map: &Map) {
         let width = map.size[0] as usize;
-        let (mut rows, mut beside): (Vec<Vec<bool>>, Vec<(usize, f32, [f32; 2])>) = (vec![], vec![]);
+        let mut rows: Vec<Vec<bool>> = vec![];
+        let mut beside: Vec<(usize, f32, [f32; 2])> = vec![];
         for piece in &map.pieces {
             let [[left, top], [right, bottom]] = piece.range().map(|corner| corner.map(|x| x as usize));
             for _ in 0..2 {
