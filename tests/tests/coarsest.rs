@@ -10,8 +10,8 @@ use lodpack_cli::measure::verify::{VerifyOptions, inspect_edges, verify};
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::pipeline::{LevelChoice, ModelOptions, Topology, cut_triangles, finish};
 use lodpack_cli::progress::Silent;
-use lodpack_tests::generate::torus;
-use lodpack_tests::parts::{add_box, sponge};
+use lodpack_tests::generate::{rough_sphere, save_ply, torus};
+use lodpack_tests::parts::{add_box, pipes, sponge};
 
 /// A distance that occurs between two meshes, near the largest one.
 fn largest(a: &Mesh, b: &Mesh) -> f64 {
@@ -101,6 +101,59 @@ fn many_small_parts_share_roots_and_end_in_one_of_few_triangles() {
         assert!(occurs <= cut.error, "{occurs} occurs, {} is certified", cut.error);
         assert!(cut.error <= coarser);
         coarser = cut.error;
+    }
+}
+
+#[test]
+fn tops_of_many_handles_or_pipes_have_few_triangles() {
+    for mesh in [sponge(2), pipes(300)] {
+        let (bytes, _) = build_mesh(&mesh, "auto");
+        let file = open(&bytes);
+        let cut = file.uniform_cut(0).expect("a level");
+        let drawn = file.extract(&cut).expect("decodable");
+        assert!((1..=500).contains(&drawn.triangles.len()), "{}", drawn.triangles.len());
+        file.verify().expect("all vertices lie in the boxes of their roots");
+        assert_eq!(inspect_edges(&drawn.triangles).boundary.len(), 0);
+        let positions = drawn.positions.iter().map(|&p| DVec3::from_array(p)).collect();
+        let occurs = largest(&mesh, &Mesh { positions, triangles: drawn.triangles });
+        assert!(occurs <= cut.error, "{occurs} occurs, {} is certified", cut.error);
+    }
+}
+
+#[test]
+fn the_top_of_several_regions_is_nearly_as_near_as_a_reduced_finer_cut() {
+    let mesh = rough_sphere(64);
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let path = dir.path().join("mesh.ply");
+    save_ply(&mesh, &path).expect("a writable temporary directory");
+    for region_triangles in [u64::MAX, 15_000, 3_000] {
+        let model = ModelOptions {
+            region_triangles,
+            chart_triangles: Some(256),
+            levels: LevelChoice::All,
+            ..ModelOptions::default()
+        };
+        let options = BuildOptions { inputs: vec![path.clone()], model, ..BuildOptions::default() };
+        let mut bytes = vec![];
+        build(&options, &mut bytes, &Silent).expect("a sound mesh builds");
+        let file = open(&bytes);
+        assert_eq!(file.top_count(), 1);
+        let far = |positions: &[[f64; 3]], triangles: &[[u32; 3]]| {
+            let positions = positions.iter().map(|&p| DVec3::from_array(p)).collect();
+            largest(&mesh, &Mesh { positions, triangles: triangles.to_vec() })
+        };
+        let cut = file.uniform_cut(0).expect("a level");
+        let top = file.extract(&cut).expect("decodable");
+        let occurs = far(&top.positions, &top.triangles);
+        assert!(occurs <= cut.error && cut.error < 4.0 * occurs, "{occurs} occurs, {} is certified", cut.error);
+
+        let finer = Query { max_triangles: Some(cut_triangles(top.triangles.len() as u64)), ..Query::default() };
+        let finer = file.select(&finer).expect("affordable");
+        let whole = file.extract(&finer).expect("decodable");
+        let reduced = finish(&whole.positions, &whole.triangles, finer.error, &file.lattice(), top.triangles.len());
+        let reduced = reduced.expect("a sphere has such a surface");
+        let best = far(&reduced.positions, &reduced.triangles);
+        assert!(occurs < 1.5 * best, "{region_triangles}: {occurs} of the top, {best} of a finer cut");
     }
 }
 

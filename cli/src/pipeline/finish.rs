@@ -53,7 +53,7 @@ pub fn finish(
     let local = |p: &[f64; 3]| DVec3::from_array(lattice.units(*p).map(|x| x.round() * step));
     let surface =
         CoarseSurface { positions: positions.iter().map(local).collect(), triangles: triangles.to_vec(), error };
-    let (reduced, topology) = reduce(&surface, most_triangles)?;
+    let (reduced, topology) = reduce(&surface, most_triangles, Some)?;
     let positions = reduced.positions.iter().map(|&p| (origin + p).to_array()).collect();
     Some(Finished { positions, triangles: reduced.triangles, error: reduced.error, topology })
 }

@@ -158,7 +158,8 @@ pub(crate) fn build_region(
     // Each block has an image of what the input shows where the block lies.
 
     let start = thread_cpu_time();
-    let tops = if scale.coarsest_of_regions > 0 { tops(&forest, mesh.triangles.len() as u64) } else { vec![] };
+    let has_above = scale.coarsest_of_regions > 0;
+    let tops = if has_above { tops(&forest, mesh.triangles.len() as u64, plan.regions) } else { vec![] };
     let Forest { records, corner_levels, .. } = forest;
     let mut model = product::model(plan, &atlas, arcs, records);
     model.corner_levels = corner_levels;

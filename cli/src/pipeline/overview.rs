@@ -23,7 +23,7 @@ pub const OVERVIEW_TRIANGLES: usize = 500;
 
 /// The overview of a surface; none if nothing is left of the surface with so few triangles.
 pub(super) fn overview(surface: &CoarseSurface, scale: &Scale) -> Option<OverviewRecord> {
-    let (reduced, _) = reduce(surface, OVERVIEW_TRIANGLES)?;
+    let (reduced, _) = reduce(surface, OVERVIEW_TRIANGLES, Some)?;
     coded(surface, reduced, scale, 0).map(|(overview, _)| overview)
 }
 

@@ -51,12 +51,18 @@ pub enum Topology {
     Clustered,
 }
 
-/// A surface with at most `triangles` triangles; none if even clustering cannot make one.
-pub(super) fn reduce(surface: &CoarseSurface, triangles: usize) -> Option<(CoarseSurface, Topology)> {
-    if surface.triangles.len() <= triangles {
-        return Some((surface.clone(), Topology::Kept));
-    }
+/// A surface with at most `triangles` triangles, after `mended` has made of it what is needed; none if even clustering cannot make one.
+pub(super) fn reduce(
+    surface: &CoarseSurface,
+    triangles: usize,
+    mended: impl Fn(Mesh) -> Option<Mesh>,
+) -> Option<(CoarseSurface, Topology)> {
     let whole = Mesh { positions: surface.positions.clone(), triangles: surface.triangles.clone() };
+    let is_small = |mesh: &Mesh| mesh.triangles.len() <= triangles;
+    let as_it_is = is_small(&whole).then(|| whole.clone()).and_then(&mended);
+    if let Some(Mesh { positions, triangles }) = as_it_is.filter(is_small) {
+        return Some((CoarseSurface { positions, triangles, error: surface.error }, Topology::Kept));
+    }
     let mut candidates: Vec<(Mesh, Topology)> = vec![];
     let chart = surface.chart();
     let closed = match &chart {
@@ -73,9 +79,11 @@ pub(super) fn reduce(surface: &CoarseSurface, triangles: usize) -> Option<(Coars
         chart.loops.iter_mut().flatten().for_each(|border| border.level = FREE);
         candidates.extend(collapsed(&chart, triangles).map(|mesh| (mesh, Topology::Kept)));
     }
-    candidates.retain(|(mesh, _)| mesh.triangles.len() <= triangles && !mesh.triangles.is_empty());
+    let mended_of = |(mesh, topology)| Some((mended(mesh)?, topology));
+    let mut candidates: Vec<(Mesh, Topology)> = candidates.into_iter().filter_map(mended_of).collect();
+    candidates.retain(|(mesh, _)| is_small(mesh) && !mesh.triangles.is_empty());
     if is_crowded || candidates.is_empty() {
-        candidates.extend(clustered(&whole, triangles).map(|mesh| (mesh, Topology::Clustered)));
+        candidates.extend(clustered(&whole, triangles, mended).map(|mesh| (mesh, Topology::Clustered)));
     }
     let original = TriangleBvh::new(&whole.positions, &whole.triangles);
     let mut measured: Vec<Measured> = vec![];
@@ -140,8 +148,9 @@ fn resampled(whole: &Mesh, triangles: usize) -> Vec<Mesh> {
     drawn.collect()
 }
 
-/// Vertices clustered on the smallest cells that leave few enough triangles, as far as halving finds them.
-pub(super) fn clustered(whole: &Mesh, triangles: usize) -> Option<Mesh> {
+/// Vertices clustered on the smallest cells that leave few enough triangles, as far as halving finds them. `mended` makes of the clusters
+/// what is needed, perhaps with more triangles.
+pub(super) fn clustered(whole: &Mesh, triangles: usize, mended: impl Fn(Mesh) -> Option<Mesh>) -> Option<Mesh> {
     let [low, high] = whole.bounds();
     let longest = (high - low).max_element();
     // Halving the ratio of the two: geometrically, since sizes range over many orders of magnitude.
@@ -149,12 +158,14 @@ pub(super) fn clustered(whole: &Mesh, triangles: usize) -> Option<Mesh> {
     let mut best = None;
     for _ in 0..CLUSTER_STEPS {
         let middle = (fine * coarse).sqrt();
-        let mesh = cluster_vertices(whole, middle);
-        if mesh.triangles.len() > triangles {
-            fine = middle;
-        } else {
-            coarse = middle;
-            best = Some(mesh).filter(|mesh| !mesh.triangles.is_empty()).or(best);
+        let is_small = |mesh: &Mesh| mesh.triangles.len() <= triangles;
+        let mesh = Some(cluster_vertices(whole, middle)).filter(is_small).and_then(&mended).filter(is_small);
+        match mesh {
+            None => fine = middle,
+            Some(mesh) => {
+                coarse = middle;
+                best = Some(mesh).filter(|mesh| !mesh.triangles.is_empty()).or(best);
+            }
         }
     }
     best

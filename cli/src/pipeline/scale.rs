@@ -49,6 +49,9 @@ const MAX_EXTENT_LOG2: i32 = 39;
 const ORIGIN_STEPS_LOG2: i32 = 30;
 /// Threshold of the coarsest level over the size of what it draws: of a chart, or of everything.
 const TOP_SHARE: f64 = 0.02;
+/// The largest step along the normal in a file with groups, over the diagonal. However far the threshold of a coarse level would let
+/// them be, surfaces of a few hundred triangles are .002 of the diagonal off on average.
+const LARGEST_STEP: f64 = 0.0032;
 /// Levels of charts that are in groups.
 const CHART_LEVELS: usize = 1;
 /// The most levels: more would only repeat patches that cannot get any coarser.
@@ -133,7 +136,7 @@ impl LevelPlan {
 }
 
 /// Tolerance of a level over that of the finest one.
-fn factor_of(steps_up: usize) -> f64 {
+pub(super) fn factor_of(steps_up: usize) -> f64 {
     power_of_two(LEVEL_RATIO_LOG2 * steps_up as i32)
 }
 
@@ -144,6 +147,10 @@ impl Scale {
         let of_top = (0..MAX_LEVELS).find(|&steps_up| coarsest <= factor_of(steps_up)).map_or(MAX_LEVELS, |s| s + 1);
         let count = of_top.max(CHART_LEVELS + (in_regions + above) as usize);
         self.levels = (0..count).rev().map(|steps_up| LevelPlan::new(self.tolerance, steps_up)).collect();
+        let most = floor_log2(LARGEST_STEP * diagonal / self.step()).max(0) as u8;
+        for level in &mut self.levels {
+            level.quantisation.normal_shift = level.quantisation.normal_shift.min(most);
+        }
         self.coarsest_of_charts = (count - CHART_LEVELS) as u8;
         self.coarsest_of_regions = if above > 0 { self.coarsest_of_charts - in_regions as u8 } else { 0 };
         self

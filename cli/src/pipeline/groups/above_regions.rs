@@ -1,4 +1,5 @@
-//! Groups above regions: made where the products of all regions are joined, from the tops of these alone.
+//! Groups above regions: made where the products of all regions are joined, from the tops of these alone, and from as much of what lies
+//! below them as stays small.
 
 use lodpack::{
     LatticePoint,
@@ -15,7 +16,7 @@ use super::super::summary::Times;
 use super::super::texels::storage;
 use super::net::Net;
 use super::texels_above::{KnownTop, paint_above};
-use super::{Forest, Node, NodeSurface};
+use super::{Forest, MOST_BELOW, Node, NodeSurface};
 use crate::machine::thread_cpu_time;
 use crate::mesh::NONE;
 use crate::stage::arcs::HalfArc;
@@ -45,16 +46,16 @@ pub(in super::super) struct Top {
 pub(in super::super) struct TopSurface {
     /// Its border comes first.
     pub surface: CoarseSurface,
-    /// What it covers one level finer; none for charts.
-    pub finer: Option<CoarseSurface>,
-    /// For each half-arc of its loops the samples of the arc up to its level, or one finer.
+    /// What it covers, from one level finer on, each level once; none for charts.
+    pub below: Vec<CoarseSurface>,
+    /// For each half-arc of its loops the samples of the arc up to the finest of these levels, at least one finer than its own.
     pub samples: Vec<Vec<ArcSample>>,
     /// The texel streams of its block.
     pub texels: Vec<Vec<u8>>,
 }
 
-/// The tops of a region's records.
-pub(in super::super) fn tops(forest: &Forest, triangles: u64) -> Vec<Top> {
+/// The tops of a region's records. `regions` is how many there are.
+pub(in super::super) fn tops(forest: &Forest, triangles: u64, regions: u32) -> Vec<Top> {
     let [end, _] = forest.levels;
     let tops = || (0..).zip(&forest.records).filter(|(_, record)| record.parent.is_none());
     let weight = triangles / (tops().count() as u64).max(1);
@@ -62,17 +63,34 @@ pub(in super::super) fn tops(forest: &Forest, triangles: u64) -> Vec<Top> {
         let mut blocks = (0..).zip(&record.blocks);
         let (level, block) = blocks.find_map(|(level, block)| Some((level, block.as_ref()?)))?;
         let node = forest.nodes.iter().flatten().find(|node| node.record == root && node.surface.level == end);
-        let surface = node.map(|node| TopSurface {
-            surface: node.surface.coarse(),
-            finer: node.finer.as_ref().filter(|finer| finer.level == end + 1).map(NodeSurface::coarse),
-            samples: node.loops.iter().flatten().map(|half_arc| forest.net.samples_of(*half_arc, end + 1)).collect(),
-            texels: block.texels.clone(),
+        let surface = node.map(|node| {
+            let below = brought_along(node, MOST_BELOW / regions.max(1) as usize);
+            let finest = end + (below.len() as u8).max(1);
+            let half_arcs = node.loops.iter().flatten();
+            TopSurface {
+                surface: node.surface.coarse(),
+                below,
+                samples: half_arcs.map(|half_arc| forest.net.samples_of(*half_arc, finest)).collect(),
+                texels: block.texels.clone(),
+            }
         });
         let &BlockRecord { error, border_deviation, triangle_count, .. } = block;
         let bounds = record.bounds;
         Some(Top { root, bounds, level, error, border_deviation, triangle_count, weight, surface })
     };
     tops().filter_map(top).collect()
+}
+
+/// What lies below a node, level after level: the first level, and further ones as long as all have at most so many triangles.
+fn brought_along(node: &Node, most: usize) -> Vec<CoarseSurface> {
+    let mut triangles = 0;
+    let fits = |(number, surface): &(usize, &NodeSurface)| {
+        triangles += surface.triangles.len();
+        usize::from(surface.level) == usize::from(node.surface.level) + 1 + number
+            && (*number == 0 || triangles <= most)
+    };
+    let below = node.below.iter().enumerate().take_while(fits);
+    below.map(|(_, surface)| surface.coarse()).collect()
 }
 
 /// Groups above regions, and what they change in the sums over all of these.
@@ -208,7 +226,7 @@ impl Known {
             Some(BlockRecord { error, border_deviation, triangle_count, ..BlockRecord::default() });
         self.records.push(RootRecord { bounds, blocks, ..RootRecord::default() });
         self.numbers.push(number);
-        let Some(TopSurface { surface, finer, samples, texels }) = top.surface else { return Ok(()) };
+        let Some(TopSurface { surface, below, samples, texels }) = top.surface else { return Ok(()) };
         if samples.len() != around.iter().flatten().count() {
             return Err(wrong());
         }
@@ -224,8 +242,8 @@ impl Known {
             loops.push(of_loop);
         }
         let surface = NodeSurface::new(bottom, surface);
-        let finer = finer.map(|finer| NodeSurface::new(bottom + 1, finer));
-        self.nodes.push(Node { record, loops, surface, finer, border_deviation });
+        let below = (bottom + 1..).zip(below).map(|(level, surface)| NodeSurface::new(level, surface)).collect();
+        self.nodes.push(Node { record, loops, surface, below, border_deviation });
         self.weights.push(weight);
         self.texels.push(texels);
         Ok(())
@@ -234,6 +252,11 @@ impl Known {
     /// The number of an arc of the assembly here.
     fn arc(&mut self, assembly: &Assembly, number: u32, samples: Vec<ArcSample>) -> Option<u32> {
         if let Some(&arc) = self.arc_of.get(&number) {
+            // The other region may have brought fewer levels.
+            let known = &mut self.arcs[arc as usize].samples;
+            if samples.len() > known.len() {
+                *known = samples;
+            }
             return Some(arc);
         }
         let [a, b] = assembly.arc_ends(number)?;

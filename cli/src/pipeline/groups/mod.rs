@@ -4,7 +4,8 @@
 //! The members of a group are joined along the arcs between them, and their surface is simplified without these. So vertices are free
 //! where borders were, and a group has about as many triangles as each of its members, four times as far from the input. A group is
 //! made from what lies two heights below it where there is that, and certified against it: its bound is added, and is a sixteenth of
-//! what the group may be off. Nothing here looks at the input.
+//! what the group may be off. The top of a file, one node that everybody sees first, is made from a finer cut. Nothing here
+//! looks at the input.
 
 pub(super) mod above_regions;
 mod corners;
@@ -51,6 +52,9 @@ const GAP: f64 = 0.1;
 /// cost nothing.
 const SHARE: f64 = 0.25;
 const FEWEST: usize = 400;
+/// The most triangles of the surface that a top is made from, and of what all regions together bring for it. More would not be seen in
+/// a top of a few hundred.
+const MOST_BELOW: usize = 50_000;
 /// Distances below this share of a level's threshold need not be resolved.
 const FLOOR: f64 = 0.1;
 
@@ -61,8 +65,9 @@ pub(super) struct Node {
     pub loops: Vec<Vec<HalfArc>>,
     /// Its surface at its coarsest level.
     pub surface: NodeSurface,
-    /// What it covers one level finer; none for charts.
-    pub finer: Option<NodeSurface>,
+    /// What it covers, from one level finer on, each level once; none for charts. Beyond the first one no more than [`MOST_BELOW`]
+    /// triangles.
+    pub below: Vec<NodeSurface>,
     /// How far its border is from finer samples than those that are known here; 0 if all are.
     pub border_deviation: f64,
 }
@@ -130,7 +135,7 @@ pub(super) fn node_of_chart(
     let Patch { interior, triangles, .. } = &root.coarsest;
     let positions = positions(net, scale, &loops, level, interior);
     let surface = NodeSurface { level, positions, triangles: triangles.clone(), error };
-    Node { record, loops, surface, finer: None, border_deviation: 0.0 }
+    Node { record, loops, surface, below: vec![], border_deviation: 0.0 }
 }
 
 /// The vertices of a node at the bottom: those of its border, then the others.
@@ -255,9 +260,12 @@ impl<'a> Forest<'a> {
             return Err(vec![]);
         }
         let members = join(&borders, &members_of(&nodes), coarsest);
-        let finer = finer_of(&nodes).map(|parts| join(&borders, &parts, coarsest));
         // Of many parts few stay, however they are made: four times the triangles would cost a quarter of the build for nothing.
-        let below = finer.as_ref().filter(|_| !is_of_small_parts(&members)).unwrap_or(&members);
+        let depths = if is_of_small_parts(&members) { 0..0 } else { 0..scale.levels.len() };
+        let parts_below = depths.map_while(|depth| below_of(&nodes, depth));
+        let finer: Vec<Joined> = parts_below.map(|parts| join(&borders, &parts, coarsest)).collect();
+        // There is one top, so that a dearer way costs next to nothing.
+        let below = if coarsest == 0 { finer.last() } else { finer.first() }.unwrap_or(&members);
         let mut joined = below.clone();
         times.cut += thread_cpu_time() - start;
 
@@ -323,7 +331,7 @@ impl<'a> Forest<'a> {
             let distance = two_sided_along(&original, &drawn, &below.pairing(level), &options).upper;
             times.certify += thread_cpu_time() - start;
             for &p in &positions {
-                bounds = [bounds[0].min(p + origin), bounds[1].max(p + origin)];
+                bounds = [bounds[0].min(p), bounds[1].max(p)];
             }
             interior_vertices += patch.interior.len() as u64;
             let error = error_sum(below.error, distance);
@@ -340,14 +348,14 @@ impl<'a> Forest<'a> {
             leave_out(&mut blocks);
         }
         if joined.loops.is_empty() && coarsest == 0 {
-            let is_reduced = reduce_top(&below.whole(), &mut blocks, scale, lacks_parts, &mut all_drawn);
+            let is_reduced = reduce_top(&below.whole(), &mut blocks, scale, lacks_parts, &mut all_drawn, &mut bounds);
             // Of very many parts too many may be left, however they are reduced; the members have fewer.
             if !is_reduced && !std::ptr::eq(below, &members) {
-                reduce_top(&members.whole(), &mut blocks, scale, lacks_parts, &mut all_drawn);
+                reduce_top(&members.whole(), &mut blocks, scale, lacks_parts, &mut all_drawn, &mut bounds);
             }
         }
         raise_coarser(&mut blocks);
-        let mut bounds = bounds.map(|p| p.to_array());
+        let mut bounds = bounds.map(|p| (p + origin).to_array());
         for node in &nodes {
             let of_member = self.records[node.record as usize].bounds;
             bounds[0] = [0, 1, 2].map(|k| bounds[0][k].min(of_member[0][k]));
@@ -357,8 +365,8 @@ impl<'a> Forest<'a> {
         let record = RootRecord { filling: Filling::Irregular, loops, bounds, parent: None, blocks };
         let (loops, mut surfaces) = (members.loops.clone(), surfaces.into_iter());
         let Some(surface) = surfaces.next() else { unreachable!("a missing level has been capped") };
-        let finer = Some(surfaces.next().unwrap_or_else(|| members.surface(finest + 1)));
-        let node = Node { record: 0, loops, surface, finer, border_deviation: deviation_below };
+        let below = surfaces.chain([&members].into_iter().chain(&finer).map(Joined::surface)).collect();
+        let node = Node { record: 0, loops, surface, below, border_deviation: deviation_below };
         Ok(BuiltGroup { record, node, drawn: all_drawn, interior_vertices })
     }
 
@@ -435,11 +443,15 @@ fn members_of<'a>(nodes: &[&'a Node]) -> Vec<Part<'a>> {
     nodes.iter().map(|node| Part { loops: &node.loops, surface: &node.surface }).collect()
 }
 
-/// The surfaces of nodes one level finer; none unless all have one of the same level.
-fn finer_of<'a>(nodes: &[&'a Node]) -> Option<Vec<Part<'a>>> {
+/// The surfaces of nodes so many levels below those that are one level finer; none unless all have one of the same level, and not too
+/// many triangles.
+fn below_of<'a>(nodes: &[&'a Node], depth: usize) -> Option<Vec<Part<'a>>> {
     let parts: Option<Vec<Part>> =
-        nodes.iter().map(|node| Some(Part { loops: &node.loops, surface: node.finer.as_ref()? })).collect();
-    parts.filter(|parts| parts.windows(2).all(|pair| pair[0].surface.level == pair[1].surface.level))
+        nodes.iter().map(|node| Some(Part { loops: &node.loops, surface: node.below.get(depth)? })).collect();
+    let triangles = |parts: &[Part]| parts.iter().map(|part| part.surface.triangles.len()).sum::<usize>();
+    parts
+        .filter(|parts| parts.windows(2).all(|pair| pair[0].surface.level == pair[1].surface.level))
+        .filter(|parts| depth == 0 || triangles(parts) <= MOST_BELOW)
 }
 
 /// Gives the levels fewer small parts where these are too many, or where `is_bare` says that they are missing. Returns whether any did.

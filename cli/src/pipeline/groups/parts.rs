@@ -172,7 +172,7 @@ fn thinned(patch: &LevelPatch, wanted: usize, least: usize) -> LevelPatch {
 /// Clusters small parts, so that they and the rest have about `wanted` triangles. None if nothing would be left.
 fn with_clusters(mut rest: LevelPatch, small: &Mesh, wanted: usize, least: usize) -> Option<LevelPatch> {
     let most = wanted.saturating_sub(rest.triangles.len()).max(least);
-    let clusters = clustered(small, most).and_then(closed)?;
+    let clusters = clustered(small, most, closed)?;
     let mut numbers = vec![NONE; clusters.positions.len()];
     for corners in clusters.triangles {
         rest.triangles.push(corners.map(|v| {

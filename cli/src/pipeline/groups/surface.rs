@@ -21,6 +21,7 @@ pub(super) struct Part<'a> {
 /// Several surfaces of a level as one.
 #[derive(Clone)]
 pub(super) struct Joined {
+    pub level: u8,
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
     /// The half-arcs around it.
@@ -76,7 +77,8 @@ pub(super) fn join(borders: &Borders, parts: &[Part], coarsest: u8) -> Joined {
         loops.push(around.into_iter().map(|place| members.half_arc(place)).collect());
     }
     let error = parts.iter().map(|part| part.surface.error).fold(0.0, f64::max);
-    Joined { positions, triangles, loops, border, error }
+    let level = parts.first().map_or(0, |part| part.surface.level);
+    Joined { level, positions, triangles, loops, border, error }
 }
 
 fn ordered([a, b]: [u32; 2]) -> [u32; 2] {
@@ -127,7 +129,7 @@ fn fan(corners: [u32; 3], middles: &BTreeMap<[u32; 2], u32>, number: impl Fn(u32
 
 impl Joined {
     /// The surface as one of a node.
-    pub fn surface(&self, level: u8) -> NodeSurface {
+    pub fn surface(&self) -> NodeSurface {
         let mut numbers = vec![NONE; self.positions.len()];
         let border = self.border.iter().flatten().map(|&(_, vertex)| vertex);
         let mut order: Vec<u32> = border.collect();
@@ -141,7 +143,7 @@ impl Joined {
         }
         let positions = order.into_iter().map(|vertex| self.positions[vertex as usize]).collect();
         let triangles = self.triangles.iter().map(|corners| corners.map(|v| numbers[v as usize])).collect();
-        NodeSurface { level, positions, triangles, error: self.error }
+        NodeSurface { level: self.level, positions, triangles, error: self.error }
     }
 
     /// The same surface, where every edge inside with so many ends at the border, one or two, has a vertex in its middle: then no border
@@ -181,7 +183,7 @@ impl Joined {
             }
             border.push(left);
         }
-        Self { positions: self.positions.clone(), triangles, loops: self.loops.clone(), border, error: self.error }
+        Self { positions: self.positions.clone(), triangles, loops: self.loops.clone(), border, ..*self }
     }
 }
 

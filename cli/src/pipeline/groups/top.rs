@@ -1,16 +1,16 @@
 //! The top of a region without a border: where its topology needs many triangles, another one takes its place.
 
+use glam::DVec3;
 use lodpack::write::{BlockRecord, OverviewRecord};
 
 use super::super::chart_work::DrawnBlocks;
 use super::super::coarse::CoarseSurface;
 use super::super::overview::{OVERVIEW_TRIANGLES, coded};
 use super::super::reduce::reduce;
-use super::super::scale::Scale;
+use super::super::scale::{Scale, factor_of};
 use super::parts::closed;
-use crate::mesh::Mesh;
 
-/// The step of vertices along the normal over the bound of a reduced surface, at most.
+/// The lattice step, grown with the tolerance of a level, over the bound of a reduced surface of that level, at most.
 const STEP_PER_BOUND: f64 = 0.25;
 
 /// A coarser block of a top is left out unless it has at most this share of the finer one's triangles.
@@ -30,25 +30,26 @@ pub(super) fn leave_out(blocks: &mut [Option<BlockRecord>]) {
 }
 
 /// Replaces the coarsest blocks of a top by one of few triangles, if these have more, or are farther off because parts are missing
-/// (`lacks_parts`). `surface` is what it stands for, and `drawn` what is drawn of it. Returns whether some block has few triangles now.
+/// (`lacks_parts`). `surface` is what it stands for, `drawn` what is drawn of it, and `bounds` the box around all of that, relative to the
+/// lattice's origin. Returns whether some block has few triangles now.
 pub(super) fn reduce_top(
     surface: &CoarseSurface,
     blocks: &mut [Option<BlockRecord>],
     scale: &Scale,
     lacks_parts: bool,
     drawn: &mut DrawnBlocks,
+    bounds: &mut [DVec3; 2],
 ) -> bool {
     let Some(finest) = blocks.iter().rposition(Option::is_some) else { return false };
     let is_small = |block: &&BlockRecord| block.triangle_count as usize <= OVERVIEW_TRIANGLES;
     let small = blocks.iter().flatten().filter(is_small).map(|block| block.error).reduce(f64::min);
     if (small.is_none() || lacks_parts)
-        && let Some((reduced, _)) = reduce(surface, OVERVIEW_TRIANGLES)
         // Clustered vertices may join sheets, which have to come apart without an opening.
-        && let Some(Mesh { positions, triangles }) = closed(Mesh { positions: reduced.positions, triangles: reduced.triangles })
+        && let Some((reduced, _)) = reduce(surface, OVERVIEW_TRIANGLES, closed)
         && small.is_none_or(|error| reduced.error < error)
     {
-        let reduced = CoarseSurface { positions, triangles, error: reduced.error };
-        let step = |level: usize| scale.step() * (1_u64 << scale.levels[level].quantisation.normal_shift) as f64;
+        // The finest level takes its place unless a coarser one, by its tolerance, allows as much.
+        let step = |level: usize| scale.step() * factor_of(usize::from(scale.finest()) - level);
         let is_fine = |&level: &usize| step(level) <= STEP_PER_BOUND * (reduced.error - surface.error);
         let level = (0..=finest).find(is_fine).unwrap_or(finest);
         if let Some((OverviewRecord { error, loops, triangle_count, symbols, .. }, patch)) =
@@ -61,6 +62,10 @@ pub(super) fn reduce_top(
                 .for_each(|block| *block = None);
             blocks[..level].fill(None);
             blocks[level] = Some(BlockRecord { error, border_deviation: 0.0, triangle_count, symbols, texels: vec![] });
+            for &point in &patch.positions {
+                let p = scale.local_from_lattice(point);
+                *bounds = [bounds[0].min(p), bounds[1].max(p)];
+            }
             if let Some(drawn) = drawn.get_mut(level) {
                 *drawn = Some(patch);
             }

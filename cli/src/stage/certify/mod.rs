@@ -14,13 +14,15 @@
 //! * `closest`: distance to one triangle. `bvh`: [`TriangleBvh`], closest-point queries. `subtriangle`: a subtriangle
 //!   and its cut.
 //! * `bound`: the search. `drape`: where the borders of two surfaces correspond, a map from the finer surface onto the
-//!   coarser settles nearly everything beforehand. `by_part`: surfaces of several parts.
+//!   coarser settles nearly everything beforehand. `by_part`: surfaces of several parts. `plates`: flat sides that
+//!   are triangulated otherwise.
 
 mod bound;
 mod bvh;
 mod by_part;
 mod closest;
 mod drape;
+mod plates;
 mod subtriangle;
 #[cfg(test)]
 mod tests;
