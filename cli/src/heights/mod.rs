@@ -22,7 +22,7 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use lodpack::heights::{Grid, HeightsInfo, TileEncoder, TileId};
+use lodpack::heights::{Grid, HeightsInfo, LevelErrors, TileEncoder, TileId};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -177,6 +177,7 @@ pub fn build(
         surface: &source.surface,
         scale,
         error: samples.error * height_scale,
+        level: LevelErrors::new(grid, &source.surface, samples.error),
         highest: highest * height_scale,
     };
     let roots: Vec<_> = units(grid);

@@ -1,8 +1,8 @@
 //! One tile: its samples, its resolutions, and whether the tiles below it say anything.
 
 use lodpack::heights::{
-    Base, CELLS, DrawnTile, Grid, Line, Lines, MAX_RESOLUTIONS, Resolution, SIDE, Surface, TileId, TileTriangle,
-    TileValues, storable_tolerance,
+    Base, CELLS, DrawnTile, Grid, LevelErrors, Line, Lines, MAX_RESOLUTIONS, Resolution, SIDE, Surface, TileId,
+    TileTriangle, TileValues, storable_tolerance,
 };
 
 use super::HeightsError;
@@ -13,6 +13,8 @@ use super::unit::range_of;
 
 /// Tolerances of tiles whose quarters say more, as shares of how far the quarters' samples are off.
 const COARSE: [f64; 3] = [1.0, 1.8, 3.0];
+/// The same for level tiles on a globe: halves of cells, and halves of squares of cells, which are off by twice as much.
+const LEVEL: [f64; 2] = [0.0, 2.1];
 /// The coarsest tolerance of tiles that have all samples, as a share of how far their parent is from these.
 const COARSEST: f64 = 2.0;
 /// The same for a tile without a parent, as a share of the range of its heights.
@@ -23,8 +25,6 @@ const FINER: f64 = 0.6;
 const ABOVE: f64 = 1.01;
 /// Distances of heights are summed from a few products, of which each is rounded.
 const ROUNDED_UP: f64 = 1.0 + 1e-12;
-/// Positions on a globe are rounded a few times, each by an ulp of its axis at most.
-const ROUNDING_OF_AXIS: f64 = 1.0 / (1u64 << 48) as f64;
 /// A resolution has at most this share of the triangles of the one before.
 const FEWER: f64 = 0.85;
 
@@ -36,6 +36,8 @@ pub struct Setting<'a> {
     pub scale: Scale,
     /// How far a sample is from its rounded height at most, in units of coordinates.
     pub error: f64,
+    /// What follows below level tiles, on a globe.
+    pub level: Option<LevelErrors>,
     /// The highest sample, in units of coordinates.
     pub highest: f64,
 }
@@ -43,11 +45,7 @@ pub struct Setting<'a> {
 impl Setting<'_> {
     /// What errors have beside the distance of drawn triangles from rounded samples.
     pub fn added(&self) -> f64 {
-        let rounding = match self.surface.base {
-            Base::Plane => 0.0,
-            Base::Ellipsoid { axis, .. } => axis * ROUNDING_OF_AXIS,
-        };
-        self.error + rounding
+        self.level.map_or(self.error, |level| level.least())
     }
 }
 
@@ -108,23 +106,25 @@ pub struct Tile {
 }
 
 impl Tile {
-    /// A tile of its samples. `off` says how far samples that only its quarters have are from it, if there are any, and `above` the same
-    /// of its parent. A tile above the units (`is_above`) is judged by parts.
+    /// A tile of its samples. `off` says how far samples that only its quarters have are from it, if there are any, and `above` the distance of
+    /// its own from its parent. A tile above the units (`is_above`) is judged by parts.
     pub fn new(
         setting: &Setting<'_>,
         (id, is_above): (TileId, bool),
         values: TileValues,
-        off: Option<f64>,
+        off: Option<Off>,
         above: Option<f64>,
     ) -> Result<Self, HeightsError> {
         let Setting { grid, surface, scale, .. } = *setting;
+        let is_globe = surface.is_globe();
         let lines = grid.lines(id);
         let step = scale.step * surface.height_scale;
         // Where a tile has all samples of a square on a plane, what they need says how far they are from its triangles.
-        let is_known = off.is_none() && values.cells.is_none() && !surface.is_globe() && lines.are_whole();
+        let is_known = off.is_none() && values.cells.is_none() && !is_globe && lines.are_whole();
         let [low, high] = range_of(&values);
         let tolerances: Vec<f64> = match off {
-            Some(off) if off > 0.0 => COARSE.iter().skip(usize::from(low == high)).map(|share| share * off).collect(),
+            Some(Off { most, is_level: true }) if is_globe => LEVEL.map(|share| share * most).to_vec(),
+            Some(Off { most, .. }) if most > 0.0 => COARSE.map(|share| share * most).to_vec(),
             _ => {
                 let range = || RANGE * (f64::from(high) - f64::from(low)) * step;
                 let (count, finer) =
@@ -309,17 +309,29 @@ fn has_border_side(triangle: TileTriangle) -> bool {
     (0..2).any(|axis| [0, CELLS].iter().any(|&end| index.iter().filter(|at| at[axis] == end).count() > 1))
 }
 
-/// How far the samples that quarters of a tile have, and it does not, are from its straight connections.
+/// The samples that quarters of a tile have, and it does not.
+#[derive(Clone, Copy, Debug)]
+pub struct Off {
+    /// How far they are from the straight connections of the tile's samples at most.
+    pub most: f64,
+    /// Whether they have all the same height, as the tile's own have.
+    pub is_level: bool,
+}
+
+/// Compares the samples of quarters of a tile with it.
 pub fn distance_of_quarters<'a>(
     setting: &Setting<'_>,
     id: TileId,
     values: &TileValues,
     quarters: impl Iterator<Item = (TileId, &'a TileValues)>,
-) -> f64 {
+) -> Off {
+    let own = range_of(values);
+    let mut is_level = own[0] == own[1];
     let tile = Laid::new(setting, id, values);
     let (mut most, mut doubled) = (0.0f64, 0i64);
     let bend = tile.bend();
     for (quarter, values) in quarters {
+        is_level = is_level && range_of(values) == own;
         if let Some(bend) = bend.filter(|_| values.cells.is_none()) {
             doubled = doubled.max(doubled_distance(tile.values, quarter, values));
             most = most.max(bend);
@@ -354,7 +366,8 @@ pub fn distance_of_quarters<'a>(
             most = most.max(off);
         }
     }
-    most.max(bend.unwrap_or(0.0) + 0.5 * doubled as f64 * setting.scale.step * setting.surface.height_scale)
+    let most = most.max(bend.unwrap_or(0.0) + 0.5 * doubled as f64 * setting.scale.step * setting.surface.height_scale);
+    Off { most, is_level }
 }
 
 /// Whether a tile's lines of samples are equally far apart.
