@@ -72,7 +72,7 @@ impl Above {
                     }
                 }
                 let off = distance_of_quarters(setting, id, &own, quarters.iter().map(|(id, values)| (*id, values)));
-                let mut tile = Tile::new(setting, (id, true), own, (!quarters.is_empty()).then_some(off), coarser)?;
+                let mut tile = Tile::new(setting, (id, None), own, (!quarters.is_empty()).then_some(off), coarser)?;
                 if let Some(mask) = masks.get(id.depth as usize) {
                     let [x, y] = [id.column as usize * CELLS, id.row as usize * CELLS];
                     tile.note_partly(setting, |column, row| mask.is_whole([x + column, y + row]));
