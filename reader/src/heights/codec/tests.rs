@@ -85,7 +85,7 @@ fn rows_together_have_the_symbols_of_samples_one_by_one() {
     let grid = Grid::new([256, 256], false, [false; 2]).unwrap();
     for (scale, quarter) in [(0, 0), (1, 1), (9, 2), (300, 3), (4000, 0), (1 << 19, 1), (1 << 22, 2)] {
         let noise = |column: u64, row: u64| {
-            let (x, y, rough) = (column as f64, row as f64, (column * 7919 ^ row * 104_729) % 17);
+            let (x, y, rough) = (column as f64, row as f64, ((column * 7919) ^ (row * 104_729)) % 17);
             (((x * 0.3).sin() * 40.0 + (y * 0.21).cos() * 25.0 + rough as f64) / 64.0 * f64::from(scale)) as i32
         };
         let of = |id: TileId| {
