@@ -2046,6 +2046,8 @@ class Heights:
             pages = [child for _, children in below for child in children]
         for rest in (root_blocks, blocks, index):
             rest.end()
+        if self.is_globe:
+            self.add_level_tiles(sample_error * self.height_scale + self.axis * 2.0**-48)
         self.placement = read_placement(sections[PLACEMENT]) if PLACEMENT in sections else None
         self.stops = self.read_ramp(Bytes(sections[RAMP], "RAMP")) if RAMP in sections else None
         if SOURCE in sections:
@@ -2117,6 +2119,34 @@ class Heights:
         must(all(part.length > 0 for _, _, part in children), "an index page has no bytes")
         data.end()
         return first_page, children
+
+    def add_level_tiles(self, least):
+        """Adds the tiles below level ones, which follow from these."""
+        waiting = [r for r in self.records.values() if not r.children and not r.partial and r.lowest == r.highest]
+        for record in waiting:
+            d, i, j = record.tile
+            quarters = [(d + 1, 2 * i + x, 2 * j + y) for y in range(2) for x in range(2)]
+            children = sum(self.has(quarter) << k for k, quarter in enumerate(quarters))
+            self.records[record.tile] = record._replace(children=children)
+            error = record.resolutions[-1].error
+            error = min(error, least + (error - least) * (0.2578125 if d + 1 < self.depth else 0.0))
+            for quarter in (quarter for k, quarter in enumerate(quarters) if bit(children, k)):
+                columns, rows = self.lines(quarter)
+                width, height = (sum(a < b for a, b in zip(lines, lines[1:])) for lines in (columns, rows))
+                poles = (self.poles[0] and rows[0] == 0) + (self.poles[1] and rows[CELLS] == self.counts[1])
+                resolution = Resolution(0.0, error, width * (2 * height - poles))
+                below = record._replace(tile=quarter, resolutions=[resolution], block=None)
+                self.records[quarter], self.tiles[quarter] = below, self.read_block(below, b"", None)
+                waiting.append(below)
+        # In the order that they would have in the file.
+        interleaved = lambda i, j: sum(bit(i, k) << 2 * k | bit(j, k) << 2 * k + 1 for k in range(32))
+
+        def order(tile):
+            d, i, j = tile
+            up = d % 4
+            return d - up, j >> d, i >> d, interleaved(i >> up, j >> up), d, interleaved(i, j)
+
+        self.records = dict(sorted(self.records.items(), key=lambda item: order(item[0])))
 
     # 22.4 Blocks
 

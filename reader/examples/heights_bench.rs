@@ -105,6 +105,7 @@ impl Field {
                 resolutions,
                 block_bytes,
                 checksum,
+                is_level: false,
             };
             writer.add(&record, (id.depth == 0).then_some(&block))?;
             if id.depth > 0 {

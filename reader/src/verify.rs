@@ -30,7 +30,8 @@ impl<S: ReadAt> Heights<S> {
                 Ok(())
             })?;
             for &id in &ids {
-                waiting.extend(self.record(id)?.iter().flat_map(TileRecord::child_tiles));
+                let stored = self.record(id)?.filter(|record| !record.is_level);
+                waiting.extend(stored.iter().flat_map(TileRecord::child_tiles));
             }
             if read < ids.len() {
                 return Err(Error::format("a tile that the file names is not there"));

@@ -12,7 +12,7 @@ use super::coding::{Spill, symbols_of};
 use super::facets::Judge;
 use super::mask::{Drawn as DrawnCells, Mask};
 use super::samples::Samples;
-use super::tile::{Setting, Tile, distance_of_quarters};
+use super::tile::{Off, Setting, Tile, distance_of_quarters};
 use super::unit::{Below, Parent, Unit, finish_tile};
 
 /// What a unit has seen of a tile: of each resolution, of each triangle.
@@ -27,7 +27,7 @@ pub struct Above {
 
 struct Entry {
     tile: Tile,
-    off: f64,
+    off: Off,
 }
 
 impl Above {
@@ -64,7 +64,7 @@ impl Above {
         for _ in 0..unit_depth {
             let mut next = vec![];
             for (id, own) in level {
-                let coarser = id.parent().and_then(|parent| Some(tiles.get(&parent)?.off));
+                let coarser = id.parent().and_then(|parent| Some(tiles.get(&parent)?.off.most));
                 let mut quarters = vec![];
                 if !setting.grid.lines(id).is_finest() {
                     for quarter in id.children() {
@@ -72,7 +72,7 @@ impl Above {
                     }
                 }
                 let off = distance_of_quarters(setting, id, &own, quarters.iter().map(|(id, values)| (*id, values)));
-                let mut tile = Tile::new(setting, (id, true), own, (!quarters.is_empty()).then_some(off), coarser)?;
+                let mut tile = Tile::new(setting, (id, None), own, (!quarters.is_empty()).then_some(off), coarser)?;
                 if let Some(mask) = masks.get(id.depth as usize) {
                     let [x, y] = [id.column as usize * CELLS, id.row as usize * CELLS];
                     tile.note_partly(setting, |column, row| mask.is_whole([x + column, y + row]));
@@ -95,7 +95,7 @@ impl Above {
     /// The tile above a unit.
     pub fn parent(&self, unit: TileId) -> Option<Parent<'_>> {
         let entry = self.tiles.get(&unit.parent()?)?;
-        Some(Parent { values: &entry.tile.values, off: entry.off })
+        Some(Parent { values: &entry.tile.values, off: entry.off.most })
     }
 
     /// The symbols of all tiles.
@@ -141,7 +141,7 @@ impl Above {
         for id in &self.order {
             let Some(entry) = self.tiles.get(id) else { continue };
             let quarters = below.remove(id).unwrap_or_default();
-            let off = (!quarters.is_empty()).then_some(entry.off);
+            let off = (!quarters.is_empty()).then_some(entry.off.most);
             let (said, done) = finish_tile(setting, encoder, &entry.tile, off, self.values(id.parent()), &quarters)?;
             finished.push(done);
             say(&mut below, said);

@@ -8,9 +8,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lodpack::Lattice;
 use lodpack::heights::{
-    Grid, HeightsInfo, HeightsWriter, Ramp, Resolution, TileEncoder, TileId, TileRecord, TileValues,
+    CELLS, Grid, HeightsInfo, HeightsWriter, LevelErrors, MAX_RESOLUTIONS, Ramp, Resolution, TileEncoder, TileId,
+    TileRecord, TileValues, tile_symbols,
 };
-use lodpack::heights::{MAX_RESOLUTIONS, tile_symbols};
 use lodpack::index::SourceInfo;
 use lodpack::write::{SymbolBuffer, stored_error};
 
@@ -58,6 +58,7 @@ impl Kept {
             resolutions: all[dominated.min(all.len() - 1)..].to_vec(),
             block_bytes: self.length.into(),
             checksum: self.checksum,
+            is_level: false,
         }
     }
 }
@@ -145,6 +146,7 @@ impl Spill {
         let inner = inner.into_inner().unwrap_or_else(PoisonError::into_inner);
         let Inner { mut file, tiles: mut all, mut roots, .. } = inner;
         let grid = info.grid.clone();
+        let level = LevelErrors::new(&grid, &info.surface, info.sample_error);
         let mut writer = HeightsWriter::new(info)?;
         let [columns, rows] = grid.samples();
         let [width, height] = grid.cells();
@@ -177,8 +179,14 @@ impl Spill {
             if record.children == 0
                 && let Some(finest) = record.resolutions.last()
             {
-                written.triangles += u64::from(finest.triangle_count);
-                written.error = written.error.max(finest.error);
+                let is_level = record.lowest == record.highest && !record.is_partial && record.id.depth < grid.depth();
+                let (triangles, error) = match level.filter(|_| is_level) {
+                    // What is below follows, down to the greatest depth.
+                    Some(level) => (triangles_of(&grid, record.id), level.least()),
+                    None => (finest.triangle_count.into(), finest.error),
+                };
+                written.triangles += triangles;
+                written.error = written.error.max(error);
             }
         }
         while let Some(root) = writer.expected().filter(|root| root.depth == 0) {
@@ -194,6 +202,15 @@ impl Spill {
         written.error = stored_error(written.error, 0.0, &Lattice::default())?;
         Ok(written)
     }
+}
+
+/// The triangles of all samples of a grid in a tile: two in each cell, but one at a pole.
+fn triangles_of(grid: &Grid, id: TileId) -> u64 {
+    let [columns, rows] = [(0, id.column), (1, id.row)]
+        .map(|(axis, tile)| [0, 1].map(|k| grid.line(axis, id.depth, (tile + k) * CELLS as u64)));
+    let [first, last] = grid.poles();
+    let poles = u64::from(first && rows[0] == 0) + u64::from(last && rows[1] == grid.cells()[1]);
+    (columns[1] - columns[0]) * (2 * (rows[1] - rows[0]) - poles)
 }
 
 /// Blocks one after another, wherever they lie in the temporary file.

@@ -84,6 +84,9 @@ impl<'a> Even<'a> {
             height: heights[k],
         };
         let corners @ [a, b, c] = [corner(0), corner(1), corner(2)];
+        if let Some(off) = judge.of_square(&corners) {
+            return (off * judge.step() + bend) * ROUNDED_UP;
+        }
         let off = match self.shift {
             // Two samples lie between corners, and no others.
             1 if is_smallest => {

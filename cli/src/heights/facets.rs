@@ -3,10 +3,12 @@
 //! Heights are whole steps. Most tiles are *even*: their samples are equally far apart, a power of two, and triangles are halves of squares. Then
 //! slopes are sums of a few bits, and nothing is rounded (`even`). Everything else is a [`Facet`] between any samples.
 
-use lodpack::heights::{DrawnTile, Line, SIDE, Surface, TileTriangle};
+use lodpack::heights::{DrawnTile, Line, Lines, SIDE, Surface, TileTriangle};
 
 use super::blocks::{BLOCK_SIDES, Blocks, largest};
+use super::needs::Place;
 use super::samples::{Scale, Stored, Window};
+use super::squares::{Ground, Squares};
 
 /// How far from a side of a triangle a sample lies on it, in columns.
 const ON_SIDE: f64 = 1e-6;
@@ -74,14 +76,22 @@ pub struct Judge<'a> {
     /// The highest sample of the grid, in units of coordinates.
     pub highest: f64,
     blocks: Blocks,
+    /// Where all samples have data; empty elsewhere.
+    squares: Vec<Squares>,
     has_voids: bool,
     columns: Vec<Line>,
     rows: Vec<Line>,
 }
 
 impl<'a> Judge<'a> {
-    /// Looks at a window. `highest` is the highest sample of the grid, in units of coordinates.
-    pub fn new(window: &'a Window, scale: Scale, surface: &'a Surface, highest: f64) -> Self {
+    /// Looks at a window. `highest` is the highest sample of the grid, in units of coordinates. The tile of the window has so many `cells` along a side,
+    /// and its diagonal `falls` from the north-west, or rises.
+    pub fn new(
+        (window, cells, falls): (&'a Window, usize, bool),
+        scale: Scale,
+        surface: &'a Surface,
+        highest: f64,
+    ) -> Self {
         let lines =
             |axis: usize, [first, last]: [u64; 2]| (first..=last).map(|line| surface.line(axis, line)).collect();
         let (columns, rows) = match surface.is_globe() {
@@ -89,7 +99,44 @@ impl<'a> Judge<'a> {
             false => (vec![], vec![]),
         };
         let (blocks, has_voids) = (Blocks::new(window), window.has_voids());
-        Self { window, scale, surface, highest, blocks, has_voids, columns, rows }
+        let (stored, width) = window.all();
+        let steps = || stored.iter().map(|step| step >> 1);
+        let ground = if has_voids { None } else { Ground::new(steps(), width) };
+        let squares = ground.map_or_else(Vec::new, |ground| Squares::all(&ground, cells, falls));
+        Self { window, scale, surface, highest, blocks, squares, has_voids, columns, rows }
+    }
+
+    /// Where a tile of a plane lies in the table of squares, if its lines are equally far apart, a power of two.
+    pub fn table_of(&self, lines: &Lines) -> Option<Place<'_>> {
+        let distance = lines.columns[1] - lines.columns[0];
+        let is_even = |lines: &[u64; SIDE]| lines.windows(2).all(|pair| pair[1] - pair[0] == distance);
+        let is_there = !self.surface.is_globe() && !self.squares.is_empty() && distance.is_power_of_two();
+        if !is_there || !is_even(&lines.columns) || !is_even(&lines.rows) {
+            return None;
+        }
+        let first = [lines.columns[0] - self.window.columns[0], lines.rows[0] - self.window.rows[0]];
+        Some(Place { squares: &self.squares, first: first.map(|at| at as usize), shift: distance.trailing_zeros() })
+    }
+
+    /// How far samples are from a triangle that is half of a square or lies on a side of one, in steps, with the longest side from the first to the second
+    /// corner; none if there is no table.
+    pub fn of_square(&self, [a, b, c]: &[Corner; 3]) -> Option<f64> {
+        let [west, north] = [self.window.columns[0], self.window.rows[0]].map(|line| line as i64);
+        let [across, down] = [(a.column - b.column).unsigned_abs(), (a.row - b.row).unsigned_abs()];
+        let squares = self.squares.get((across.max(down).ilog2() as usize).checked_sub(1)?)?;
+        let size = squares.size as i64;
+        let (left, top) = (a.column.min(b.column) - west, a.row.min(b.row) - north);
+        let (column, row) = (left / size, top / size);
+        let at = |column: i64, row: i64| row as usize * squares.counts[0] + column as usize;
+        let found = match (down == 0, across == 0) {
+            (false, false) => squares.halves[usize::from(c.row - north != top)].get(at(column, row)),
+            // Its middle lies to the south, to the north, to the east or to the west of a side.
+            (true, _) if c.row > a.row => squares.sides[0].get(at(column, row)),
+            (true, _) => squares.sides[1].get(at(column, row - 1)),
+            _ if c.column > a.column => squares.sides[2].get(at(column, row)),
+            _ => squares.sides[3].get(at(column - 1, row)),
+        };
+        found.map(|&off| f64::from(off))
     }
 
     /// The length of a step.
@@ -106,6 +153,16 @@ impl<'a> Judge<'a> {
     /// and the same along those of its sides that lie on the border of its tile. Where their sum is not above `known`, the first one may be
     /// anything from itself up to what makes the sum `known`.
     pub fn distances(&self, facet: &Facet, known: f64) -> [f64; 2] {
+        let border = self.along_border(facet);
+        let inside = match self.surface.is_globe() {
+            true => self.on_globe(facet),
+            false => self.on_plane(facet, ((known - border) / self.step() * ROUNDED_DOWN).max(0.0)) * self.step(),
+        };
+        [inside, border]
+    }
+
+    /// The largest distance of samples from those sides of a triangle that lie on the border of its tile.
+    pub fn along_border(&self, facet: &Facet) -> f64 {
         let border = (0..3).filter(|&k| facet.on_border[k]).map(|k| {
             let next = (k + 1) % 3;
             let [mut a, mut b] = [facet.corners[k], facet.corners[next]];
@@ -116,12 +173,7 @@ impl<'a> Judge<'a> {
             }
             self.along(a, b)
         });
-        let border = border.fold(0.0, f64::max);
-        let inside = match self.surface.is_globe() {
-            true => self.on_globe(facet),
-            false => self.on_plane(facet, ((known - border) / self.step() * ROUNDED_DOWN).max(0.0)) * self.step(),
-        };
-        [inside, border]
+        border.fold(0.0, f64::max)
     }
 
     /// How far samples may be from triangles at the border of a tile, whatever samples its neighbours add there.

@@ -2,9 +2,9 @@
 //!
 //! Samples are rounded to steps (`samples`), so every tile knows its values without any other one. Tiles are worked on in units whose
 //! samples fit in memory (`unit`); those above the units are few, and are judged by every unit below them (`above`). `tile` chooses the
-//! resolutions of a tile, `facets` and `even` measure how far their triangles are from all samples, without those in `blocks` that cannot
-//! matter, and `coding` writes. `geotiff` takes
-//! rasters out of such files again, and `tin` few triangles.
+//! resolutions of a tile. How far their triangles are from all samples follows for most tiles of planes from a table of `squares`, and so do their `needs`;
+//! `facets` and `even` measure the others, without those in `blocks` that cannot matter. `coding` writes, `geotiff` takes rasters out of such files
+//! again, and `tin` few triangles.
 
 mod above;
 mod blocks;
@@ -13,7 +13,9 @@ mod even;
 mod facets;
 mod geotiff;
 mod mask;
+mod needs;
 mod samples;
+mod squares;
 mod tile;
 mod tin;
 mod unit;
@@ -22,7 +24,7 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use lodpack::heights::{Grid, HeightsInfo, TileEncoder, TileId};
+use lodpack::heights::{CELLS, Grid, HeightsInfo, LevelErrors, TileEncoder, TileId};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -177,6 +179,7 @@ pub fn build(
         surface: &source.surface,
         scale,
         error: samples.error * height_scale,
+        level: LevelErrors::new(grid, &source.surface, samples.error),
         highest: highest * height_scale,
     };
     let roots: Vec<_> = units(grid);
@@ -191,7 +194,8 @@ pub fn build(
     for bunch in roots.chunks(4 * rayon::current_num_threads()) {
         let work = |&root: &_| -> Result<_, HeightsError> {
             let unit = Unit::read(&setting, &samples, root)?;
-            let judge = Judge::new(&unit.window, scale, &source.surface, setting.highest);
+            let (cells, falls) = (CELLS << (grid.depth() - root.depth), (root.column + root.row).is_multiple_of(2));
+            let judge = Judge::new((&unit.window, cells, falls), scale, &source.surface, setting.highest);
             let seen = above.seen(root, &judge);
             let Some(values) = unit.values(root) else { return Ok((None, seen)) };
             let (below, finished) = unit.finish(&encoder, &judge, root, above.parent(root), values)?;

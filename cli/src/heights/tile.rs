@@ -1,18 +1,22 @@
 //! One tile: its samples, its resolutions, and whether the tiles below it say anything.
 
 use lodpack::heights::{
-    Base, CELLS, DrawnTile, Grid, Line, Lines, MAX_RESOLUTIONS, Resolution, SIDE, Surface, TileId, TileTriangle,
-    TileValues, storable_tolerance,
+    Base, CELLS, DrawnTile, Grid, LevelErrors, Line, Lines, MAX_RESOLUTIONS, Resolution, SIDE, Surface, TileId,
+    TileTriangle, TileValues, storable_tolerance,
 };
 
 use super::HeightsError;
 use super::even::Even;
 use super::facets::{Facet, Judge};
+use super::needs::{Needs, Place};
 use super::samples::{Scale, Window};
+use super::squares::{Ground, Squares};
 use super::unit::range_of;
 
 /// Tolerances of tiles whose quarters say more, as shares of how far the quarters' samples are off.
 const COARSE: [f64; 3] = [1.0, 1.8, 3.0];
+/// The same for level tiles on a globe: halves of cells, and halves of squares of cells, which are off by twice as much.
+const LEVEL: [f64; 2] = [0.0, 2.1];
 /// The coarsest tolerance of tiles that have all samples, as a share of how far their parent is from these.
 const COARSEST: f64 = 2.0;
 /// The same for a tile without a parent, as a share of the range of its heights.
@@ -23,8 +27,6 @@ const FINER: f64 = 0.6;
 const ABOVE: f64 = 1.01;
 /// Distances of heights are summed from a few products, of which each is rounded.
 const ROUNDED_UP: f64 = 1.0 + 1e-12;
-/// Positions on a globe are rounded a few times, each by an ulp of its axis at most.
-const ROUNDING_OF_AXIS: f64 = 1.0 / (1u64 << 48) as f64;
 /// A resolution has at most this share of the triangles of the one before.
 const FEWER: f64 = 0.85;
 
@@ -36,6 +38,8 @@ pub struct Setting<'a> {
     pub scale: Scale,
     /// How far a sample is from its rounded height at most, in units of coordinates.
     pub error: f64,
+    /// What follows below level tiles, on a globe.
+    pub level: Option<LevelErrors>,
     /// The highest sample, in units of coordinates.
     pub highest: f64,
 }
@@ -43,11 +47,7 @@ pub struct Setting<'a> {
 impl Setting<'_> {
     /// What errors have beside the distance of drawn triangles from rounded samples.
     pub fn added(&self) -> f64 {
-        let rounding = match self.surface.base {
-            Base::Plane => 0.0,
-            Base::Ellipsoid { axis, .. } => axis * ROUNDING_OF_AXIS,
-        };
-        self.error + rounding
+        self.level.map_or(self.error, |level| level.least())
     }
 }
 
@@ -98,6 +98,8 @@ pub struct Tile {
     is_known: bool,
     /// It has all samples itself.
     is_finest: bool,
+    /// What its samples need, in steps, if its lines are even and it lies on a plane.
+    needs: Option<Needs>,
     pub id: TileId,
     pub lines: Lines,
     pub values: TileValues,
@@ -108,23 +110,25 @@ pub struct Tile {
 }
 
 impl Tile {
-    /// A tile of its samples. `off` says how far samples that only its quarters have are from it, if there are any, and `above` the same
-    /// of its parent. A tile above the units (`is_above`) is judged by parts.
+    /// A tile of its samples. `off` says how far samples that only its quarters have are from it, if there are any, and `above` the distance of
+    /// its own from its parent. A tile above the units has no judge here, and is judged by parts.
     pub fn new(
         setting: &Setting<'_>,
-        (id, is_above): (TileId, bool),
+        (id, judge): (TileId, Option<&Judge<'_>>),
         values: TileValues,
-        off: Option<f64>,
+        off: Option<Off>,
         above: Option<f64>,
     ) -> Result<Self, HeightsError> {
         let Setting { grid, surface, scale, .. } = *setting;
+        let is_globe = surface.is_globe();
         let lines = grid.lines(id);
         let step = scale.step * surface.height_scale;
         // Where a tile has all samples of a square on a plane, what they need says how far they are from its triangles.
-        let is_known = off.is_none() && values.cells.is_none() && !surface.is_globe() && lines.are_whole();
+        let is_known = off.is_none() && values.cells.is_none() && !is_globe && lines.are_whole();
         let [low, high] = range_of(&values);
         let tolerances: Vec<f64> = match off {
-            Some(off) if off > 0.0 => COARSE.iter().skip(usize::from(low == high)).map(|share| share * off).collect(),
+            Some(Off { most, is_level: true }) if is_globe => LEVEL.map(|share| share * most).to_vec(),
+            Some(Off { most, .. }) if most > 0.0 => COARSE.map(|share| share * most).to_vec(),
             _ => {
                 let range = || RANGE * (f64::from(high) - f64::from(low)) * step;
                 let (count, finer) =
@@ -141,35 +145,62 @@ impl Tile {
             }
         };
         let coarsest = tolerances.iter().copied().fold(0.0, f64::max);
-        let tile = DrawnTile::new(grid, surface, [scale.zero, scale.step], (id, &values), coarsest);
+        let exact = Exact::new(setting, [low, high]);
+        let mut are_exact = tolerances.iter().map(|&tolerance| exact.tolerance(tolerance).is_ok_and(|of| of.is_some()));
+        let judge_of_exact = judge.filter(|_| are_exact.all(|is_exact| is_exact));
+        let needs = judge_of_exact.and_then(|judge| needs_of(judge, &lines, id, &values));
+        let laid = match &needs {
+            Some(_) => None,
+            None => Some(Box::new(DrawnTile::new(grid, surface, [scale.zero, scale.step], (id, &values), coarsest))),
+        };
         let mut drawn: Vec<Drawn> = vec![];
         for tolerance in tolerances {
-            let tolerance = storable_tolerance(tolerance)?;
-            let count = match is_known {
-                true => tile.needs.triangle_count(tolerance),
-                false => {
+            let (tolerance, count) = match (&needs, &laid) {
+                (Some(needs), _) => match exact.tolerance(tolerance)? {
+                    Some(tolerance) => (tolerance, needs.triangle_count(exact.in_steps(tolerance))),
+                    None => continue,
+                },
+                (None, Some(tile)) => {
+                    let tolerance = storable_tolerance(tolerance)?;
                     let mut count = 0;
-                    tile.for_each_face(tolerance, |_, is_drawn| count += usize::from(is_drawn));
-                    count
+                    match is_known || is_whole(tile, &values) {
+                        true => count = tile.needs.triangle_count(tolerance),
+                        false => tile.for_each_face(tolerance, |_, is_drawn| count += usize::from(is_drawn)),
+                    }
+                    (tolerance, count)
                 }
+                (None, None) => continue,
             };
             let is_new = drawn.last().is_none_or(|last| (count as f64) < FEWER * f64::from(last.triangle_count));
             if !is_new {
                 continue;
             }
             let mut facets = vec![];
-            if is_above {
-                tile.for_each_face(tolerance, |triangle, _| facets.push(Facet::new(&tile, &values.steps, triangle)));
+            if let (None, Some(tile)) = (judge, &laid) {
+                tile.for_each_face(tolerance, |triangle, _| facets.push(Facet::new(tile, &values.steps, triangle)));
             }
             let distances = vec![[0.0; 2]; facets.len()];
             drawn.push(Drawn { tolerance, triangle_count: count as u32, distances, facets, off: 0.0 });
         }
-        let laid = (!is_above).then(|| Box::new(tile));
-        Ok(Self { id, laid, is_known, is_finest: off.is_none(), lines, values, drawn, partly: None })
+        let laid = laid.filter(|_| judge.is_some());
+        Ok(Self { id, laid, is_known, is_finest: off.is_none(), needs, lines, values, drawn, partly: None })
     }
 
     /// Looks at the samples of a window, which are all that lie below it. No error will be below `least`.
     pub fn judge(&mut self, judge: &Judge<'_>, least: f64) {
+        if let (Some(needs), Some(place)) = (self.needs.take(), judge.table_of(&self.lines)) {
+            let mut most = least.max(0.0);
+            for drawn in &mut self.drawn {
+                let tolerance = in_steps(drawn.tolerance, judge.step());
+                let off = match place.shift {
+                    0 => needs.bound(tolerance, place),
+                    _ => needs.distance(tolerance, place, in_steps(most, judge.step())),
+                };
+                most = most.max(f64::from(off) * judge.step() * ROUNDED_UP);
+                drawn.off = most;
+            }
+            return;
+        }
         let Some(tile) = self.laid.take() else { return };
         let steps = &*self.values.steps;
         let even = Even::new(judge, &tile, steps, self.values.cells.is_none());
@@ -186,15 +217,18 @@ impl Tile {
             if self.is_known {
                 most = most.max(tile.needs.bound(drawn.tolerance) * ROUNDED_UP);
                 most = most.max(judge.at_border(&tile, steps, drawn.tolerance));
+            } else if let Some(even) = &even {
+                tile.needs.for_each_triangle(drawn.tolerance, None, |triangle| {
+                    let border = match has_border_side(triangle) {
+                        true => judge.along_border(&Facet::new(&tile, steps, triangle)),
+                        false => 0.0,
+                    };
+                    most = most.max(border + even.distance(judge, triangle, most - border));
+                });
             } else {
                 tile.for_each_face(drawn.tolerance, |triangle, _| {
-                    most = most.max(match even.as_ref().filter(|_| !has_border_side(triangle)) {
-                        Some(even) => even.distance(judge, triangle, most),
-                        None => {
-                            let [inside, border] = judge.distances(&Facet::new(&tile, steps, triangle), most);
-                            inside + border
-                        }
-                    });
+                    let [inside, border] = judge.distances(&Facet::new(&tile, steps, triangle), most);
+                    most = most.max(inside + border);
                 });
             }
             drawn.off = most;
@@ -245,6 +279,79 @@ impl Tile {
             }
         }
         self.partly = most;
+    }
+}
+
+/// Whether all triangles of a tile are drawn.
+fn is_whole(tile: &DrawnTile, values: &TileValues) -> bool {
+    let is_even = are_even(&tile.lines.columns) && are_even(&tile.lines.rows);
+    is_even && values.cells.is_none() && ![0, SIDE * CELLS].iter().any(|&at| tile.is_at_pole(at as u16))
+}
+
+/// What a tile with even lines on a plane needs; none of others.
+fn needs_of(judge: &Judge<'_>, lines: &Lines, id: TileId, values: &TileValues) -> Option<Needs> {
+    let place = judge.table_of(lines).filter(|_| values.cells.is_none())?;
+    if place.shift == 0 {
+        return Some(Needs::new(place));
+    }
+    // Readers know no other samples of the tile than its own.
+    let ground = Ground::new(values.steps.iter().copied(), SIDE)?;
+    let squares = Squares::all(&ground, CELLS, (id.column + id.row).is_multiple_of(2));
+    Some(Needs::new(Place { squares: &squares, first: [0; 2], shift: 0 }))
+}
+
+/// A length in steps, rounded down to what is compared with exact distances in steps.
+fn in_steps(length: f64, step: f64) -> f32 {
+    let steps = length / step;
+    let rounded = steps as f32;
+    if f64::from(rounded) > steps { rounded.next_down() } else { rounded }
+}
+
+/// Tolerances of tiles whose needs are known in steps. Readers compute these in other units, with rounding: so no tolerance may be so near to what a
+/// sample can need that the two could differ.
+struct Exact {
+    step: f64,
+    /// Readers do not round: steps have few bits.
+    is_exact: bool,
+    /// The largest height, in steps.
+    most: f64,
+}
+
+impl Exact {
+    /// Needs are multiples of this share of a step.
+    const SHARES: f64 = CELLS as f64;
+    /// Numbers lose less than this share of the largest height when they are computed from heights.
+    const ROUNDING: f64 = 1.0 / (1u64 << 44) as f64;
+    /// Heights of 31 bits, steps of so many and shares of six fit into a number of 53 bits.
+    const FEW_BITS: u32 = 14;
+
+    fn new(setting: &Setting<'_>, range: [i32; 2]) -> Self {
+        let (step, scale) = (setting.scale.step, setting.surface.height_scale);
+        let bits = |number: f64| 53 - (number.to_bits() | 1 << 52).trailing_zeros().min(52);
+        let most = range.into_iter().map(i32::unsigned_abs).max().unwrap_or(0);
+        Self { step: step * scale, is_exact: bits(step) + bits(scale) <= Self::FEW_BITS, most: most.into() }
+    }
+
+    fn in_steps(&self, tolerance: f64) -> f32 {
+        in_steps(tolerance, self.step)
+    }
+
+    /// The tolerance to store for one, nearly as large; none if there is no such.
+    fn tolerance(&self, tolerance: f64) -> Result<Option<f64>, HeightsError> {
+        /// A stored number has nine bits, so this leads to the next ones.
+        const NEXT: f64 = 1.005;
+        // What is exactly straight for one is nearly so for the other.
+        let mut tolerance = if tolerance > 0.0 || self.is_exact { tolerance } else { 0.25 * self.step / Self::SHARES };
+        for _ in 0..8 {
+            tolerance = storable_tolerance(tolerance)?;
+            let shares = tolerance / self.step * Self::SHARES;
+            let rounding = Self::SHARES * (self.most + tolerance / self.step) * Self::ROUNDING;
+            if self.is_exact || (shares - shares.round()).abs() > rounding {
+                return Ok(Some(tolerance));
+            }
+            tolerance *= NEXT;
+        }
+        Ok(None)
     }
 }
 
@@ -309,17 +416,30 @@ fn has_border_side(triangle: TileTriangle) -> bool {
     (0..2).any(|axis| [0, CELLS].iter().any(|&end| index.iter().filter(|at| at[axis] == end).count() > 1))
 }
 
-/// How far the samples that quarters of a tile have, and it does not, are from its straight connections.
+/// The samples that quarters of a tile have, and it does not.
+#[derive(Clone, Copy, Debug)]
+pub struct Off {
+    /// How far they are from the straight connections of the tile's samples at most.
+    pub most: f64,
+    /// Whether they have all the same height, as the tile's own have.
+    pub is_level: bool,
+}
+
+/// Compares the samples of quarters of a tile with it.
 pub fn distance_of_quarters<'a>(
     setting: &Setting<'_>,
     id: TileId,
     values: &TileValues,
     quarters: impl Iterator<Item = (TileId, &'a TileValues)>,
-) -> f64 {
+) -> Off {
+    // On a plane nothing depends on it.
+    let own = if setting.surface.is_globe() { range_of(values) } else { [0, 1] };
+    let mut is_level = own[0] == own[1];
     let tile = Laid::new(setting, id, values);
     let (mut most, mut doubled) = (0.0f64, 0i64);
     let bend = tile.bend();
     for (quarter, values) in quarters {
+        is_level = is_level && range_of(values) == own;
         if let Some(bend) = bend.filter(|_| values.cells.is_none()) {
             doubled = doubled.max(doubled_distance(tile.values, quarter, values));
             most = most.max(bend);
@@ -354,7 +474,8 @@ pub fn distance_of_quarters<'a>(
             most = most.max(off);
         }
     }
-    most.max(bend.unwrap_or(0.0) + 0.5 * doubled as f64 * setting.scale.step * setting.surface.height_scale)
+    let most = most.max(bend.unwrap_or(0.0) + 0.5 * doubled as f64 * setting.scale.step * setting.surface.height_scale);
+    Off { most, is_level }
 }
 
 /// Whether a tile's lines of samples are equally far apart.
@@ -413,6 +534,12 @@ pub fn touches(values: &TileValues, column: usize, row: usize) -> bool {
 
 /// The values of a tile of which a window has all samples. `cells` are those that are drawn.
 pub fn values_of(window: &Window, lines: &Lines, cells: Option<Box<[u64; CELLS]>>) -> TileValues {
-    let at = |k: usize| window.step(lines.columns[k % SIDE], lines.rows[k / SIDE]);
-    TileValues { steps: Box::new(std::array::from_fn(at)), cells }
+    let mut steps = Box::new([0; SIDE * SIDE]);
+    for (row, steps) in lines.rows.iter().zip(steps.as_chunks_mut::<SIDE>().0) {
+        let run = window.run(*row, [lines.columns[0], lines.columns[CELLS]]);
+        for (column, step) in lines.columns.iter().zip(steps) {
+            *step = run[(column - lines.columns[0]) as usize] >> 1;
+        }
+    }
+    TileValues { steps, cells }
 }

@@ -10,6 +10,9 @@ use super::mask::{Drawn as DrawnCells, Mask};
 use super::samples::{Samples, Window};
 use super::tile::{Setting, Tile, distance_of_quarters, touches, values_of};
 
+/// The error of a level tile may grow by this factor so that its quarters follow from it.
+const GROWN: f64 = 1.1;
+
 /// The tile above another one.
 #[derive(Clone, Copy)]
 pub struct Parent<'a> {
@@ -43,6 +46,8 @@ pub struct Below {
     /// Its finest error.
     pub least: f64,
     pub range: [i32; 2],
+    /// Of a level tile on a globe: the error that it needs so that all tiles below follow from it.
+    pub level: Option<f64>,
 }
 
 impl Below {
@@ -63,8 +68,9 @@ impl Below {
 /// The lowest and the highest step of those of a tile's own samples that are drawn.
 pub fn range_of(values: &TileValues) -> [i32; 2] {
     if values.cells.is_none() {
-        let [first, ..] = *values.steps;
-        return values.steps.iter().fold([first; 2], |[low, high], &step| [low.min(step), high.max(step)]);
+        // Two passes are faster than one, since each of them is done in lanes.
+        let steps = || values.steps.iter().copied();
+        return [steps().fold(i32::MAX, i32::min), steps().fold(i32::MIN, i32::max)];
     }
     let drawn = values.steps.iter().enumerate().filter(|(at, _)| touches(values, at % SIDE, at / SIDE));
     drawn.fold([i32::MAX, i32::MIN], |[low, high], (_, step)| [low.min(*step), high.max(*step)])
@@ -176,18 +182,19 @@ impl<'a> Unit<'a> {
         });
         let (mut below, mut all) = (vec![], vec![]);
         for (quarter, of_quarter) in quarters {
-            let parent = Parent { values: &values, off: off.unwrap_or(0.0) };
+            let parent = Parent { values: &values, off: off.map_or(0.0, |off| off.most) };
             let (said, finished) = self.finish(encoder, judge, quarter, Some(parent), of_quarter)?;
             below.push(said);
             all.extend(finished);
         }
-        let mut tile = Tile::new(self.setting, (id, false), values, off, above.map(|above| above.off))?;
+        let mut tile = Tile::new(self.setting, (id, Some(judge)), values, off, above.map(|above| above.off))?;
         if let Some(mask) = self.masks.get((id.depth - self.root.depth) as usize) {
             let [x, y] = self.first_cell(id);
             tile.note_partly(self.setting, |column, row| mask.is_whole([x + column, y + row]));
         }
         let least = below.iter().fold(0.0, |least: f64, quarter| least.max(quarter.least));
         tile.judge(judge, least - self.setting.added());
+        let off = off.map(|off| off.most);
         let (said, finished) = finish_tile(self.setting, encoder, &tile, off, above.map(|above| above.values), &below)?;
         if finished.children == 0 {
             all.clear();
@@ -208,17 +215,33 @@ pub fn finish_tile(
 ) -> Result<(Below, Finished), HeightsError> {
     let is_full = tile.values.cells.is_none();
     let (is_settled, are_silent, least, ranges) = Below::of_quarters(below, off, is_full);
-    let resolutions = tile.resolutions(setting, least);
+    let mut resolutions = tile.resolutions(setting, least);
     let [low, high] = range_of(&tile.values);
     let range = ranges.map_or([low, high], |[a, b]| [a.min(low), b.max(high)]);
     let block = encoder.encode(&symbols_of(setting.grid, tile.id, above, &tile.values)?)?;
-    let children = match are_silent {
+    let level = if is_full && range[0] == range[1] { level_error(setting, &resolutions, below) } else { None };
+    if let Some(needed) = level {
+        resolutions.iter_mut().for_each(|resolution| resolution.error = resolution.error.max(needed));
+    }
+    let children = match are_silent || level.is_some() {
         true => 0,
         false => below.iter().fold(0, |bits, quarter| bits | 1 << quarter.id.quarter()),
     };
     let is_silent = block.is_empty() && children == 0 && is_full;
     let least = resolutions.first().map_or(least, |finest| finest.error);
-    let said = Below { id: tile.id, is_settled, is_silent, least, range };
+    let said = Below { id: tile.id, is_settled, is_silent, least, range, level };
     let finished = Finished { id: tile.id, children, range, resolutions, block, is_partial: !is_full };
     Ok((said, finished))
+}
+
+/// The error that a level tile needs so that all tiles below follow from it; none if that is too much, or one of them says something.
+fn level_error(setting: &Setting<'_>, resolutions: &[Resolution], below: &[Below]) -> Option<f64> {
+    let levels = setting.level?;
+    // What follows is drawn with all samples.
+    let own = resolutions.first().filter(|finest| finest.tolerance == 0.0)?.error;
+    let needed = below.iter().try_fold(own, |most, quarter| {
+        let error = quarter.level.filter(|_| quarter.is_silent)?;
+        Some(most.max(levels.above(error, quarter.id.depth)))
+    })?;
+    (needed - levels.least() <= GROWN * (own - levels.least())).then_some(needed)
 }

@@ -13,6 +13,8 @@ use crate::progress::Progress;
 
 /// So many problems of one kind are named.
 const MAX_NAMED: usize = 5;
+/// So many tiles are decoded that the file does not have, because they follow from level ones.
+const MOST_LEVEL_DECODED: u64 = 4096;
 /// A share that two ways of computing a distance may differ by.
 const ROUNDING: f64 = 1e-7;
 /// Coordinates are sums of a few products, each rounded.
@@ -32,6 +34,8 @@ pub struct HeightsChecks {
 pub struct HeightsReport {
     /// Tiles that were decoded.
     pub tiles: u64,
+    /// Those of them that the file does not have, because they follow from level ones.
+    pub level_tiles: u64,
     /// Cuts whose meshes were made.
     pub cuts: u32,
     /// The largest distance of a height of the rasters from that in the file; none without rasters.
@@ -66,7 +70,7 @@ pub fn verify<S: ReadAt>(
     let mut report = HeightsReport::default();
     progress.begin("read", 0);
     for &root in file.roots() {
-        walk(file, root, &mut report);
+        walk(file, root, false, &mut report);
     }
     let known = match against {
         Some(source) => heights_of(file, source, &mut report)?,
@@ -98,8 +102,11 @@ pub fn verify<S: ReadAt>(
     Ok(report)
 }
 
-/// Decodes a tile and all below.
-fn walk<S: ReadAt>(file: &Heights<S>, id: TileId, report: &mut HeightsReport) {
+/// Decodes a tile and all below. `follows` says that it is below a level one.
+fn walk<S: ReadAt>(file: &Heights<S>, id: TileId, follows: bool, report: &mut HeightsReport) {
+    if follows && report.level_tiles == MOST_LEVEL_DECODED {
+        return;
+    }
     let name = format!("{}/{}/{}", id.depth, id.column, id.row);
     let read = file.record(id).and_then(|record| Ok((record, file.tile(id)?)));
     let (record, tile) = match read {
@@ -108,6 +115,7 @@ fn walk<S: ReadAt>(file: &Heights<S>, id: TileId, report: &mut HeightsReport) {
         Err(error) => return report.complain("tile ", format!("{name}: {error}")),
     };
     report.tiles += 1;
+    report.level_tiles += u64::from(follows);
     let drawn = file.draw(id, &tile, f64::INFINITY);
     for resolution in &record.resolutions {
         let (mut count, mut range) = (0, [i32::MAX, i32::MIN]);
@@ -126,7 +134,7 @@ fn walk<S: ReadAt>(file: &Heights<S>, id: TileId, report: &mut HeightsReport) {
             report.complain("tile ", format!("{name} has heights outside of those stored"));
         }
     }
-    record.child_tiles().for_each(|child| walk(file, child, report));
+    record.child_tiles().for_each(|child| walk(file, child, record.is_level, report));
 }
 
 /// Heights of rasters.

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use glam::DVec3;
-use lodpack::heights::{Base, CELLS, DrawnTile, Grid, Heights, Ramp, Resolution, SIDE, TileId, TileValues};
+use lodpack::heights::{Base, CELLS, DrawnTile, Grid, Heights, MOST_LEVEL, Ramp, Resolution, SIDE, TileId, TileValues};
 use lodpack::{Lattice, LatticePoint, ReadAt};
 use rayon::prelude::*;
 
@@ -102,6 +102,7 @@ fn tiles_of<S: ReadAt>(file: &Heights<S>, tolerance: f64) -> Result<(Tree, Vec<D
     let mut drawings: Vec<Drawing> = vec![];
     let mut parents: HashMap<TileId, usize> = HashMap::new();
     let mut depth: Vec<TileId> = file.roots().to_vec();
+    let mut level_count = 0;
     while !depth.is_empty() {
         let (mut next, mut numbers) = (vec![], HashMap::new());
         for id in depth {
@@ -129,7 +130,8 @@ fn tiles_of<S: ReadAt>(file: &Heights<S>, tolerance: f64) -> Result<(Tree, Vec<D
                 count: 1,
             });
             numbers.insert(id, number);
-            if resolution.error > tolerance {
+            level_count += u64::from(record.is_level);
+            if resolution.error > tolerance && (!record.is_level || level_count <= MOST_LEVEL) {
                 next.extend(record.child_tiles());
             }
         }

@@ -8,7 +8,7 @@ use std::{cmp::Ordering, collections::BinaryHeap, sync::Arc};
 use super::{
     file::Heights,
     grid::{CELLS, TileId},
-    page::{Entry, Found, Page, Resolution},
+    page::{Entry, Found, MOST_LEVEL, Page, Resolution},
 };
 use crate::{
     error::{Error, Result},
@@ -163,12 +163,16 @@ impl<S: ReadAt> Heights<S> {
         }
         cut.triangle_count = waiting.iter().map(|tile| u64::from(tile.resolution().triangle_count)).sum();
         let mut done = Vec::new();
+        let mut level_count = 0;
         while let Some(tile) = waiting.pop() {
             if tile.resolution().error <= tolerance {
                 waiting.push(tile);
                 break;
             }
-            let Some(finer) = self.finer(&tile, wanted.as_ref(), &waiting, tolerance)? else {
+            level_count += u64::from(tile.entry.record.is_level);
+            let is_last = tile.entry.record.is_level && level_count > MOST_LEVEL;
+            let finer = if is_last { None } else { self.finer(&tile, wanted.as_ref(), &waiting, tolerance)? };
+            let Some(finer) = finer else {
                 cut.limiter = Limiter::Finest;
                 done.push(tile);
                 continue;
@@ -227,6 +231,7 @@ impl<S: ReadAt> Heights<S> {
         let child = |id: TileId| -> Option<Drawn> {
             match page.find(id)? {
                 Found::Here(entry) => Some(Drawn { page: Arc::clone(page), entry: entry.clone(), number: 0 }),
+                Found::Level(entry) => Some(Drawn { page: Arc::clone(page), entry, number: 0 }),
                 Found::Below { top, .. } => {
                     let page = self.index().known_page(top)?;
                     let entry = page.top()?.clone();

@@ -7,7 +7,7 @@ use super::{
     codec::{decode_tile, implied_tile},
     drawn::{DrawnTile, TileValues},
     grid::{Grid, TileId},
-    page::{Entry, Page, TileRecord},
+    page::{Entry, LevelErrors, Page, TileRecord},
     ramp::Ramp,
     section::{HeightsInfo, HeightsSection},
     surface::{Base, Surface},
@@ -237,7 +237,9 @@ impl HeightsIndex {
             if !has_checksum(bytes, page.part.checksum) {
                 return Err(Error::format("the checksum does not match"));
             }
-            Page::parse(bytes, (page.top, page.coarser), &self.info.grid, &self.limits)
+            let HeightsInfo { grid, surface, sample_error, .. } = &self.info;
+            let level = LevelErrors::new(grid, surface, *sample_error);
+            Page::parse(bytes, (page.top, page.coarser), (grid, level), &self.limits)
         };
         let parsed = parse().map_err(|error| error.at(|| format!("index page of tile {}", page.top.name())))?;
         // Otherwise a small file could have as many tiles as its grid has room for.

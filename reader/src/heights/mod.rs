@@ -47,7 +47,7 @@ pub use mesh::HeightsMesh;
 pub(crate) use mesh::{LineName, fan, line_name};
 pub use normals::{Across, Normal, normals};
 pub(crate) use normals::{SIDES, across, axis_of, is_first};
-pub use page::{MAX_RESOLUTIONS, Resolution, TileRecord, storable_tolerance};
+pub use page::{LevelErrors, MAX_RESOLUTIONS, MOST_LEVEL, Resolution, TileRecord, storable_tolerance};
 pub use ramp::{Ramp, RampStop};
 pub(crate) use ready::{ReadyTile, TileFaces};
 pub use restricted::TileTriangle;

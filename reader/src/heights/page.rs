@@ -1,6 +1,9 @@
 //! Index pages: what a file says about a tile and those up to three depths below it (SPEC.md, "Section HEIGHT_INDEX").
 
-use super::grid::{Grid, TileId};
+use super::{
+    grid::{CELLS, Grid, Lines, TileId},
+    surface::{Base, Surface},
+};
 use crate::{
     codec::{
         bytes::{Cursor, put_varint},
@@ -61,10 +64,12 @@ pub struct TileRecord {
     pub block_bytes: u64,
     /// CRC-32 of its block.
     pub checksum: u32,
+    /// Everything below is level and follows from it (SPEC.md 22.3): the file has none of its quarters, and they are drawn all the same.
+    pub is_level: bool,
 }
 
 impl TileRecord {
-    /// Its quarters that are tiles of the file.
+    /// Its quarters that can be drawn.
     pub fn child_tiles(&self) -> impl Iterator<Item = TileId> + use<> {
         let children = self.children;
         (0..4).zip(self.id.children()).filter(move |(k, _)| (children >> k) & 1 != 0).map(|(_, child)| child)
@@ -73,6 +78,53 @@ impl TileRecord {
     /// The error of its finest resolution.
     pub fn finest_error(&self) -> f64 {
         self.resolutions.last().map_or(0.0, |finest| finest.error)
+    }
+}
+
+/// So many level tiles are divided whose quarters follow from them: these take no bytes, so the size of a file does not bound their number.
+pub const MOST_LEVEL: u64 = 1 << 16;
+
+/// What a tile below a level one has of its parent's error beyond the least one: a quarter, as globes bend, and what rounding may add.
+const OF_LEVEL: f64 = 0.2578125;
+/// Positions on an ellipsoid are rounded a few times, each by an ulp of its axis at most.
+const ROUNDING_OF_AXIS: f64 = 1.0 / (1u64 << 48) as f64;
+
+/// What follows below level tiles of an ellipsoid: everything there has the height of the tile, so its error is that of the ellipsoid's curvature.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LevelErrors {
+    /// In units of space.
+    least: f64,
+    /// The greatest depth of the grid.
+    depth: u32,
+}
+
+impl LevelErrors {
+    /// None on a plane, where level tiles have no error at any depth. `sample_error` is in units of heights.
+    pub fn new(grid: &Grid, surface: &Surface, sample_error: f64) -> Option<Self> {
+        let Base::Ellipsoid { axis, .. } = surface.base else { return None };
+        let least = sample_error * surface.height_scale + axis * ROUNDING_OF_AXIS;
+        Some(Self { least, depth: grid.depth() })
+    }
+
+    /// The error of what has all samples.
+    pub fn least(&self) -> f64 {
+        self.least
+    }
+
+    /// The error of a tile at a depth, whose parent has the error `above`.
+    pub fn below(&self, above: f64, depth: u32) -> f64 {
+        let share = if depth < self.depth { OF_LEVEL } else { 0.0 };
+        above.min(self.least + (above - self.least) * share)
+    }
+
+    /// What the error of a tile needs so that one below it, at a depth, has an error of at least `below`.
+    pub fn above(&self, below: f64, depth: u32) -> f64 {
+        /// It is rounded a few times.
+        const ROUNDED_UP: f64 = 1.0 + 1e-9;
+        match depth < self.depth {
+            true => self.least + (below - self.least).max(0.0) / OF_LEVEL * ROUNDED_UP,
+            false => self.least,
+        }
     }
 }
 
@@ -160,13 +212,18 @@ pub(crate) struct Page {
     entries: Vec<Entry>,
     /// Below its deepest tiles.
     pages: Vec<Part>,
+    grid: Grid,
+    /// On a globe.
+    level: Option<LevelErrors>,
 }
 
 /// Where a tile of a page's tree is.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) enum Found<'a> {
     /// In the page.
     Here(&'a Entry),
+    /// It follows from a level tile of the page: see [`Page::below_level`].
+    Level(Entry),
     /// In another page.
     Below {
         /// The tile of the page.
@@ -181,10 +238,15 @@ pub(crate) enum Found<'a> {
 
 impl Page {
     /// Reads the page of a tile, whose parent has an error of `coarser`.
-    pub fn parse(bytes: &[u8], (top, coarser): (TileId, f64), grid: &Grid, limits: &Limits) -> Result<Self> {
+    pub fn parse(
+        bytes: &[u8],
+        (top, coarser): (TileId, f64),
+        (grid, level): (&Grid, Option<LevelErrors>),
+        limits: &Limits,
+    ) -> Result<Self> {
         let mut cursor = Cursor::new(bytes);
         let (mut next_block, mut next_page) = (cursor.u64()?, cursor.u64()?);
-        let mut this = Self { entries: Vec::new(), pages: Vec::new() };
+        let mut this = Self { entries: Vec::new(), pages: Vec::new(), grid: grid.clone(), level };
         let mut before = Before::default();
         // Every tile takes at least six bytes, so their number is bounded by the page's length as well as by its depths.
         let mut depth = vec![(top, coarser)];
@@ -194,7 +256,7 @@ impl Page {
             let first_below = this.entries.len() + depth.len();
             let is_last = depth.first().is_some_and(|(id, _)| id.depth + 1 == top.depth + PAGE_DEPTHS);
             for &(id, coarser) in &depth {
-                let record = parse_record(&mut cursor, id, coarser, grid, &mut before)?;
+                let mut record = parse_record(&mut cursor, id, coarser, grid, &mut before)?;
                 // Blocks of the roots lie in HEIGHTS.
                 let offset = if id.depth == 0 { 0 } else { next_block };
                 within(limits.part_bytes, record.block_bytes, "size of a block of heights")?;
@@ -208,6 +270,9 @@ impl Page {
                 let error = record.finest_error();
                 below.extend(record.child_tiles().map(|child| (child, error)));
                 let block = Extent { offset, length: record.block_bytes };
+                if this.is_level(&record) {
+                    (record.is_level, record.children) = (true, quarters(grid, id));
+                }
                 this.entries.push(Entry { record, block, first_child });
             }
             depth = below;
@@ -223,6 +288,31 @@ impl Page {
         Ok(this)
     }
 
+    /// Whether everything below a tile is level, and follows from it: on a globe, if the file has no quarters of it.
+    fn is_level(&self, record: &TileRecord) -> bool {
+        let is_level = record.children == 0 && record.lowest == record.highest && !record.is_partial;
+        is_level && self.level.is_some() && record.id.depth < self.grid.depth()
+    }
+
+    /// A tile below a level one: all its cells are drawn, and its error follows.
+    fn below_level(&self, above: &Entry, id: TileId) -> Entry {
+        let own = above.record.finest_error();
+        let error = self.level.map_or(own, |level| {
+            (above.record.id.depth + 1..=id.depth).fold(own, |error, depth| level.below(error, depth))
+        });
+        let triangle_count = face_count(&self.grid, id);
+        let record = TileRecord {
+            id,
+            children: quarters(&self.grid, id),
+            resolutions: vec![Resolution { tolerance: 0.0, error, triangle_count }],
+            block_bytes: 0,
+            checksum: 0,
+            is_level: id.depth < self.grid.depth(),
+            ..above.record
+        };
+        Entry { record, block: Extent::default(), first_child: 0 }
+    }
+
     /// The tile of the page.
     pub fn top(&self) -> Option<&Entry> {
         self.entries.first()
@@ -236,7 +326,8 @@ impl Page {
     /// Hands out the tiles of the page that have none below them in it.
     pub fn for_each_deepest(&self, mut with: impl FnMut(&TileRecord)) {
         let top = self.top().map_or(0, |entry| entry.record.id.depth);
-        let is_deepest = |record: &TileRecord| record.children == 0 || record.id.depth + 1 == top + PAGE_DEPTHS;
+        let is_deepest =
+            |record: &TileRecord| record.is_level || record.children == 0 || record.id.depth + 1 == top + PAGE_DEPTHS;
         self.entries.iter().map(|entry| &entry.record).filter(|record| is_deepest(record)).for_each(&mut with);
     }
 
@@ -250,6 +341,13 @@ impl Page {
         while at.record.id.depth < id.depth {
             let child = id.ancestor(at.record.id.depth + 1);
             let bit = 1 << child.quarter();
+            if at.record.is_level {
+                return Some(if self.grid.has(id) {
+                    Found::Level(self.below_level(at, id))
+                } else {
+                    Found::Missing(at)
+                });
+            }
             if at.record.children & bit == 0 {
                 return Some(Found::Missing(at));
             }
@@ -262,6 +360,20 @@ impl Page {
         }
         Some(Found::Here(at))
     }
+}
+
+/// The quarters of a tile that are in a grid, as bits.
+fn quarters(grid: &Grid, id: TileId) -> u8 {
+    id.children().into_iter().enumerate().fold(0, |bits, (k, quarter)| bits | u8::from(grid.has(quarter)) << k)
+}
+
+/// The triangles of a tile with all its samples: two for each cell with width and height, but one at a pole.
+fn face_count(grid: &Grid, id: TileId) -> u32 {
+    let Lines { columns, rows } = grid.lines(id);
+    let count = |lines: &[u64]| lines.windows(2).filter(|pair| pair[0] < pair[1]).count();
+    let [first, last] = grid.poles();
+    let poles = usize::from(first && rows[0] == 0) + usize::from(last && rows[CELLS] == grid.cells()[1]);
+    (count(&columns) * (2 * count(&rows) - poles)) as u32
 }
 
 fn parse_record(
@@ -299,7 +411,8 @@ fn parse_record(
         coarser = error;
         resolutions.push(Resolution { tolerance: ErrorCode(*before).bound(&lattice), error, triangle_count });
     }
-    let record = TileRecord { id, children, is_partial, lowest, highest, resolutions, block_bytes, checksum };
+    let record =
+        TileRecord { id, children, is_partial, lowest, highest, resolutions, block_bytes, checksum, is_level: false };
     if record.child_tiles().any(|child| !grid.has(child)) {
         return Err(Error::format("a tile has a child that is not in the grid"));
     }
@@ -315,7 +428,17 @@ mod tests {
     fn record(id: TileId, children: u8, error: f64) -> TileRecord {
         let resolutions = vec![Resolution { tolerance: 0.5, error, triangle_count: 7 }];
         let (lowest, highest) = (-5 - id.column as i32, 9);
-        TileRecord { id, children, is_partial: false, lowest, highest, resolutions, block_bytes: 3, checksum: 4 }
+        TileRecord {
+            id,
+            children,
+            is_partial: false,
+            lowest,
+            highest,
+            resolutions,
+            block_bytes: 3,
+            checksum: 4,
+            is_level: false,
+        }
     }
 
     fn page(records: &[TileRecord]) -> Vec<u8> {
@@ -326,7 +449,7 @@ mod tests {
 
     fn parse(bytes: &[u8]) -> Result<Page> {
         let grid = Grid::new([300, 300], false, [false; 2]).unwrap();
-        Page::parse(bytes, (TOP, 100.0), &grid, &Limits::default())
+        Page::parse(bytes, (TOP, 100.0), (&grid, None), &Limits::default())
     }
 
     /// Why a page is refused.
@@ -350,6 +473,33 @@ mod tests {
     }
 
     #[test]
+    fn level_tiles_on_a_globe_have_quarters_that_follow_from_them() {
+        let grid = Grid::new([300, 150], true, [true; 2]).unwrap();
+        let level = TileRecord { lowest: 3, highest: 3, ..record(TOP, 0, 16.0) };
+        let bytes = page(&[level]);
+        let parse = |level| Page::parse(&bytes, (TOP, 100.0), (&grid, level), &Limits::default()).unwrap();
+        assert!(matches!(parse(None).find(TOP.children()[0]), Some(Found::Missing(_))));
+        let level = LevelErrors { least: 1.0, depth: grid.depth() };
+        let parsed = parse(Some(level));
+        let top = parsed.top().unwrap();
+        assert!(top.record.is_level);
+        let at = |id: TileId| match parsed.find(id) {
+            Some(Found::Level(entry)) => entry.record,
+            found => panic!("{found:?}"),
+        };
+        let (quarter, least) = (TileId { depth: 1, column: 1, row: 0 }, TileId { depth: 2, column: 1, row: 0 });
+        let error = 1.0 + (top.record.finest_error() - 1.0) * OF_LEVEL;
+        assert!((at(quarter).finest_error() - error).abs() < 1e-12 && at(quarter).is_level);
+        // It has all samples.
+        assert_eq!((at(least).finest_error(), at(least).is_level), (1.0, false));
+        assert_eq!((at(least).lowest, at(least).highest, at(least).children), (3, 3, 0));
+        assert_eq!(at(least).resolutions[0].triangle_count, 64 * (2 * 64 - 1));
+        assert!(level.below(level.above(7.0, 1), 1) >= 7.0 && level.below(0.5, 1) == 0.5);
+        assert_eq!(parsed.top().unwrap().record.child_tiles().count(), 4);
+        assert!(parsed.find(TileId { depth: 9, ..least }).is_some_and(|found| matches!(found, Found::Missing(_))));
+    }
+
+    #[test]
     fn pages_that_break_a_rule_are_refused() {
         let [child, ..] = TOP.children();
         let good = page(&[record(TOP, 1, 4.0), record(child, 0, 4.0)]);
@@ -360,7 +510,7 @@ mod tests {
         assert!(fault(&grows).contains("the error of a tile grows"));
         assert!(fault(&page(&[record(TOP, 0, 101.0)])).contains("the error of a tile grows"));
         let small = Grid::new([64, 64], false, [false; 2]).unwrap();
-        let outside = Page::parse(&page(&[record(TOP, 2, 4.0)]), (TOP, 100.0), &small, &Limits::default());
+        let outside = Page::parse(&page(&[record(TOP, 2, 4.0)]), (TOP, 100.0), (&small, None), &Limits::default());
         assert!(outside.unwrap_err().to_string().contains("a child that is not in the grid"));
         let high = TileRecord { highest: i32::MAX, lowest: i32::MIN, ..record(TOP, 0, 4.0) };
         assert!(parse(&page(std::slice::from_ref(&high))).is_ok());
@@ -371,7 +521,7 @@ mod tests {
         assert!(fault(&higher).contains("exceeds 32 bits"));
         let small = Limits { part_bytes: 2, ..Limits::default() };
         let grid = Grid::new([300, 300], false, [false; 2]).unwrap();
-        assert!(matches!(Page::parse(&good, (TOP, 100.0), &grid, &small), Err(Error::Limit { .. })));
+        assert!(matches!(Page::parse(&good, (TOP, 100.0), (&grid, None), &small), Err(Error::Limit { .. })));
     }
 
     #[test]

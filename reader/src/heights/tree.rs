@@ -76,6 +76,7 @@ impl HeightsIndex {
             let Some(page) = self.known_page(top) else { return on_the_way.map_or(Ok(Place::Nothing), Err) };
             match page.find(id) {
                 Some(Found::Here(entry)) => return Ok(Place::Here(entry.clone())),
+                Some(Found::Level(entry)) => return Ok(Place::Here(entry)),
                 Some(Found::Missing(above)) if above.record.children == 0 => return Ok(Place::Implied),
                 Some(Found::Below { top: below, part, coarser }) => {
                     on_the_way = Some(WantedPage { top: below, part, coarser });

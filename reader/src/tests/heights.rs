@@ -1,6 +1,9 @@
 //! Files of heights: written, read back, cut and stitched.
 
-use std::collections::{HashMap, HashSet};
+use std::{
+    collections::{HashMap, HashSet},
+    io,
+};
 
 use super::{
     synthetic::{Options, cube, file_of},
@@ -10,7 +13,10 @@ use crate::{
     File, Opened,
     codec::bytes::ANY_CHECKSUM,
     error::Error,
-    heights::{CELLS, Grid, Heights, HeightsMesh, HeightsQuery, SIDE, TileId, TileValues},
+    heights::{
+        CELLS, Grid, Heights, HeightsInfo, HeightsMesh, HeightsQuery, HeightsWriter, MOST_LEVEL, Resolution, SIDE,
+        Surface, TileEncoder, TileId, TileRecord, TileValues,
+    },
     limits::Limits,
     select::Limiter,
     source::{Counting, Recording},
@@ -34,6 +40,10 @@ fn terrains() -> Vec<(&'static str, Terrain)> {
         ("globe", Terrain::globe([300, 150])),
         ("islands", Terrain::plane([300, 173]).with_cells(island)),
         ("globe with islands", Terrain::globe([300, 150]).with_cells(island)),
+        (
+            "sea around a globe",
+            Terrain::globe([300, 150]).level_but(|x, y| (200..230).contains(&x) && (40..60).contains(&y)),
+        ),
     ]
 }
 
@@ -225,6 +235,32 @@ fn read_all(bytes: &[u8]) -> Result<(), Error> {
         waiting.extend(heights.record(id)?.unwrap().child_tiles());
     }
     Ok(())
+}
+
+#[test]
+fn what_follows_from_a_level_tile_takes_no_time_for_ever() {
+    let grid = Grid::new([1 << 30, 1 << 29], true, [true; 2]).unwrap();
+    let hills = Terrain::globe([90, 45]).info;
+    let spacing = [360.0 / f64::from(1 << 30), -180.0 / f64::from(1 << 29)];
+    let info = HeightsInfo { surface: Surface { spacing, ..hills.surface }, grid: grid.clone(), ..hills };
+    let encoder = TileEncoder::new(&[], false);
+    let mut writer = HeightsWriter::new(info).unwrap();
+    for id in grid.root_tiles() {
+        let resolutions = vec![Resolution { tolerance: 0.0, error: 64.0, triangle_count: 8064 }];
+        let (lowest, highest) = (0, 0);
+        let (children, block_bytes, checksum, is_partial, is_level) = (0, 0, 0, false, false);
+        let record =
+            TileRecord { id, children, is_partial, lowest, highest, resolutions, block_bytes, checksum, is_level };
+        writer.add(&record, Some(&[])).unwrap();
+    }
+    let mut bytes = Vec::new();
+    writer.finish(&encoder, &mut io::empty(), &mut bytes).unwrap();
+    let heights = open(&bytes);
+    heights.verify().unwrap();
+    let cut = heights.cut(&HeightsQuery::default()).unwrap();
+    assert!(cut.limiter == Limiter::Finest && cut.tiles.len() as u64 == 1 + 3 * MOST_LEVEL + 1);
+    let cut = heights.cut(&HeightsQuery { tolerance: Some(1.0), ..HeightsQuery::default() }).unwrap();
+    assert!(cut.limiter == Limiter::Tolerance && cut.error <= 1.0 && cut.tiles.len() > 16);
 }
 
 #[test]

@@ -27,6 +27,7 @@ fn vectors() -> Vec<(&'static str, Vec<u8>)> {
         ("hills", Terrain::plane([100, 70]).file(30.0)),
         ("islands", Terrain::plane([100, 70]).with_cells(island).file(30.0)),
         ("globe", Terrain::globe([90, 45]).file(60.0)),
+        ("sea", Terrain::globe([300, 5]).level_but(|column, row| column > 270 && row > 0 && row < 5).file(60.0)),
         ("ridge", Terrain::plane([1100, 2]).file(9.0)),
     ]
 }

@@ -92,6 +92,18 @@ impl Terrain {
         self
     }
 
+    /// Level, but for the samples that `is_kept` names.
+    #[must_use]
+    pub fn level_but(mut self, is_kept: impl Fn(u64, u64) -> bool) -> Self {
+        let width = self.info.grid.cells()[0] as usize + 1;
+        for (at, step) in self.steps.iter_mut().enumerate() {
+            if !is_kept((at % width) as u64, (at / width) as u64) {
+                *step = 7;
+            }
+        }
+        self
+    }
+
     /// Drawn with these colours.
     #[must_use]
     pub fn with_ramp(mut self, ramp: Ramp) -> Self {
@@ -176,8 +188,17 @@ impl Terrain {
             waiting.extend(children.map(|child| (child, Some(values.clone()), finest)));
             let (lowest, highest) = (*values.steps.iter().min().unwrap(), *values.steps.iter().max().unwrap());
             let is_partial = values.cells.as_ref().is_some_and(|cells| cells.iter().any(|&row| row != u64::MAX));
-            let record =
-                TileRecord { id, children: 0, is_partial, lowest, highest, resolutions, block_bytes: 0, checksum: 0 };
+            let record = TileRecord {
+                id,
+                children: 0,
+                is_partial,
+                lowest,
+                highest,
+                resolutions,
+                block_bytes: 0,
+                checksum: 0,
+                is_level: false,
+            };
             tiles.push((record, symbols));
         }
         tiles.sort_by_key(|(record, _)| record.id.order(grid));
@@ -200,11 +221,11 @@ impl Terrain {
         writer.ramp.clone_from(&self.ramp);
         let mut pages = Vec::new();
         for ((mut record, _), block) in tiles.into_iter().zip(blocks) {
-            while writer.expected().is_some_and(|id| id != record.id && id.depth == 0) {
-                writer.skip(writer.expected().unwrap()).unwrap();
-            }
             if !there.contains(&record.id) {
                 continue;
+            }
+            while writer.expected().is_some_and(|id| id != record.id && id.depth == 0) {
+                writer.skip(writer.expected().unwrap()).unwrap();
             }
             let children = record.id.children();
             record.children = (0..4).map(|k| u8::from(there.contains(&children[k])) << k).sum();

@@ -30,7 +30,7 @@ impl SymbolBuffer {
         debug_assert!(usize::from(context) < context::COUNT);
         let token = token_of(value);
         let [low, high] = context.to_le_bytes();
-        self.tokens.extend([token, low, high]);
+        self.tokens.extend_from_slice(&[token, low, high]);
         let bits = extra_bits(token);
         if bits > 0 {
             let extra = value & ((1 << bits) - 1);
@@ -67,6 +67,11 @@ impl SymbolBuffer {
     pub(crate) fn truncate(&mut self, mark: Mark) {
         self.tokens.truncate(mark.tokens as usize);
         self.extra.truncate(mark.extra as usize);
+    }
+
+    /// Makes room for so many more symbols.
+    pub(crate) fn reserve(&mut self, count: usize) {
+        self.tokens.reserve(SYMBOL_BYTES * count);
     }
 
     /// Appends all symbols of another buffer.

@@ -31,38 +31,59 @@ pub(crate) fn encode<'a, I>(codes: &Codes, runs: I) -> Result<Vec<u8>>
 where
     I: IntoIterator<Item = Symbols<'a>, IntoIter: DoubleEndedIterator>,
 {
-    let mut words = Vec::new();
+    let mut words = Words { words: Vec::new(), count: 0 };
     let mut state = LOWEST;
     for mut symbols in runs.into_iter().rev() {
-        words.reserve(symbols.tokens().len() / 4);
+        let [_, extra_bytes] = symbols.bytes();
+        words.reserve(symbols.tokens().len() + extra_bytes.len());
         while let Some((context, token, extra)) = symbols.pop() {
             let bits = token::extra_bits(token);
             for done in (0..bits).step_by(RAW_BITS as usize).rev() {
                 let piece = (bits - done).min(RAW_BITS);
-                if u64::from(state) >= 1 << (32 - piece) {
-                    words.push(state as u16);
-                    state >>= 16;
-                }
+                state = words.put(state, u64::from(state) >= 1 << (32 - piece));
                 state = (state << piece) | ((extra >> done) as u32 & ((1 << piece) - 1));
             }
             let code = codes.of(context, token);
             if code.frequency() == 0 {
                 return Err(Error::model(format!("context {context} has no code for token {token}")));
             }
-            if u64::from(state) >= u64::from(code.frequency()) << (32 - FREQUENCY_BITS) {
-                words.push(state as u16);
-                state >>= 16;
-            }
+            state = words.put(state, u64::from(state) >= u64::from(code.frequency()) << (32 - FREQUENCY_BITS));
             state = code.put(state);
         }
     }
+    let words = &words.words[..words.count];
     if words.is_empty() && state == LOWEST {
         return Ok(Vec::new());
     }
     let mut bytes = Vec::with_capacity(4 + 2 * words.len());
     bytes.extend(state.to_le_bytes());
-    bytes.extend(words.iter().rev().flat_map(|word| word.to_le_bytes()));
+    words.iter().rev().for_each(|word| bytes.extend_from_slice(&word.to_le_bytes()));
     Ok(bytes)
+}
+
+/// The words of a stream that is being written, last first.
+struct Words {
+    /// Those behind the last one have no meaning.
+    words: Vec<u16>,
+    count: usize,
+}
+
+impl Words {
+    /// Makes room for so many more.
+    fn reserve(&mut self, count: usize) {
+        self.words.resize(self.count + count, 0);
+    }
+
+    /// Puts the lower half of a state if that is too large, and returns what is left of it. Whether it is so is as good as random, so the word is
+    /// written in any case: a branch would often be mispredicted.
+    #[inline(always)]
+    fn put(&mut self, state: u32, is_large: bool) -> u32 {
+        if let Some(word) = self.words.get_mut(self.count) {
+            *word = state as u16;
+        }
+        self.count += usize::from(is_large);
+        if is_large { state >> 16 } else { state }
+    }
 }
 
 /// How far a [`Decoder`] has read its stream.

@@ -6,10 +6,12 @@
 //! - [`contexts`]: the statistics of symbols,
 //! - [`stencil`]: interpolation between uneven lines,
 //! - [`refine`]: one refinement,
+//! - `even`: the same for encoders, for whole rows of tiles with even lines,
 //! - [`cells`]: which cells are drawn.
 
 mod cells;
 pub(crate) mod contexts;
+mod even;
 mod refine;
 mod stencil;
 #[cfg(test)]
@@ -123,11 +125,42 @@ pub fn tile_symbols(
     tile: &TileValues,
     out: &mut SymbolBuffer,
 ) -> Result<()> {
-    let wrong = |what: &str| Error::model(format!("tile {} {what}", id.name()));
     if !grid.has(id) || parent.is_some() != (id.depth > 0) {
-        return Err(wrong("is not in the grid, or has a parent at depth 0, or none below it"));
+        let what = "is not in the grid, or has a parent at depth 0, or none below it";
+        return Err(Error::model(format!("tile {} {what}", id.name())));
     }
-    let start = Start::new(grid, id, parent);
+    let lines = grid.lines(id);
+    if let Some(parent) = parent
+        && [parent, tile].iter().all(|tile| tile.drawn_cells().is_none())
+        && even::is_even(&lines.columns)
+        && even::is_even(&lines.rows)
+        && contains_quarter(parent, id, tile)
+        && even::put(&tile.steps, out)
+    {
+        return Ok(());
+    }
+    uneven_symbols(id, (&lines, Start::new(grid, id, parent)), tile, out)
+}
+
+/// Whether every second sample of a tile is one of its parent's.
+fn contains_quarter(parent: &TileValues, id: TileId, tile: &TileValues) -> bool {
+    const HALF: usize = CELLS / 2;
+    let (left, top) = (id.quarter() % 2 * HALF, id.quarter() / 2 * HALF);
+    (0..=HALF).all(|row| {
+        let (of_parent, own) =
+            (&parent.steps[(top + row) * SIDE + left..][..=HALF], &tile.steps[2 * row * SIDE..][..SIDE]);
+        of_parent.iter().zip(own.iter().step_by(2)).fold(true, |same, (a, b)| same & (a == b))
+    })
+}
+
+/// Appends the symbols of any tile, of which something is known.
+fn uneven_symbols(
+    id: TileId,
+    (lines, start): (&Lines, Start),
+    tile: &TileValues,
+    out: &mut SymbolBuffer,
+) -> Result<()> {
+    let wrong = |what: &str| Error::model(format!("tile {} {what}", id.name()));
     let cells = tile.drawn_cells();
     let is_within = |(cells, can_be): (&u64, &u64)| cells & !can_be == 0;
     if !cells.unwrap_or(&ALL).iter().zip(&start.can_be).all(is_within) {
@@ -137,8 +170,8 @@ pub fn tile_symbols(
         cells::put(cells, &start.can_be, out);
     }
     let mut coder = Encoder { steps: &tile.steps, symbols: out };
-    let coded = start.code(&grid.lines(id), id.depth == 0, cells.map(|&cells| Box::new(cells)), &mut coder)?;
-    let corners = cells.map(|cells| cells::corners(cells, &grid.lines(id)));
+    let coded = start.code(lines, id.depth == 0, cells.map(|&cells| Box::new(cells)), &mut coder)?;
+    let corners = cells.map(|cells| cells::corners(cells, lines));
     let is_coded = |at: usize| corners.as_ref().is_none_or(|corners| corners[at]);
     match (0..SIDE * SIDE).all(|at| coded.steps[at] == tile.steps[at] || !is_coded(at)) {
         true => Ok(()),

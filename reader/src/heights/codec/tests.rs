@@ -81,6 +81,33 @@ fn tiles_of_any_grid_come_back() {
 }
 
 #[test]
+fn rows_together_have_the_symbols_of_samples_one_by_one() {
+    let grid = Grid::new([256, 256], false, [false; 2]).unwrap();
+    for (scale, quarter) in [(0, 0), (1, 1), (9, 2), (300, 3), (4000, 0), (1 << 19, 1), (1 << 22, 2)] {
+        let noise = |column: u64, row: u64| {
+            let (x, y, rough) = (column as f64, row as f64, ((column * 7919) ^ (row * 104_729)) % 17);
+            (((x * 0.3).sin() * 40.0 + (y * 0.21).cos() * 25.0 + rough as f64) / 64.0 * f64::from(scale)) as i32
+        };
+        let of = |id: TileId| {
+            let Lines { columns, rows } = grid.lines(id);
+            let step = |k: usize| noise(columns[k % SIDE], rows[k / SIDE]);
+            TileValues { steps: Box::new(std::array::from_fn(step)), cells: None }
+        };
+        let parent = TileId { depth: 1, column: 1, row: 0 };
+        let id = parent.children()[quarter];
+        let (above, tile) = (of(parent), of(id));
+        let [mut together, mut apart] = [SymbolBuffer::default(), SymbolBuffer::default()];
+        let start = Start::new(&grid, id, Some(&above));
+        uneven_symbols(id, (&grid.lines(id), start), &tile, &mut apart).unwrap();
+        let is_small = even::put(&tile.steps, &mut together);
+        assert!(is_small == (together == apart) && is_small == (scale < 1 << 19), "{scale}");
+        let mut symbols = SymbolBuffer::default();
+        tile_symbols(&grid, id, Some(&above), &tile, &mut symbols).unwrap();
+        assert!(symbols == apart);
+    }
+}
+
+#[test]
 fn flat_tiles_are_implied() {
     let grid = Grid::new([300, 200], false, [false; 2]).unwrap();
     let flat = TileValues { steps: Box::new([0; SIDE * SIDE]), cells: None };

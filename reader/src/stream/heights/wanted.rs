@@ -13,7 +13,9 @@ use std::{
 
 use crate::{
     error::{Error, Result},
-    heights::{Base, HeightsIndex, Place, TileId, TileRecord, WantedPage, enclosed_ball, is_hidden, tile_box},
+    heights::{
+        Base, HeightsIndex, MOST_LEVEL, Place, TileId, TileRecord, WantedPage, enclosed_ball, is_hidden, tile_box,
+    },
     select::{Limiter, OrientedBox, Projection, Query, Volume},
     stream::Options,
 };
@@ -171,7 +173,7 @@ impl Chooser {
         let most = [query.max_triangles, query.max_nodes].map(|most| most.unwrap_or(u64::MAX));
         let mut wanted = WantedTiles { limiter: Limiter::Tolerance, ..WantedTiles::default() };
         let mut waiting = BinaryHeap::new();
-        let mut counts = [0, 0];
+        let (mut counts, mut level_count) = ([0, 0], 0);
         for &id in index.roots() {
             let Some(tile) = self.tile(index, id, sight, f64::INFINITY) else { continue };
             if tile.factor > 0.0 {
@@ -192,7 +194,8 @@ impl Chooser {
             let finest = is_near || tile.resolution + 1 >= tile.record.resolutions.len();
             let before = tile.triangle_count();
             let new = if finest {
-                if tile.record.children == 0 {
+                level_count += u64::from(tile.record.is_level);
+                if tile.record.children == 0 || tile.record.is_level && level_count > MOST_LEVEL {
                     if !is_near {
                         wanted.limiter = Limiter::Finest;
                     }

@@ -34,6 +34,10 @@ pub(super) fn terrains() -> Vec<(&'static str, Terrain)> {
         ("islands", Terrain::plane([300, 173]).with_cells(island)),
         ("globe with islands", Terrain::globe([300, 150]).with_cells(island)),
         ("wraps within a tile", Terrain::globe([60, 30])),
+        (
+            "sea within a globe",
+            Terrain::globe([300, 150]).level_but(|x, y| (200..230).contains(&x) && (40..60).contains(&y)),
+        ),
     ]
 }
 

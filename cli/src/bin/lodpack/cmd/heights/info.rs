@@ -41,6 +41,8 @@ struct Info {
     placement: Option<PlacementInfo>,
     depths: Vec<Depth>,
     depth_count: u32,
+    /// Tiles from which everything below follows, as far as the depths are shown.
+    level_tiles: u64,
     bytes_read: u64,
     requests: u64,
 }
@@ -58,6 +60,8 @@ struct RampInfo {
 struct Depth {
     tiles: u64,
     block_bytes: u64,
+    /// Those of them from which everything below follows.
+    level_tiles: u64,
     /// At the coarsest and the finest resolution.
     triangles: [u64; 2],
     /// The largest errors of these.
@@ -106,6 +110,7 @@ pub fn run(file: &Heights<Source>, args: &InfoArgs) -> Result<()> {
             stops: ramp.stops().iter().map(|stop| (stop.height, stop.colour)).collect(),
         }),
         placement: file.placement().map(PlacementInfo::new),
+        level_tiles: depths.iter().map(|depth| depth.level_tiles).sum(),
         depths,
         depth_count: grid.depth() + 1,
         bytes_read: file.source().byte_count(),
@@ -123,11 +128,13 @@ fn walk(file: &Heights<Source>, id: TileId, last: u32, depths: &mut Vec<Depth>) 
     let depth = &mut depths[number];
     depth.tiles += 1;
     depth.block_bytes += record.block_bytes;
+    depth.level_tiles += u64::from(record.is_level);
     for (k, resolution) in [record.resolutions.first(), record.resolutions.last()].into_iter().flatten().enumerate() {
         depth.triangles[k] += u64::from(resolution.triangle_count);
         depth.errors[k] = depth.errors[k].max(resolution.error);
     }
-    let mut children = record.child_tiles().filter(|child| child.depth <= last);
+    // What follows from level tiles takes no bytes.
+    let mut children = record.child_tiles().filter(|child| child.depth <= last && !record.is_level);
     children.try_for_each(|child| walk(file, child, last, depths))
 }
 
@@ -160,7 +167,10 @@ fn print(info: &Info, file: &Heights<Source>, args: &InfoArgs) -> Result<()> {
             bytes(depth.block_bytes)
         );
     }
-    if info.depths.len() < info.depth_count as usize {
+    if info.level_tiles > 0 {
+        say!("  level      {} tiles, from which all below them follow", count(info.level_tiles));
+    }
+    if info.depths.len() < info.depth_count as usize && !args.why {
         say!("  ({} depths in all; --why shows them, and reads the whole index)", info.depth_count);
     }
     say!("  read       {} in {} requests", bytes(info.bytes_read), info.requests);
