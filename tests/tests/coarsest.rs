@@ -76,7 +76,8 @@ fn a_sponge_of_hundreds_of_handles_gets_down_to_any_number() {
     let drawn = file.extract(&cut).expect("decodable");
     let finished = finish(&drawn.positions, &drawn.triangles, cut.error, &file.lattice(), 500).expect("a solid");
     assert!(finished.triangles.len() <= 500);
-    assert_ne!(finished.topology, Topology::Kept, "a handle takes dozens of triangles");
+    // A handle takes dozens of triangles: few are left of a cut, or already in it.
+    assert!(finished.topology != Topology::Kept || drawn.triangles.len() <= 500);
     // Clustered sheets may share an edge, but none ends.
     assert_eq!(inspect_edges(&finished.triangles).boundary.len(), 0);
     let positions = finished.positions.iter().map(|&p| DVec3::from_array(p)).collect();
@@ -106,7 +107,7 @@ fn many_small_parts_share_roots_and_end_in_one_of_few_triangles() {
 
 #[test]
 fn tops_of_many_handles_or_pipes_have_few_triangles() {
-    for mesh in [sponge(2), pipes(300)] {
+    for mesh in [sponge(3), pipes(300)] {
         let (bytes, _) = build_mesh(&mesh, "auto");
         let file = open(&bytes);
         let cut = file.uniform_cut(0).expect("a level");
