@@ -358,7 +358,7 @@ impl Renderer {
         let pipelines = &self.gpu.pipelines;
         // Where colours mean something else, images are not seen.
         let draws_images = !counts && !self.overlays.iter().any(|overlay| COLOURINGS.contains(overlay));
-        let blocks = || (0..).zip(&self.blocks).map(|(slot, block)| (slot, block));
+        let blocks = || (0..).zip(&self.blocks);
         for is_textured in [false, true] {
             let program = |number: usize| match is_textured {
                 false => &pipelines.programs[number][usize::from(counts)],

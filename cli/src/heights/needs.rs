@@ -246,7 +246,7 @@ impl Level {
             for (row, smaller) in before.middles.chunks_exact(2 * n).enumerate() {
                 let (pairs, _) = smaller.as_chunks::<2>();
                 // A square of half the size has two sides of itself on sides of this size.
-                let line = &mut rows[(row + 1) / 2 * n..][..n];
+                let line = &mut rows[row.div_ceil(2) * n..][..n];
                 line.iter_mut().zip(pairs).for_each(|(need, &[a, b])| *need = larger(*need, larger(a, b)));
                 let line = &mut columns[row / 2 * (n + 1)..][..=n];
                 for (k, &[a, b]) in pairs.iter().enumerate() {
