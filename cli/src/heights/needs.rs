@@ -313,7 +313,7 @@ mod tests {
             [true, false] => level.rows[y / size * level.count + x / size],
             _ => level.columns[y / size * (level.count + 1) + x / size],
         };
-        of(&needs.levels[(size as usize).ilog2() as usize - 1], size)
+        of(&needs.levels[size.ilog2() as usize - 1], size)
     }
 
     /// Halves triangles as readers do; the longest side is the first one.
