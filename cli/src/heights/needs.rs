@@ -307,7 +307,7 @@ mod tests {
 
     /// What the middle of a longest side needs.
     fn need(needs: &Needs, [x, y]: Corner) -> f32 {
-        let size = 1 << (1 + x.trailing_zeros().min(y.trailing_zeros()));
+        let size: usize = 1 << (1 + x.trailing_zeros().min(y.trailing_zeros()));
         let of = |level: &Level, size: usize| match [x, y].map(|at| at % size != 0) {
             [true, true] => level.middles[y / size * level.count + x / size],
             [true, false] => level.rows[y / size * level.count + x / size],
