@@ -179,8 +179,7 @@ impl Spill {
             if record.children == 0
                 && let Some(finest) = record.resolutions.last()
             {
-                let is_level = record.lowest == record.highest && !record.is_partial && record.id.depth < grid.depth();
-                let (triangles, error) = match level.filter(|_| is_level) {
+                let (triangles, error) = match level.filter(|level| level.follow_from(&record)) {
                     // What is below follows, down to the greatest depth.
                     Some(level) => (triangles_of(&grid, record.id), level.least()),
                     None => (finest.triangle_count.into(), finest.error),
@@ -204,13 +203,11 @@ impl Spill {
     }
 }
 
-/// The triangles of all samples of a grid in a tile: two in each cell, but one at a pole.
+/// The triangles of all samples of a grid in a tile.
 fn triangles_of(grid: &Grid, id: TileId) -> u64 {
     let [columns, rows] = [(0, id.column), (1, id.row)]
         .map(|(axis, tile)| [0, 1].map(|k| grid.line(axis, id.depth, (tile + k) * CELLS as u64)));
-    let [first, last] = grid.poles();
-    let poles = u64::from(first && rows[0] == 0) + u64::from(last && rows[1] == grid.cells()[1]);
-    (columns[1] - columns[0]) * (2 * (rows[1] - rows[0]) - poles)
+    grid.face_count([columns, rows].map(|[first, last]| last - first), rows)
 }
 
 /// Blocks one after another, wherever they lie in the temporary file.

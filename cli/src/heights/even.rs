@@ -36,12 +36,7 @@ struct Bend {
 impl<'a> Even<'a> {
     /// A tile that is even: all its cells are drawn, its samples lie in the window of the judge and none is at a pole.
     pub fn new(judge: &Judge<'_>, tile: &DrawnTile, steps: &'a Steps, is_full: bool) -> Option<Self> {
-        let distance = |lines: &[u64; SIDE]| {
-            let distance = lines[1] - lines[0];
-            let is_even = distance.is_power_of_two() && lines.windows(2).all(|pair| pair[1] - pair[0] == distance);
-            is_even.then_some(distance)
-        };
-        let (across, down) = (distance(&tile.lines.columns)?, distance(&tile.lines.rows)?);
+        let [across, down] = tile.lines.distances().filter(|[across, _]| across.is_power_of_two())?;
         let is_within = |[first, last]: [u64; 2], lines: &[u64; SIDE]| first <= lines[0] && lines[CELLS] <= last;
         let window = judge.window;
         let is_inside = is_within(window.columns, &tile.lines.columns) && is_within(window.rows, &tile.lines.rows);

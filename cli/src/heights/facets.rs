@@ -108,14 +108,12 @@ impl<'a> Judge<'a> {
 
     /// Where a tile of a plane lies in the table of squares, if its lines are equally far apart, a power of two.
     pub fn table_of(&self, lines: &Lines) -> Option<Place<'_>> {
-        let distance = lines.columns[1] - lines.columns[0];
-        let is_even = |lines: &[u64; SIDE]| lines.windows(2).all(|pair| pair[1] - pair[0] == distance);
-        let is_there = !self.surface.is_globe() && !self.squares.is_empty() && distance.is_power_of_two();
-        if !is_there || !is_even(&lines.columns) || !is_even(&lines.rows) {
+        let [across, down] = lines.distances()?;
+        if self.surface.is_globe() || self.squares.is_empty() || across != down || !across.is_power_of_two() {
             return None;
         }
         let first = [lines.columns[0] - self.window.columns[0], lines.rows[0] - self.window.rows[0]];
-        Some(Place { squares: &self.squares, first: first.map(|at| at as usize), shift: distance.trailing_zeros() })
+        Some(Place { squares: &self.squares, first: first.map(|at| at as usize), shift: across.trailing_zeros() })
     }
 
     /// How far samples are from a triangle that is half of a square or lies on a side of one, in steps, with the longest side from the first to the second

@@ -5,7 +5,7 @@
 
 use lodpack::heights::CELLS;
 
-use super::squares::Squares;
+use super::squares::{Squares, larger};
 
 /// How much distances from sides along the border of a tile count.
 const AT_BORDER: f32 = 2.0;
@@ -13,11 +13,6 @@ const AT_BORDER: f32 = 2.0;
 const LANES: usize = 8;
 /// Sizes of squares in a tile: from 2 cells on.
 const SIZES: usize = CELLS.ilog2() as usize;
-
-#[inline(always)]
-fn larger(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
 
 /// The largest of some numbers and the distances of those triangles that are drawn at a tolerance: their own needs do not exceed it, and those of the
 /// triangles before they were halved do.

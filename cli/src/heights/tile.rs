@@ -284,8 +284,9 @@ impl Tile {
 
 /// Whether all triangles of a tile are drawn.
 fn is_whole(tile: &DrawnTile, values: &TileValues) -> bool {
-    let is_even = are_even(&tile.lines.columns) && are_even(&tile.lines.rows);
-    is_even && values.cells.is_none() && ![0, SIDE * CELLS].iter().any(|&at| tile.is_at_pole(at as u16))
+    tile.lines.distances().is_some()
+        && values.cells.is_none()
+        && ![0, SIDE * CELLS].iter().any(|&at| tile.is_at_pole(at as u16))
 }
 
 /// What a tile with even lines on a plane needs; none of others.
@@ -385,9 +386,7 @@ impl<'a> Laid<'a> {
     /// How far the globe is from straight connections between the samples, if these are equally far apart and none is at a pole.
     fn bend(&self) -> Option<f64> {
         let surface = self.setting.surface;
-        if !are_even(&self.lines.columns) || !are_even(&self.lines.rows) {
-            return None;
-        }
+        self.lines.distances()?;
         let Some([columns, rows]) = &self.axes else { return Some(0.0) };
         let latitude = |row: u64| surface.first[1] + row as f64 * surface.spacing[1];
         if [0, CELLS].iter().any(|&k| latitude(self.lines.rows[k]).abs() >= 90.0) {
@@ -476,11 +475,6 @@ pub fn distance_of_quarters<'a>(
     }
     let most = most.max(bend.unwrap_or(0.0) + 0.5 * doubled as f64 * setting.scale.step * setting.surface.height_scale);
     Off { most, is_level }
-}
-
-/// Whether a tile's lines of samples are equally far apart.
-fn are_even(lines: &[u64; SIDE]) -> bool {
-    lines[1] > lines[0] && lines.windows(2).all(|pair| pair[1] - pair[0] == lines[1] - lines[0])
 }
 
 /// Twice the distance of the samples of a quarter from a tile's straight connections, in steps, where both divide a plane evenly.

@@ -102,6 +102,15 @@ impl Lines {
         is_whole(&self.columns) && is_whole(&self.rows) && self.is_finest()
     }
 
+    /// From each column to the next, and from each row to the next, if all columns are equally far apart, and all rows.
+    pub fn distances(&self) -> Option<[u64; 2]> {
+        let of = |lines: &[u64; SIDE]| {
+            let distance = lines[1] - lines[0];
+            (distance > 0 && lines.windows(2).all(|pair| pair[1] - pair[0] == distance)).then_some(distance)
+        };
+        Some([of(&self.columns)?, of(&self.rows)?])
+    }
+
     /// Whether no sample lies between the lines of the tile.
     pub fn is_finest(&self) -> bool {
         [&self.columns, &self.rows].iter().all(|lines| lines.windows(2).all(|pair| pair[1] - pair[0] <= 1))
@@ -151,6 +160,13 @@ impl Grid {
     /// Whether the first and the last row of samples are one point.
     pub fn poles(&self) -> [bool; 2] {
         self.poles
+    }
+
+    /// The triangles of so many columns and rows of cells, between a first and a last row of samples: two in each cell, but one at a pole.
+    pub fn face_count(&self, [columns, rows]: [u64; 2], [first, last]: [u64; 2]) -> u64 {
+        let [is_first, is_last] = self.poles;
+        let poles = u64::from(is_first && first == 0) + u64::from(is_last && last == self.cells()[1]);
+        columns * (2 * rows - poles)
     }
 
     /// Columns and rows of tiles at depth 0.

@@ -106,6 +106,12 @@ impl LevelErrors {
         Some(Self { least, depth: grid.depth() })
     }
 
+    /// Whether everything below a tile is level, and follows from it: the file has no quarters of it.
+    pub fn follow_from(&self, record: &TileRecord) -> bool {
+        let is_level = record.children == 0 && record.lowest == record.highest && !record.is_partial;
+        is_level && record.id.depth < self.depth
+    }
+
     /// The error of what has all samples.
     pub fn least(&self) -> f64 {
         self.least
@@ -270,7 +276,7 @@ impl Page {
                 let error = record.finest_error();
                 below.extend(record.child_tiles().map(|child| (child, error)));
                 let block = Extent { offset, length: record.block_bytes };
-                if this.is_level(&record) {
+                if level.is_some_and(|level| level.follow_from(&record)) {
                     (record.is_level, record.children) = (true, quarters(grid, id));
                 }
                 this.entries.push(Entry { record, block, first_child });
@@ -286,12 +292,6 @@ impl Page {
         }
         cursor.finish()?;
         Ok(this)
-    }
-
-    /// Whether everything below a tile is level, and follows from it: on a globe, if the file has no quarters of it.
-    fn is_level(&self, record: &TileRecord) -> bool {
-        let is_level = record.children == 0 && record.lowest == record.highest && !record.is_partial;
-        is_level && self.level.is_some() && record.id.depth < self.grid.depth()
     }
 
     /// A tile below a level one: all its cells are drawn, and its error follows.
@@ -367,13 +367,11 @@ fn quarters(grid: &Grid, id: TileId) -> u8 {
     id.children().into_iter().enumerate().fold(0, |bits, (k, quarter)| bits | u8::from(grid.has(quarter)) << k)
 }
 
-/// The triangles of a tile with all its samples: two for each cell with width and height, but one at a pole.
+/// The triangles of a tile with all its samples, in cells with width and height.
 fn face_count(grid: &Grid, id: TileId) -> u32 {
     let Lines { columns, rows } = grid.lines(id);
-    let count = |lines: &[u64]| lines.windows(2).filter(|pair| pair[0] < pair[1]).count();
-    let [first, last] = grid.poles();
-    let poles = usize::from(first && rows[0] == 0) + usize::from(last && rows[CELLS] == grid.cells()[1]);
-    (count(&columns) * (2 * count(&rows) - poles)) as u32
+    let count = |lines: &[u64]| lines.windows(2).filter(|pair| pair[0] < pair[1]).count() as u64;
+    grid.face_count([count(&columns), count(&rows)], [rows[0], rows[CELLS]]) as u32
 }
 
 fn parse_record(

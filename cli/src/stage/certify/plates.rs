@@ -16,7 +16,7 @@
 use glam::{DVec2, DVec3};
 
 use super::bvh::TriangleBvh;
-use crate::mesh::NONE;
+use crate::mesh::{Adjacency, NONE};
 
 /// Surfaces of more triangles get no plates: they are for small parts, of which there are many.
 const MOST_TRIANGLES: usize = 512;
@@ -57,7 +57,8 @@ impl Plates {
             (b - a).cross(c - a)
         };
         let areas: Vec<DVec3> = surface.triangles.iter().map(doubled).collect();
-        let across = neighbours(&surface.triangles);
+        let Adjacency { opposite } = Adjacency::new(&surface.triangles, positions.len());
+        let (across, _) = opposite.as_chunks::<3>();
         let mut is_taken = vec![false; count];
         for start in 0..count {
             if std::mem::replace(&mut is_taken[start], true) {
@@ -67,7 +68,7 @@ impl Plates {
             let (mut slots, mut at) = (vec![start], 0);
             while let Some(&slot) = slots.get(at) {
                 at += 1;
-                for next in across[slot].into_iter().filter(|&next| next != NONE).map(|next| next as usize) {
+                for next in across[slot].into_iter().filter(|&next| next != NONE).map(|next| next as usize / 3) {
                     if !is_taken[next] && areas[next].dot(normal) > ALIKE * areas[next].length() {
                         is_taken[next] = true;
                         slots.push(next);
@@ -78,7 +79,7 @@ impl Plates {
                 continue;
             }
             let sum: DVec3 = slots.iter().map(|&slot| areas[slot]).sum();
-            let Some(outline) = outline(surface, &across, &slots) else { continue };
+            let Some(outline) = outline(surface, across, &slots) else { continue };
             let outline: Vec<DVec3> = outline.into_iter().map(|v| positions[v as usize]).collect();
             let inside = slots.iter().flat_map(|&slot| surface.triangles[slot]).map(|v| positions[v as usize]);
             if let Some(plate) = Plate::new(sum, &outline, inside, thickness) {
@@ -156,27 +157,8 @@ impl Plate {
     }
 }
 
-/// For each triangle the ones across its edges; [`NONE`] where there are not two.
-fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
-    let mut edges: Vec<([u32; 2], usize)> = vec![];
-    for (slot, corners) in triangles.iter().enumerate() {
-        for k in 0..3 {
-            let [a, b] = [corners[k], corners[(k + 1) % 3]];
-            edges.push(([a.min(b), a.max(b)], 3 * slot + k));
-        }
-    }
-    edges.sort_unstable();
-    let mut across = vec![[NONE; 3]; triangles.len()];
-    for run in edges.chunk_by(|a, b| a.0 == b.0) {
-        if let &[(_, a), (_, b)] = run {
-            across[a / 3][a % 3] = (b / 3) as u32;
-            across[b / 3][b % 3] = (a / 3) as u32;
-        }
-    }
-    across
-}
-
-/// The vertices around some triangles, in order; none unless their boundary is one closed curve that passes each of its vertices once.
+/// The vertices around some triangles, in order; none unless their boundary is one closed curve that passes each of its vertices once. `across` has
+/// the half-edge on the other side of each edge.
 fn outline(surface: &TriangleBvh, across: &[[u32; 3]], slots: &[usize]) -> Option<Vec<u32>> {
     let mut sorted = slots.to_vec();
     sorted.sort_unstable();
@@ -185,7 +167,7 @@ fn outline(surface: &TriangleBvh, across: &[[u32; 3]], slots: &[usize]) -> Optio
         let corners = surface.triangles[slot];
         for k in 0..3 {
             let other = across[slot][k];
-            if other == NONE || sorted.binary_search(&(other as usize)).is_err() {
+            if other == NONE || sorted.binary_search(&(other as usize / 3)).is_err() {
                 edges.push([corners[k], corners[(k + 1) % 3]]);
             }
         }

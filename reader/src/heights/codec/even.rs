@@ -23,12 +23,6 @@ const LARGEST: u32 = 1 << 19;
 /// Rows of a plane.
 type Plane<const COLUMNS: usize, const ROWS: usize> = [[i32; COLUMNS]; ROWS];
 
-/// Whether a tile's lines are equally far apart, a power of two.
-pub(super) fn is_even(lines: &[u64; SIDE]) -> bool {
-    let distance = lines[1] - lines[0];
-    distance.is_power_of_two() && lines.windows(2).all(|pair| pair[1] - pair[0] == distance)
-}
-
 /// Sixteen times the values between those of a line, and so of rows between rows: the cubic polynomial through the four nearest, or at both ends the
 /// quadratic one through the three nearest.
 fn between<const N: usize, const M: usize>(line: &[i32; N]) -> [i32; M] {

@@ -132,8 +132,7 @@ pub fn tile_symbols(
     let lines = grid.lines(id);
     if let Some(parent) = parent
         && [parent, tile].iter().all(|tile| tile.drawn_cells().is_none())
-        && even::is_even(&lines.columns)
-        && even::is_even(&lines.rows)
+        && lines.distances().is_some_and(|distances| distances.into_iter().all(u64::is_power_of_two))
         && contains_quarter(parent, id, tile)
         && even::put(&tile.steps, out)
     {

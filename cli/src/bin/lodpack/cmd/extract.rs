@@ -155,13 +155,12 @@ fn mesh_of(
     } else {
         Drawn::textured(in_file(&args.file, file.extract_textured(&cut, &channels))?, look, &cut)
     };
+    let known: Vec<&ChannelInfo> =
+        channels.iter().filter_map(|&channel| file.channels().get(usize::from(channel))).collect();
     if let Some(most) = finishing.filter(|&most| drawn.triangles.len() as u64 > most) {
-        let known: Vec<&ChannelInfo> =
-            channels.iter().filter_map(|&channel| file.channels().get(usize::from(channel))).collect();
         drawn = drawn.finished(&file.lattice(), most, &known)?;
     }
-    let known = channels.iter().filter_map(|&channel| file.channels().get(usize::from(channel)));
-    drawn.numbers = known.cloned().enumerate().filter(|(_, channel)| is_number(channel)).collect();
+    drawn.numbers = known.into_iter().cloned().enumerate().filter(|(_, channel)| is_number(channel)).collect();
     Ok((drawn, cut.nodes.len() as u64))
 }
 
