@@ -178,15 +178,6 @@ impl<'a> Sums<'a> {
         let sums = &mut self.sums[texel * count..][..*count];
         let weights = &mut self.weights[texel * weights..][..*weights];
         weights[0] += weight;
-        // Most inputs have colours alone.
-        if let ([Stored::Colour { .. }], [red, green, blue, opacity], &[r, g, b, o]) =
-            (&channels[..], &mut *sums, values)
-        {
-            let share = weight * o;
-            (*red, *green, *blue) = (*red + r * share, *green + g * share, *blue + b * share);
-            *opacity += share;
-            return;
-        }
         let (mut at, mut scalar) = (0, 1);
         for channel in channels {
             match channel {
