@@ -1,8 +1,9 @@
 //! Reports of error against run time, as people make them.
 
 use crate::commands::lodpack;
-use lodpack_tests::generate::{fan_part, save_ply};
+use lodpack_tests::generate::{fan_part, rough_sphere, save_ply};
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 fn read(path: &Path) -> String {
@@ -125,6 +126,31 @@ fn reports_on_a_mesh_and_on_its_file_agree_with_its_builds() {
         }
     }
     assert_eq!(of_file_json["builds"].as_array().map(Vec::len), Some(0));
+}
+
+#[test]
+fn budgets_are_kept_and_more_resolutions_a_node_allow_less_error_with_few_nodes() {
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let (mesh, file, out) = (dir.path().join("scan.ply"), dir.path().join("scan.lodpack"), dir.path().join("report"));
+    save_ply(&rough_sphere(80), &mesh).expect("writable");
+    let built = ["--tolerance", "0.1edge", "--progress", "none", "-o"];
+    lodpack().arg("build").arg(&mesh).args(built).arg(&file).assert().code(0);
+    lodpack().arg("report").arg(&file).arg("-o").arg(&out).arg("--quick").assert().code(0);
+    let report: Value = serde_json::from_str(&read(&out.join("report.json"))).expect("JSON");
+    let rows = report["budgets"].as_array().expect("budgets");
+    let mut least = BTreeMap::new();
+    for row in rows {
+        assert!(number(&row["nodes"]) <= number(&row["max_nodes"]), "{row}");
+        if let Some(most) = row["max_triangles"].as_f64() {
+            assert!(number(&row["triangles"]) <= most, "{row}");
+        }
+        if row["varied"] == "triangles" {
+            let error = least.entry(row["resolutions"].as_u64()).or_insert(f64::INFINITY);
+            *error = number(&row["pixel_error"]).min(*error);
+        }
+    }
+    // A part of the nodes, and as many triangles as the file has.
+    assert!(least[&Some(3)] < least[&Some(1)] * 0.7 && least[&Some(2)] < least[&Some(1)], "{least:?}");
 }
 
 #[test]

@@ -2,10 +2,11 @@
 //! builder.
 //!
 //! For a mesh, it builds at a sweep of tolerances and settings, each in a process of its own so that its memory can be
-//! measured ([`sweep`]). For a file, it measures the cost and the result of queries at run time ([`cuts`]). Both become
-//! tables, plots with log axes (`plot`) and sentences computed from the numbers (`words`).
+//! measured ([`sweep`]). For a file, it measures the cost and the result of queries at run time ([`cuts`]), and what budgets of nodes
+//! and triangles allow ([`budgets`]). All become tables, plots with log axes (`plot`) and sentences computed from the numbers (`words`).
 
 mod analysis;
+pub mod budgets;
 pub mod cuts;
 pub mod kind;
 pub mod measure;
@@ -18,6 +19,7 @@ mod table;
 mod words;
 
 pub use analysis::{DefaultCheck, Order};
+pub use budgets::BudgetRow;
 pub use cuts::{CutRow, FirstPicture, Reader};
 pub use kind::{SurfaceFacts, SurfaceKind};
 pub use measure::{Distances, Reference};
@@ -168,6 +170,8 @@ pub struct Report {
     pub failures: Vec<(String, String)>,
     /// Queries at run time.
     pub cuts: Vec<CutRow>,
+    /// What budgets of nodes and triangles allow.
+    pub budgets: Vec<BudgetRow>,
     /// The cost of showing anything at all.
     pub first_picture: FirstPicture,
     /// The cost of verification; only with an input.
@@ -193,6 +197,8 @@ pub struct Measurements {
     pub sweep: Sweep,
     /// See [`Report::cuts`].
     pub cuts: Vec<CutRow>,
+    /// See [`Report::budgets`].
+    pub budgets: Vec<BudgetRow>,
     /// See [`Report::first_picture`].
     pub first_picture: FirstPicture,
     /// See [`Report::verification`].
@@ -204,7 +210,7 @@ pub struct Measurements {
 impl Report {
     /// Draws the conclusions.
     pub fn new(measurements: Measurements) -> Self {
-        let Measurements { subject, input, sweep, cuts, first_picture, verification, peers } = measurements;
+        let Measurements { subject, input, sweep, cuts, budgets, first_picture, verification, peers } = measurements;
         let Sweep { rows: builds, failures } = sweep;
         let orders = input.as_ref().map_or(vec![], |input| analysis::orders(&builds, &cuts, input));
         let default_check = analysis::check_default(&builds);
@@ -215,6 +221,7 @@ impl Report {
             builds,
             failures,
             cuts,
+            budgets,
             first_picture,
             verification,
             orders,

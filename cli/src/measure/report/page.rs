@@ -2,7 +2,7 @@
 
 use super::analysis::{competes, front};
 use super::plot::{Axis, COLOURS, Marker, Plot, Point, Series, bars, escape, short};
-use super::{BuildRow, Order, PeerRow, Report, Varied};
+use super::{BudgetRow, BuildRow, Order, PeerRow, Report, Varied};
 use std::fmt::Write;
 
 const STYLE: &str = "body{margin:1.5rem auto;max-width:1180px;padding:0 1rem;font:15px/1.45 system-ui,sans-serif;\
@@ -104,6 +104,13 @@ pub fn page(report: &Report) -> String {
     orders_table(&mut html, report);
     if !report.cuts.is_empty() {
         section(&mut html, "Run time: queries of one file", &cut_plots(report));
+    }
+    if !report.budgets.is_empty() {
+        section(
+            &mut html,
+            "Budgets of nodes and triangles, with one, two and three resolutions a node",
+            &budget_plots(report),
+        );
     }
     tables(&mut html, report);
     html += "</body>\n</html>\n";
@@ -356,6 +363,56 @@ fn cut_plots(report: &Report) -> Vec<String> {
         ),
         against("Error against triangles drawn", "triangles", |row| row.triangles as f64, |peer| peer.triangles),
         times.svg(),
+    ]
+}
+
+/// A quantity of a cut within budgets.
+type OfBudget = fn(&BudgetRow) -> f64;
+
+/// Niski (2007), figures 4.5, 4.6 and 4.8.
+fn budget_plots(report: &Report) -> Vec<String> {
+    let against = |title: String, varied: &str, [x, y]: [(&str, OfBudget); 2]| {
+        let series = [(1, "one resolution a node"), (2, "two"), (3, "three")].into_iter().zip(COLOURS);
+        let series = series.map(|((resolutions, name), colour)| {
+            let rows = report.budgets.iter().filter(|row| row.resolutions == resolutions && row.varied == varied);
+            let points = rows.map(|row| Point {
+                x: x.1(row),
+                y: y.1(row),
+                title: format!(
+                    "{:.0} nodes, {} triangles, {} pixels",
+                    row.nodes,
+                    short(row.triangles),
+                    short(row.pixel_error)
+                ),
+                ..Point::default()
+            });
+            Series { name: name.into(), colour, line: Some("none"), points: points.collect(), ..Series::default() }
+        });
+        Plot { title, x: log(x.0), y: log(y.0), series: series.filter(|series| !series.points.is_empty()).collect() }
+            .svg()
+    };
+    let triangles = report.budgets.iter().find(|row| row.varied == "nodes").and_then(|row| row.max_triangles);
+    let nodes = report.budgets.iter().find(|row| row.varied == "triangles").map(|row| row.max_nodes);
+    let (triangles, nodes) = (short(triangles.unwrap_or(0) as f64), short(nodes.unwrap_or(0) as f64));
+    let node_budget: (&str, OfBudget) = ("most nodes", |row| row.max_nodes as f64);
+    let error: (&str, OfBudget) = ("largest error, pixels", |row| row.pixel_error);
+    vec![
+        against(format!("Error with at most {triangles} triangles"), "nodes", [node_budget, error]),
+        against(
+            format!("Error with at most {nodes} nodes"),
+            "triangles",
+            [("most triangles", |row| row.max_triangles.unwrap_or(0) as f64), error],
+        ),
+        against(
+            "Triangles at the same error".into(),
+            "nodes_at_error",
+            [node_budget, ("triangles", |row| row.triangles)],
+        ),
+        against(
+            format!("Time to find a cut with at most {triangles} triangles"),
+            "nodes",
+            [node_budget, ("ms", |row| row.select_seconds * 1e3)],
+        ),
     ]
 }
 

@@ -6,7 +6,7 @@ use std::fmt::Write;
 const NAMES: &str = "kind,name,varied,tolerance,effort,fillings,chart_triangles,threads,region_triangles,runs,cpu_seconds,\
                      cpu_least,cpu_most,wall_seconds,peak_memory_bytes,bytes,requests,triangles,samples,nodes,certified,rms,max,\
                      rms_from_input,rms_to_input,max_from_input,max_to_input,select_seconds,fetch_seconds,decode_seconds,\
-                     extract_seconds";
+                     extract_seconds,pixel_error";
 
 /// Renders the table.
 pub fn table(report: &Report) -> String {
@@ -63,6 +63,25 @@ pub fn table(report: &Report) -> String {
         ];
         values.extend(distances(row.measured));
         line(&values);
+    }
+    for row in &report.budgets {
+        line(&[
+            ("kind", "budget".to_string()),
+            (
+                "name",
+                format!(
+                    "{} resolutions, {} nodes, {} triangles",
+                    row.resolutions,
+                    row.max_nodes,
+                    row.max_triangles.map_or("any".into(), |most| most.to_string())
+                ),
+            ),
+            ("varied", row.varied.to_string()),
+            ("triangles", row.triangles.to_string()),
+            ("nodes", row.nodes.to_string()),
+            ("pixel_error", row.pixel_error.to_string()),
+            ("select_seconds", row.select_seconds.to_string()),
+        ]);
     }
     for peer in &report.peers {
         let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());

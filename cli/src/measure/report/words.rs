@@ -20,6 +20,7 @@ pub(crate) fn words(report: &Report) -> Vec<String> {
     }
     words.extend(order_words(report));
     words.extend(cut_words(report));
+    words.extend(budget_words(report));
     for (setting, why) in &report.failures {
         words.push(format!("No build succeeded with {setting}: {why}."));
     }
@@ -228,6 +229,25 @@ fn order_words(report: &Report) -> Option<String> {
         input.surface.roughness,
         order.slope,
         input.surface.kind.expected_words()
+    ))
+}
+
+/// What more resolutions a node would buy where nodes are scarce.
+fn budget_words(report: &Report) -> Option<String> {
+    let scarce = report.budgets.iter().find(|row| row.varied == "triangles")?.max_nodes;
+    let error = |resolutions: u8| {
+        let kept = report.budgets.iter().filter(|row| row.varied == "nodes" && row.resolutions == resolutions);
+        kept.filter(|row| row.max_nodes <= scarce).next_back()
+    };
+    let (one, two, three) = (error(1)?, error(2)?, error(3)?);
+    Some(format!(
+        "Within {} nodes and {} triangles, a picture of 1920 x 1080 is at most {} pixels off. If each node could be drawn as its \
+         children are, too, it would be {}, and as its grandchildren {}.",
+        one.max_nodes,
+        short(one.max_triangles.unwrap_or(0) as f64),
+        short(one.pixel_error),
+        short(two.pixel_error),
+        short(three.pixel_error),
     ))
 }
 

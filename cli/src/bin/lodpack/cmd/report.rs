@@ -12,8 +12,8 @@ use anyhow::{Context, Result, bail};
 use lodpack_cli::import::import_shape;
 use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::measure::report::{
-    InputFacts, Measurements, Reader, Reference, Report, SurfaceFacts, Trial, VerifyCost, cuts, page, read_peers,
-    settings, sweep, table,
+    InputFacts, Measurements, Reader, Reference, Report, SurfaceFacts, Trial, VerifyCost, budgets, cuts, page,
+    read_peers, settings, sweep, table,
 };
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::mesh::tolerance::Tolerance;
@@ -85,6 +85,7 @@ fn run_on(input: &Path, args: &ReportArgs) -> Result<ExitCode> {
     measured.first_picture = cuts::first_picture(&reader)?;
     let repeats = args.runs.unwrap_or(REPEATS);
     measured.cuts = cuts::measure_cuts(&reader, reference.as_ref(), repeats, args.quick, &progress)?;
+    measured.budgets = budgets::measure_budgets(&reader)?;
     if let Some(reference) = &reference {
         progress.begin("verification", 0);
         let file = reader().map_err(|error: Box<dyn std::error::Error + Send + Sync>| anyhow::anyhow!(error))?;
