@@ -1,6 +1,6 @@
 //! Drawing: the data of each root on the GPU, and a pass over all of them.
 
-use std::{sync::Arc, time::Instant};
+use std::{cell::OnceCell, sync::Arc, time::Instant};
 
 use anyhow::Result;
 use glam::DVec3;
@@ -17,7 +17,7 @@ use crate::{
     camera::{Pair, pair},
     gpu::{Gpu, Targets},
     picture::{BACKGROUND, Picture},
-    pool::{Place, Pool},
+    pool::{List, Place, Pool},
     scene::{Report, Scene, milliseconds},
     texels::{Texels, look_number, mean},
 };
@@ -56,6 +56,8 @@ enum Triangles {
 /// The data of a root on the GPU.
 struct Block {
     root: u32,
+    /// Of the root as it was last uploaded; 0 where something of it waits.
+    stamp: u64,
     info: RootInfo,
     strips: Vec<Arc<Strip>>,
     triangles: Triangles,
@@ -126,6 +128,19 @@ pub struct Renderer {
     pool: Pool,
     /// By root.
     blocks: Vec<Block>,
+    /// The stamp of the picture that these blocks show completely.
+    stamp: Option<u64>,
+    made: Made,
+}
+
+/// What frames need of all roots, until one of them changes.
+#[derive(Default)]
+struct Made {
+    infos: OnceCell<wgpu::Buffer>,
+    /// Roots in the pool: those that are drawn without images where others are drawn with theirs, and all.
+    lists: [OnceCell<List>; 2],
+    /// Whether all are there.
+    is_pooled: OnceCell<bool>,
 }
 
 impl Renderer {
@@ -143,6 +158,8 @@ impl Renderer {
             problems: Vec::new(),
             pool: Pool::new(gpu),
             blocks: Vec::new(),
+            stamp: None,
+            made: Made::default(),
         }
     }
 
@@ -158,11 +175,17 @@ impl Renderer {
         if number(self.shown) != number(shown) {
             self.keep(Vec::new());
         }
+        if self.shown != shown {
+            // Means of images are shown in other colours.
+            self.stamp = None;
+            self.blocks.iter_mut().for_each(|block| block.stamp = 0);
+        }
         self.shown = shown;
     }
 
     /// Draws these blocks from now on, and gives back what those before had in the pool.
     fn keep(&mut self, blocks: Vec<Block>) {
+        (self.stamp, self.made) = (None, Made::default());
         for block in std::mem::replace(&mut self.blocks, blocks) {
             self.drop_block(block);
         }
@@ -176,6 +199,10 @@ impl Renderer {
 
     /// Draws these surfaces from now on. Uploads only what is new.
     pub fn update(&mut self, surfaces: &Surfaces) {
+        if self.stamp == Some(surfaces.stamp()) {
+            return;
+        }
+        self.made = Made::default();
         let mut images_left = self.images_per_frame;
         // Both lists are sorted, so one walk finds what is there already.
         let mut before = std::mem::take(&mut self.blocks).into_iter().peekable();
@@ -186,9 +213,13 @@ impl Renderer {
                 self.drop_block(gone);
             }
             let known = before.next_if(|block| block.root == root);
-            blocks.push(self.updated(drawn, known, &mut images_left));
+            blocks.push(match known {
+                Some(same) if same.stamp == drawn.stamp() => same,
+                known => self.updated(drawn, known, &mut images_left),
+            });
         }
         before.for_each(|gone| self.drop_block(gone));
+        self.stamp = blocks.iter().all(|block| block.stamp != 0).then(|| surfaces.stamp());
         self.blocks = blocks;
     }
 
@@ -206,8 +237,11 @@ impl Renderer {
         *images_left -= usize::from(is_uploaded);
         // Those of tiles are small.
         let is_uploaded = is_uploaded || drawn.images().is_some() && !has_image;
+        let stamp = if waits { 0 } else { drawn.stamp() };
         let known = match before {
-            Some(before) if before.has_triangles_of(drawn) && (has_image || waits) => return Block { info, ..before },
+            Some(before) if before.has_triangles_of(drawn) && (has_image || waits) => {
+                return Block { info, stamp, ..before };
+            }
             Some(mut before) => {
                 let texels = before.texels.take().filter(|_| has_image);
                 self.drop_block(before);
@@ -218,7 +252,7 @@ impl Renderer {
         let texels = if is_uploaded { self.upload(drawn) } else { known };
         let texture = drawn.texture().filter(|_| !waits).cloned();
         let images = drawn.images().cloned();
-        Block { texture, images, ..self.block(info, &self.planted(drawn), texels) }
+        Block { stamp, texture, images, ..self.block(info, &self.planted(drawn), texels) }
     }
 
     /// Uploads a root's image, if it has one.
@@ -243,7 +277,18 @@ impl Renderer {
             let places: Vec<[f32; 2]> = drawn.places().collect();
             let pieces = Some(gpu.buffer(&places, BufferUsages::VERTEX));
             let triangles = Triangles::Own(Batch::new(&gpu, &positions, &triangles));
-            return Block { root, info, strips, triangles, pulled: None, texture, images: None, texels, pieces };
+            return Block {
+                root,
+                stamp: 0,
+                info,
+                strips,
+                triangles,
+                pulled: None,
+                texture,
+                images: None,
+                texels,
+                pieces,
+            };
         }
         if self.way == Way::Stitched {
             let (triangles, pieces) = match texels.as_ref().and_then(|_| drawn.by_piece()) {
@@ -257,7 +302,18 @@ impl Renderer {
                     (Triangles::Pooled(self.pool.place(&vertices, &triangles)), None)
                 }
             };
-            return Block { root, info, strips, triangles, pulled: None, texture, images: None, texels, pieces };
+            return Block {
+                root,
+                stamp: 0,
+                info,
+                strips,
+                triangles,
+                pulled: None,
+                texture,
+                images: None,
+                texels,
+                pieces,
+            };
         }
         let records = border_records(surface);
         let batch = Batch::new(&gpu, &surface.positions, &surface.triangles);
@@ -267,7 +323,7 @@ impl Renderer {
         let group = gpu.bind(&gpu.pipelines.block_layout, &[&batch.vertices, &batch.indices, &records, &table]);
         let pulled = Some((group, border_count));
         let triangles = Triangles::Own(batch);
-        Block { root, info, strips, triangles, pulled, texture, images: None, texels, pieces: None }
+        Block { root, stamp: 0, info, strips, triangles, pulled, texture, images: None, texels, pieces: None }
     }
 
     fn planted(&self, drawn: &DrawnRoot) -> DrawnRoot {
@@ -285,7 +341,18 @@ impl Renderer {
         let triangles = Triangles::Own(Batch::new(&self.gpu, positions, triangles));
         let info = RootInfo::default();
         let (strips, texture, images, texels) = (Vec::new(), None, None, None);
-        let block = Block { root: MESH, info, strips, triangles, pulled: None, texture, images, texels, pieces: None };
+        let block = Block {
+            root: MESH,
+            stamp: 0,
+            info,
+            strips,
+            triangles,
+            pulled: None,
+            texture,
+            images,
+            texels,
+            pieces: None,
+        };
         self.keep(vec![block]);
     }
 
@@ -313,10 +380,12 @@ impl Renderer {
                 [look_number(appearance.look()), f32::from(u8::from(is_unlit)), low, high]
             }),
         ];
-        let infos: Vec<RootInfo> = self.blocks.iter().map(|block| block.info).collect();
         let globals = self.gpu.buffer(&globals, BufferUsages::UNIFORM);
-        let infos = self.gpu.buffer(&infos, BufferUsages::STORAGE);
-        self.gpu.bind(&self.gpu.pipelines.globals_layout, &[&globals, &infos])
+        let infos = self.made.infos.get_or_init(|| {
+            let infos: Vec<RootInfo> = self.blocks.iter().map(|block| block.info).collect();
+            self.gpu.buffer(&infos, BufferUsages::STORAGE)
+        });
+        self.gpu.bind(&self.gpu.pipelines.globals_layout, &[&globals, infos])
     }
 
     pub fn draw(&self, targets: &Targets, view: &View) {
@@ -359,18 +428,23 @@ impl Renderer {
         // Where colours mean something else, images are not seen.
         let draws_images = !counts && !self.overlays.iter().any(|overlay| COLOURINGS.contains(overlay));
         let blocks = || (0..).zip(&self.blocks);
-        for is_textured in [false, true] {
+        let is_own = |block: &Block| matches!(block.triangles, Triangles::Own(_));
+        let is_pooled = *self.made.is_pooled.get_or_init(|| !self.blocks.iter().any(is_own));
+        // The programs for images belong to passes that draw images.
+        let kinds = if draws_images { &[false, true][..] } else { &[false] };
+        for &is_textured in kinds {
             let program = |number: usize| match is_textured {
                 false => &pipelines.programs[number][usize::from(counts)],
                 true => &pipelines.textured[number],
             };
             let own = || blocks().filter(move |(_, block)| is_textured == (draws_images && block.texels.is_some()));
-            if own().next().is_none() {
-                continue;
-            }
             pass.set_pipeline(program(0));
             if !is_textured {
-                self.pool.draw(pass, own().filter_map(|(slot, block)| Some((slot, block.place()?))));
+                let list = || self.pool.list(own().filter_map(|(slot, block)| Some((slot, block.place()?))));
+                self.pool.draw(pass, self.made.lists[usize::from(!draws_images)].get_or_init(list));
+            }
+            if is_pooled {
+                continue;
             }
             let mut is_for_tiles = false;
             for (slot, block) in own().filter(|(_, block)| block.pulled.is_none()) {

@@ -109,20 +109,25 @@ impl Pool {
         }
     }
 
-    /// Draws roots: for each the number of its instance, and its place.
-    pub fn draw<'p>(&self, pass: &mut wgpu::RenderPass<'_>, roots: impl Iterator<Item = (u32, &'p Place)>) {
+    /// What draws these roots, for each the number of its instance and its place, until places are taken or given back.
+    pub fn list<'p>(&self, roots: impl Iterator<Item = (u32, &'p Place)>) -> List {
         let mut calls: Vec<Vec<Call>> = vec![Vec::new(); self.buffers.len()];
         for (slot, place) in roots {
             calls[place.buffer].push(place.call(slot));
         }
-        let listed = self.gpu.draws_lists.then(|| self.gpu.buffer(&calls.concat(), BufferUsages::INDIRECT));
+        let indirect = self.gpu.draws_lists.then(|| self.gpu.buffer(&calls.concat(), BufferUsages::INDIRECT));
+        List { calls, indirect }
+    }
+
+    /// Draws the roots of a list.
+    pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>, list: &List) {
         let mut at = 0;
-        for (shared, calls) in self.buffers.iter().zip(&calls) {
+        for (shared, calls) in self.buffers.iter().zip(&list.calls) {
             let Some(shared) = shared.as_ref().filter(|_| !calls.is_empty()) else { continue };
             pass.set_vertex_buffer(0, shared.vertices.slice(..));
             pass.set_index_buffer(shared.indices.slice(..), wgpu::IndexFormat::Uint32);
-            match &listed {
-                Some(list) => pass.multi_draw_indexed_indirect(list, at, calls.len() as u32),
+            match &list.indirect {
+                Some(indirect) => pass.multi_draw_indexed_indirect(indirect, at, calls.len() as u32),
                 None => {
                     for &[index_count, _, first_index, first_vertex, slot] in calls {
                         let indices = first_index..first_index + index_count;
@@ -133,6 +138,14 @@ impl Pool {
             at += (calls.len() * size_of::<Call>()) as u64;
         }
     }
+}
+
+/// Calls of the device, which draw roots of a [`Pool`].
+pub(crate) struct List {
+    /// For each buffer.
+    calls: Vec<Vec<Call>>,
+    /// All of them on the device, where it reads them itself.
+    indirect: Option<wgpu::Buffer>,
 }
 
 #[cfg(test)]

@@ -1,6 +1,12 @@
 //! The picture: a surface for each root of the cut, and its strips, which are rebuilt only where something changed.
 
-use std::{collections::HashMap, sync::Arc};
+use std::{
+    collections::HashMap,
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
+};
 
 use super::{
     drawn_surface::{Beside, DrawnSurface, Strip},
@@ -27,6 +33,13 @@ pub struct DrawnRoot {
     images: Option<Arc<TileImages>>,
     /// For each half-arc how it is drawn.
     sides: Vec<DrawnSide>,
+    stamp: u64,
+}
+
+/// A number that no other state of a root or picture has had, in any picture of this process.
+fn new_stamp() -> u64 {
+    static COUNT: AtomicU64 = AtomicU64::new(1);
+    COUNT.fetch_add(1, Ordering::Relaxed)
 }
 
 /// How a half-arc is drawn. With its levels, what a strip takes from the roots beside it is known.
@@ -58,7 +71,13 @@ impl<'s> Beside<'s> for Around<'s> {
 impl DrawnRoot {
     /// A tile of heights, whose border is one strip.
     pub(crate) fn of_tile(surface: Arc<DrawnSurface>, strip: Strip, images: Arc<TileImages>) -> Self {
-        Self { surface, strips: vec![Arc::new(strip)], texture: None, images: Some(images), sides: Vec::new() }
+        let (strips, images) = (vec![Arc::new(strip)], Some(images));
+        Self { surface, strips, texture: None, images, sides: Vec::new(), stamp: new_stamp() }
+    }
+
+    /// A number that another state of this root does not have: where it is the same as in an earlier frame, nothing of the root has changed.
+    pub fn stamp(&self) -> u64 {
+        self.stamp
     }
 
     /// Bound of the two-sided distance between the drawn root and the input, world units: the block's error and, where a neighbour is
@@ -132,6 +151,7 @@ pub struct Picture {
     roots: SortedMap<u32, DrawnRoot>,
     users: Users,
     triangle_count: u64,
+    stamp: u64,
 }
 
 impl Picture {
@@ -143,6 +163,12 @@ impl Picture {
     /// A root, if it is drawn.
     pub fn root(&self, root: u32) -> Option<&DrawnRoot> {
         self.roots.get(&root)
+    }
+
+    /// A number that another state of the picture does not have: where it is the same as in an earlier frame, no root has changed, come or
+    /// gone.
+    pub fn stamp(&self) -> u64 {
+        self.stamp
     }
 
     /// The cut that is drawn.
@@ -194,6 +220,7 @@ impl Picture {
     pub(crate) fn set_texture(&mut self, root: u32, texture: Option<Arc<DrawnTexture>>) {
         if let Some(drawn) = self.roots.get_mut(&root) {
             drawn.texture = texture;
+            (drawn.stamp, self.stamp) = (new_stamp(), new_stamp());
         }
     }
 
@@ -201,11 +228,13 @@ impl Picture {
     pub(crate) fn set_images(&mut self, root: u32, images: Arc<TileImages>) {
         if let Some(drawn) = self.roots.get_mut(&root) {
             drawn.images = Some(images);
+            (drawn.stamp, self.stamp) = (new_stamp(), new_stamp());
         }
     }
 
     /// Draws a root whose neighbours somebody else looks after.
     pub(crate) fn show(&mut self, drawn: DrawnRoot) {
+        self.stamp = new_stamp();
         self.triangle_count += drawn.triangle_count() as u64;
         let before = self.roots.insert(drawn.surface.root, drawn);
         self.triangle_count -= before.map_or(0, |before| before.triangle_count() as u64);
@@ -213,6 +242,7 @@ impl Picture {
 
     /// Draws such a root no longer.
     pub(crate) fn hide(&mut self, root: u32) {
+        self.stamp = new_stamp();
         self.triangle_count -= self.roots.remove(&root).map_or(0, |before| before.triangle_count() as u64);
     }
 
@@ -221,6 +251,7 @@ impl Picture {
         if let Some(drawn) = self.roots.get_mut(&root) {
             self.triangle_count -= drawn.triangle_count() as u64;
             drawn.strips = vec![Arc::new(strip)];
+            (drawn.stamp, self.stamp) = (new_stamp(), new_stamp());
             self.triangle_count += drawn.triangle_count() as u64;
         }
     }
@@ -258,6 +289,7 @@ impl Picture {
                 sides: Vec::new(),
                 texture: None,
                 images: None,
+                stamp: new_stamp(),
             };
             self.triangle_count += drawn.triangle_count() as u64;
             match self.roots.insert(surface.root, drawn) {
@@ -288,9 +320,12 @@ impl Picture {
             let sides = around.sides;
             if let Some(drawn) = self.roots.get_mut(&root) {
                 self.triangle_count -= drawn.triangle_count() as u64;
-                (drawn.strips, drawn.sides) = (strips, sides);
+                (drawn.strips, drawn.sides, drawn.stamp) = (strips, sides, new_stamp());
                 self.triangle_count += drawn.triangle_count() as u64;
             }
+        }
+        if changes != Changes::default() {
+            self.stamp = new_stamp();
         }
         changes
     }
