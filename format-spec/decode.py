@@ -740,8 +740,9 @@ def check_loops(roots, arcs, corner_levels):
 
 
 def check_tree(roots, extent_of_root):
+    uses = Counter(half.arc for root in roots if not root.children for loop in root.loops for half in loop)
     for root in roots:
-        check_group(root, [roots[number] for number in root.children])
+        check_group(root, [roots[number] for number in root.children], uses)
         for number in root.children:
             child = roots[number]
             must(min(child.blocks) == max(root.blocks) + 1, "a child's levels do not follow its parent's")
@@ -751,8 +752,8 @@ def check_tree(roots, extent_of_root):
                 must(inside, "a child's box leaves its parent's")
 
 
-def check_group(group, children):
-    """A group has the border of its children; arcs between them may be left out."""
+def check_group(group, children, uses):
+    """A group has the border of its children; arcs between them may be left out, and loops of arcs with one user, around holes that it closes."""
     if not children:
         return
     below = Counter(half for child in children for loop in child.loops for half in loop)
@@ -761,7 +762,8 @@ def check_group(group, children):
         sides = [HalfArc(arc, 0), HalfArc(arc, 1)]
         is_kept = all(own[side] == below[side] for side in sides)
         is_left_out = sum(own[side] for side in sides) == 0 and sum(below[side] for side in sides) == 2
-        must(is_kept or is_left_out, "a group has another border than its children")
+        is_closed = not any(own[side] for side in sides) and uses[arc] == 1
+        must(is_kept or is_left_out or is_closed, "a group has another border than its children")
 
 
 def check_uses(roots, top_count, arcs, corner_levels, level_count):

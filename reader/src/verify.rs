@@ -138,12 +138,15 @@ impl<S: ReadAt> File<S> {
 
     /// Checks that every child lies in its parent's box and continues its levels, and that a group has the border of its children.
     fn verify_tree(&self) -> Result<()> {
+        // A prefix has the whole index.
+        let uses = self.arc_uses(self.index().levels().levels.len().saturating_sub(1) as u8)?;
+        let is_boundary = |arc: u32| uses.get(arc as usize) == Some(&1);
         for root in 0..self.root_count() {
             let children = self.children(root)?;
             if children.is_empty() {
                 continue;
             }
-            self.verify_group_border(root, children.clone())?;
+            self.verify_group_border(root, children.clone(), is_boundary)?;
             let entry = self.root_entry(root)?;
             let (above, [_, finest]) = (entry.bounds, entry.end_levels());
             for child in children {
@@ -167,8 +170,9 @@ impl<S: ReadAt> File<S> {
         Ok(())
     }
 
-    /// Checks that a group uses the arcs that its children use once, and of their others none or both sides.
-    fn verify_group_border(&self, group: u32, children: Range<u32>) -> Result<()> {
+    /// Checks that a group uses the arcs that its children use once, but for those around holes that it closes, where the surface ends; and
+    /// of their others none or both sides.
+    fn verify_group_border(&self, group: u32, children: Range<u32>, is_boundary: impl Fn(u32) -> bool) -> Result<()> {
         // How often children use an arc, less how often the group does; and the same with directions.
         let mut balances: BTreeMap<u32, [i64; 2]> = BTreeMap::new();
         for (root, sign) in children.map(|child| (child, 1)).chain([(group, -1)]) {
@@ -179,7 +183,9 @@ impl<S: ReadAt> File<S> {
             }
         }
         // An arc has at most two users.
-        match balances.iter().find(|&(_, &[uses, along])| !(uses == 0 && along == 0 || uses == 2)) {
+        let is_sound =
+            |arc: u32, [uses, along]: [i64; 2]| uses == 0 && along == 0 || uses == 2 || uses == 1 && is_boundary(arc);
+        match balances.iter().find(|&(&arc, &balance)| !is_sound(arc, balance)) {
             None => Ok(()),
             Some((arc, _)) => {
                 let location = || format!("root {group}, arc {arc}");
@@ -195,22 +201,10 @@ impl<S: ReadAt> File<S> {
 
     /// Checks that every arc has a root on one or both sides wherever all that is drawn is of one level.
     fn verify_arc_uses(&self) -> Result<()> {
-        let arc_count = self.index().arc_count() as usize;
-        let top_count = self.index().top_count();
         // A prefix has the whole index.
         let level_count = self.index().levels().levels.len();
         for level in 0..level_count as u8 {
-            let mut use_counts = vec![0_u8; arc_count];
-            for (number, cluster) in (0..).zip(self.index().clusters()?) {
-                let roots = (cluster.first_root..).zip(&self.cluster_index(number)?.roots);
-                for (_, root) in roots.filter(|(root, entry)| entry.uniform_block(level, *root < top_count).is_some()) {
-                    for half_arc in root.half_arcs() {
-                        if let Some(count) = use_counts.get_mut(half_arc.arc as usize) {
-                            *count = count.saturating_add(1);
-                        }
-                    }
-                }
-            }
+            let use_counts = self.arc_uses(level)?;
             let is_finest = usize::from(level) + 1 == level_count;
             if let Some(arc) = use_counts.iter().position(|&count| count > 2 || is_finest && count == 0) {
                 let location = || format!("arc {arc}, level {level}");
@@ -218,6 +212,23 @@ impl<S: ReadAt> File<S> {
             }
         }
         Ok(())
+    }
+
+    /// How many roots use each arc where all that is drawn is of one level.
+    fn arc_uses(&self, level: u8) -> Result<Vec<u8>> {
+        let top_count = self.index().top_count();
+        let mut use_counts = vec![0_u8; self.index().arc_count() as usize];
+        for (number, cluster) in (0..).zip(self.index().clusters()?) {
+            let roots = (cluster.first_root..).zip(&self.cluster_index(number)?.roots);
+            for (_, root) in roots.filter(|(root, entry)| entry.uniform_block(level, *root < top_count).is_some()) {
+                for half_arc in root.half_arcs() {
+                    if let Some(count) = use_counts.get_mut(half_arc.arc as usize) {
+                        *count = count.saturating_add(1);
+                    }
+                }
+            }
+        }
+        Ok(use_counts)
     }
 
     /// Checks that a border runs on through every corner that is no vertex, where all that is drawn is of one level: a third arc

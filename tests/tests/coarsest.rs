@@ -8,7 +8,7 @@ use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::measure::verify::distance::{BoxTree, Goal, largest_distance};
 use lodpack_cli::measure::verify::{VerifyOptions, inspect_edges, verify};
 use lodpack_cli::mesh::Mesh;
-use lodpack_cli::pipeline::{LevelChoice, ModelOptions, Topology, cut_triangles, finish};
+use lodpack_cli::pipeline::{LevelChoice, ModelOptions, Topology, cut_to_finish, finish};
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{rough_sphere, save_ply, torus};
 use lodpack_tests::parts::{add_box, pipes, sponge};
@@ -37,8 +37,7 @@ fn a_scan_is_reduced_to_any_number_of_triangles_and_certified() {
     let (file, input) = (open(&bytes), import_meshes(&[scan()], &Silent).expect("the scan is readable"));
     let mut coarser = f64::INFINITY;
     for most in [120, 500, 2000, 8000] {
-        let cut =
-            file.select(&Query { max_triangles: Some(cut_triangles(most)), ..Query::default() }).expect("affordable");
+        let (cut, _) = cut_to_finish(&file, &Query::default(), most).expect("affordable");
         let mesh = file.extract(&cut).expect("decodable");
         let finished = finish(&mesh.positions, &mesh.triangles, cut.error, &file.lattice(), most as usize);
         let finished = finished.expect("a scan has such a surface");
@@ -72,16 +71,24 @@ fn a_sponge_of_hundreds_of_handles_gets_down_to_any_number() {
     let mesh = sponge(3);
     let (bytes, _) = build_mesh(&mesh, "auto");
     let file = open(&bytes);
-    let cut = file.select(&Query { max_triangles: Some(cut_triangles(500)), ..Query::default() }).expect("affordable");
-    let drawn = file.extract(&cut).expect("decodable");
-    let finished = finish(&drawn.positions, &drawn.triangles, cut.error, &file.lattice(), 500).expect("a solid");
-    assert!(finished.triangles.len() <= 500);
-    // A handle takes dozens of triangles: few are left of a cut, or already in it.
-    assert!(finished.topology != Topology::Kept || drawn.triangles.len() <= 500);
-    // Clustered sheets may share an edge, but none ends.
-    assert_eq!(inspect_edges(&finished.triangles).boundary.len(), 0);
-    let positions = finished.positions.iter().map(|&p| DVec3::from_array(p)).collect();
-    assert!(largest(&mesh, &Mesh { positions, triangles: finished.triangles }) <= finished.error);
+    // Its handles need some 20,000 triangles, and its top has a few: there is nothing between.
+    let mut fewer = 0;
+    for most in [500, 2_000, 8_000] {
+        let (cut, coarser) = cut_to_finish(&file, &Query::default(), most).expect("affordable");
+        assert!(cut.triangle_count >= most, "{} for {most}", cut.triangle_count);
+        assert!(coarser.is_some_and(|coarser| coarser.triangle_count < most) || most == 8_000);
+        let drawn = file.extract(&cut).expect("decodable");
+        let finished = finish(&drawn.positions, &drawn.triangles, cut.error, &file.lattice(), most as usize);
+        let finished = finished.expect("a solid");
+        assert!((fewer + 1..=most).contains(&(finished.triangles.len() as u64)), "{}", finished.triangles.len());
+        fewer = finished.triangles.len() as u64;
+        // A handle takes dozens of triangles.
+        assert!(finished.topology != Topology::Kept, "{most}");
+        // Clustered sheets may share an edge, but none ends.
+        assert_eq!(inspect_edges(&finished.triangles).boundary.len(), 0);
+        let positions = finished.positions.iter().map(|&p| DVec3::from_array(p)).collect();
+        assert!(largest(&mesh, &Mesh { positions, triangles: finished.triangles }) <= finished.error);
+    }
 }
 
 #[test]
@@ -107,7 +114,8 @@ fn many_small_parts_share_roots_and_end_in_one_of_few_triangles() {
 
 #[test]
 fn tops_of_many_handles_or_pipes_have_few_triangles() {
-    for mesh in [sponge(3), pipes(300)] {
+    // The first two are one chart each, without a group.
+    for mesh in [sponge(2), pipes(100), sponge(3), pipes(300)] {
         let (bytes, _) = build_mesh(&mesh, "auto");
         let file = open(&bytes);
         let cut = file.uniform_cut(0).expect("a level");
@@ -148,13 +156,49 @@ fn the_top_of_several_regions_is_nearly_as_near_as_a_reduced_finer_cut() {
         let occurs = far(&top.positions, &top.triangles);
         assert!(occurs <= cut.error && cut.error < 4.0 * occurs, "{occurs} occurs, {} is certified", cut.error);
 
-        let finer = Query { max_triangles: Some(cut_triangles(top.triangles.len() as u64)), ..Query::default() };
-        let finer = file.select(&finer).expect("affordable");
+        let (finer, _) = cut_to_finish(&file, &Query::default(), top.triangles.len() as u64).expect("affordable");
         let whole = file.extract(&finer).expect("decodable");
         let reduced = finish(&whole.positions, &whole.triangles, finer.error, &file.lattice(), top.triangles.len());
         let reduced = reduced.expect("a sphere has such a surface");
         let best = far(&reduced.positions, &reduced.triangles);
         assert!(occurs < 1.5 * best, "{region_triangles}: {occurs} of the top, {best} of a finer cut");
+    }
+}
+
+#[test]
+fn hundreds_of_pinholes_are_closed_above_and_large_holes_stay() {
+    // Five triangles a hole would be 6,000.
+    let mut mesh = rough_sphere(96);
+    let centre = |corners: &[u32; 3]| corners.map(|v| mesh.positions[v as usize]).into_iter().sum::<DVec3>() / 3.0;
+    let in_cap: Vec<bool> = mesh.triangles.iter().map(|corners| centre(corners).normalize().z > 0.97).collect();
+    let mut number = 0;
+    mesh.triangles.retain(|_| {
+        number += 1;
+        number % 89 != 0 && !in_cap[number - 1]
+    });
+    let boundary = inspect_edges(&mesh.triangles).boundary.len();
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let path = dir.path().join("mesh.ply");
+    save_ply(&mesh, &path).expect("a writable temporary directory");
+    for region_triangles in [u64::MAX, 60_000] {
+        let model = ModelOptions { region_triangles, ..ModelOptions::default() };
+        let options = BuildOptions { inputs: vec![path.clone()], model, ..BuildOptions::default() };
+        let mut bytes = vec![];
+        build(&options, &mut bytes, &Silent).expect("a sound mesh builds");
+        let file = open(&bytes);
+        let open_edges = |level: u8| {
+            let cut = file.uniform_cut(level).expect("a level");
+            let drawn = file.extract(&cut).expect("decodable");
+            (drawn.triangles.len(), inspect_edges(&drawn.triangles).boundary.len())
+        };
+        let (triangles, open) = open_edges(0);
+        assert!((100..=500).contains(&triangles) && (3..60).contains(&open), "{triangles} {open}");
+        // The finest level has all of them.
+        let (_, open) = open_edges(file.level_count() as u8 - 1);
+        assert!(open > 3 * 1150 && open <= boundary, "{open} of {boundary}");
+        file.verify().expect("what ends inside a group is a hole");
+        let report = verify(&file, Some(&mesh), &VerifyOptions { cuts: 60, seed: 8 }, &Silent).expect("readable");
+        assert_eq!(report.problems, []);
     }
 }
 

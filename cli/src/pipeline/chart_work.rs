@@ -1,11 +1,14 @@
 //! One chart on its way to a root: what all fillings share.
 
+use super::coarse::CoarseSurface;
+use super::groups::top::reduce_top;
+use super::overview::OVERVIEW_TRIANGLES;
 use super::shared_arcs::{CutChart, SampleWish, SharedArcs};
 use super::summary::Times;
 use super::{ChartedMesh, Scale};
 use crate::machine::thread_cpu_time;
 use crate::stage::arcs::HalfArc;
-use crate::stage::certify::{self, BorderPairing, CertifyOptions, PairedVertex, exceeding, two_sided_along};
+use crate::stage::certify::{BorderPairing, CertifyOptions, Comparison, PairedVertex, Surface};
 use glam::DVec3;
 use lodpack::{
     LatticePoint,
@@ -63,6 +66,7 @@ pub(super) struct ChartWork<'a> {
 }
 
 /// One level of a filling, coded.
+#[derive(Clone)]
 pub(super) struct CodedLevel {
     pub patch: Patch,
     /// The patch's vertices as they decode, relative to the lattice's origin.
@@ -71,8 +75,8 @@ pub(super) struct CodedLevel {
 }
 
 impl CodedLevel {
-    pub fn surface(&self) -> certify::TriangleBvh {
-        certify::TriangleBvh::new(&self.positions, &self.patch.triangles)
+    pub fn surface(&self) -> Surface<'_> {
+        Surface::new(&self.positions, &self.patch.triangles)
     }
 }
 
@@ -93,38 +97,36 @@ impl ChartWork<'_> {
         CodedLevel { patch, positions, symbols }
     }
 
+    /// The input's chart beside a decoded patch.
+    pub fn compared<'s>(&mut self, original: &'s Surface, drawn: &'s Surface, seam: &BorderPairing) -> Comparison<'s> {
+        let start = thread_cpu_time();
+        let compared = Comparison::new(original, drawn, seam);
+        self.times.certify += thread_cpu_time() - start;
+        compared
+    }
+
     /// Bounds the distance between the input's chart and the decoded patch, both ways.
-    pub fn certify(
-        &mut self,
-        original: &certify::TriangleBvh,
-        drawn: &certify::TriangleBvh,
-        seam: &BorderPairing,
-    ) -> f64 {
+    pub fn certify(&mut self, compared: &mut Comparison) -> f64 {
         let start = thread_cpu_time();
         let Scale { error_limit, .. } = *self.charted.scale;
         // A chart without a border consists of whole parts. One of many is nearly as far off as it may be.
-        let floor = if seam.is_empty() { error_limit * FLOOR_OF_PARTS } else { self.charted.scale.step() * 0.05 };
+        let floor = if compared.is_closed() { error_limit * FLOOR_OF_PARTS } else { self.charted.scale.step() * 0.05 };
         let options = CertifyOptions { relative_gap: self.charted.certify_gap, floor, ..CertifyOptions::default() };
-        let bound = two_sided_along(original, drawn, seam, &options).upper;
+        let bound = compared.two_sided(&options).upper;
         self.times.certify += thread_cpu_time() - start;
         bound
     }
 
     /// As [`Self::certify`], tightened as far as needed to prove, where it is true, that the stored error is within the tolerance.
-    pub fn certify_within(
-        &mut self,
-        original: &certify::TriangleBvh,
-        drawn: &certify::TriangleBvh,
-        seam: &BorderPairing,
-    ) -> f64 {
-        let mut error = self.certify(original, drawn, seam);
+    pub fn certify_within(&mut self, compared: &mut Comparison) -> f64 {
+        let mut error = self.certify(compared);
         let start = thread_cpu_time();
         let Scale { tolerance, error_limit, .. } = *self.charted.scale;
         // The file rounds errors up. Most bounds between `error_limit` and the tolerance can be proven to be below it.
         for (target, most) in [(tolerance, tolerance * (1.0 + self.charted.certify_gap)), (error_limit, tolerance)] {
             if error > target && error <= most {
                 let options = CertifyOptions { target: Some(target), relative_gap: 0.002, ..CertifyOptions::default() };
-                error = error.min(two_sided_along(original, drawn, seam, &options).upper);
+                error = error.min(compared.two_sided(&options).upper);
             }
         }
         self.times.certify += thread_cpu_time() - start;
@@ -132,28 +134,10 @@ impl ChartWork<'_> {
     }
 
     /// The chart's triangles where the patch is too far from them, or they from the patch, ascending.
-    pub fn exceeding(
-        &mut self,
-        cut: &CutChart,
-        original: &certify::TriangleBvh,
-        coded: &CodedLevel,
-        drawn: &certify::TriangleBvh,
-    ) -> Vec<u32> {
+    pub fn exceeding(&mut self, compared: &Comparison) -> Vec<u32> {
         let start = thread_cpu_time();
         // A little below the tolerance, so that there is always something to find.
-        let tolerance = self.charted.scale.tolerance * 0.9;
-        let mut found = exceeding(original, drawn, tolerance, u64::MAX);
-        // Where the patch is too far off, the nearest input triangles are the ones to refine.
-        let mut hint = certify::Hint::default();
-        for t in exceeding(drawn, original, tolerance, u64::MAX) {
-            let corners = coded.patch.triangles[t as usize].map(|v| coded.positions[v as usize]);
-            for p in corners.into_iter().chain([(corners[0] + corners[1] + corners[2]) / 3.0]) {
-                found.push(original.closest(p, &mut hint).triangle);
-            }
-        }
-        found.sort_unstable();
-        found.dedup();
-        found.retain(|&t| (t as usize) < cut.mesh.triangles.len());
+        let found = compared.exceeding(self.charted.scale.tolerance * 0.9, u64::MAX);
         self.times.certify += thread_cpu_time() - start;
         found
     }
@@ -180,24 +164,29 @@ impl ChartWork<'_> {
         wishes
     }
 
-    /// Certifies the coarser levels and keeps the blocks that are worth their bytes. `finest` is the finest level's surface and
-    /// certified error. A nested filling keeps all its levels, because each builds on the coarser ones.
+    /// Certifies the coarser levels and keeps the blocks that are worth their bytes. The finest level's certified error and
+    /// root mean square distance are known. A nested filling keeps all its levels, because each builds on the coarser ones.
     pub fn root(
         &mut self,
         cut: &CutChart,
-        original: &certify::TriangleBvh,
+        original: &Surface,
         filling: Filling,
         coded: Vec<Option<CodedLevel>>,
-        finest: (&certify::TriangleBvh, f64),
+        [finest_error, rms]: [f64; 2],
     ) -> Root {
-        let (finest_surface, finest_error) = finest;
-        let rms = self.rms(cut, finest_surface);
         let deviations = self.arcs.deviations(self.charted, self.chart);
         let last = coded.iter().rposition(Option::is_some).unwrap_or(0);
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         for &p in cut.original.iter().chain(coded.iter().flatten().flat_map(|level| &level.positions)) {
             bounds = [bounds[0].min(p), bounds[1].max(p)];
         }
+        // All of a file, if it has to have a top of few triangles.
+        let is_top = self.charted.coarsest == 0
+            && self.charted.atlas.charts.len() == 1
+            && cut.mesh.loops.is_empty()
+            && !filling.is_nested();
+        let crowded = coded.last().and_then(Option::as_ref).filter(|_| is_top);
+        let crowded = crowded.filter(|finest| finest.patch.triangles.len() > OVERVIEW_TRIANGLES).cloned();
         let mut blocks: Vec<Option<BlockRecord>> = Vec::with_capacity(coded.len());
         let mut drawn: DrawnBlocks = if self.charted.has_channels { vec![None; coded.len()] } else { vec![] };
         let (mut best, mut vertices, mut coarser) = (f64::INFINITY, 0, 0);
@@ -212,7 +201,9 @@ impl ChartWork<'_> {
             let error = if level == last {
                 finest_error
             } else {
-                self.certify(original, &coded_level.surface(), &seam(cut, level as u8))
+                let drawn = coded_level.surface();
+                let mut compared = self.compared(original, &drawn, &seam(cut, level as u8));
+                self.certify(&mut compared)
             };
             let needed = filling.is_nested() || level == last && best_stored > self.charted.scale.tolerance;
             if best.is_finite() && !needed && error > best * WORTHWHILE {
@@ -242,6 +233,10 @@ impl ChartWork<'_> {
                 texels: vec![],
             }));
         }
+        if let Some(CodedLevel { patch, positions, .. }) = crowded {
+            let whole = CoarseSurface { positions, triangles: patch.triangles, error: finest_error };
+            reduce_top(&whole, &mut blocks[..last], self.charted.scale, false, &mut drawn, &mut bounds);
+        }
         raise_coarser(&mut blocks);
         let origin = DVec3::from_array(self.charted.scale.lattice.origin);
         let record = RootRecord {
@@ -255,15 +250,9 @@ impl ChartWork<'_> {
     }
 
     /// Root mean square distance of evenly chosen input vertices from the patch.
-    fn rms(&mut self, cut: &CutChart, drawn: &certify::TriangleBvh) -> f64 {
+    pub fn rms(&mut self, cut: &CutChart, compared: &Comparison) -> f64 {
         let start = thread_cpu_time();
-        let stride = cut.original.len().div_ceil(RMS_POINTS).max(1);
-        let mut hint = certify::Hint::default();
-        let mut square = |&p: &DVec3| {
-            let distance = drawn.closest(p, &mut hint).distance;
-            distance * distance
-        };
-        let squares: Vec<f64> = cut.original.iter().step_by(stride).map(&mut square).collect();
+        let squares = compared.squares(cut.original.len().div_ceil(RMS_POINTS).max(1));
         self.times.certify += thread_cpu_time() - start;
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }

@@ -9,7 +9,7 @@ use super::chart_work::{ChartWork, Outcome};
 use super::scale::LevelPlan;
 use super::shared_arcs::{CutChart, SampleWish};
 use super::{Fillings, Scale, grid, irregular};
-use crate::stage::certify::TriangleBvh;
+use crate::stage::certify::Surface;
 use lodpack::{
     index::Filling,
     write::{LevelSteps, Quantisation},
@@ -21,7 +21,7 @@ pub(super) trait ChartFilling: Debug + Send + Sync {
     fn filling(&self) -> Filling;
 
     /// Fills the chart. `failures` counts the attempts above the tolerance, those of earlier calls included.
-    fn fill(&mut self, work: &mut ChartWork, cut: &CutChart, original: &TriangleBvh, failures: &mut u32) -> Outcome;
+    fn fill(&mut self, work: &mut ChartWork, cut: &CutChart, original: &Surface, failures: &mut u32) -> Outcome;
 
     /// Everything that the plans so far have asked of the arcs.
     fn wishes(&self) -> &[SampleWish] {

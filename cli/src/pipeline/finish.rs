@@ -5,7 +5,8 @@
 //! about half of the mixture's. Its certified error is the cut's and that of the reduction together.
 
 use glam::DVec3;
-use lodpack::Lattice;
+use lodpack::source::ReadAt;
+use lodpack::{Cut, File, Lattice, Limiter, Query};
 
 use super::coarse::CoarseSurface;
 use super::reduce::{Topology, reduce};
@@ -18,6 +19,8 @@ const SMALL_CUT: u64 = 20_000;
 const LARGE_CUT: u64 = 200_000;
 /// this many times must do: time grows with the cut.
 const LARGE_CUT_PER_TRIANGLE: f64 = 2.5;
+/// A coarser cut that has few enough triangles as it is replaces a reduced one with more than this many times its error.
+const FARTHER: f64 = 1.5;
 
 /// A reduced cut.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,9 +36,38 @@ pub struct Finished {
 }
 
 /// The triangles that a cut may have from which `triangles` are to be made.
-pub fn cut_triangles(triangles: u64) -> u64 {
+fn cut_triangles(triangles: u64) -> u64 {
     let several = triangles.saturating_mul(CUT_PER_TRIANGLE).clamp(SMALL_CUT, LARGE_CUT);
     several.max((triangles as f64 * LARGE_CUT_PER_TRIANGLE) as u64)
+}
+
+/// The cut of a query from which `triangles` triangles are to be made, and a coarser one that has fewer, where there is none between: a
+/// surface of hundreds of handles may be drawn with very few triangles or with very many.
+///
+/// # Errors
+/// Those of [`File::select`].
+pub fn cut_to_finish<S: ReadAt>(file: &File<S>, query: &Query, triangles: u64) -> lodpack::Result<(Cut, Option<Cut>)> {
+    let mut most = cut_triangles(triangles);
+    let mut coarser = None;
+    loop {
+        let cut = match file.select(&Query { max_triangles: Some(most), ..query.clone() }) {
+            // The coarsest cut of many small parts may be larger.
+            Err(lodpack::Error::Query { .. }) => {
+                file.select(&Query { max_triangles: None, tolerance: Some(f64::MAX), ..query.clone() })?
+            }
+            cut => cut?,
+        };
+        if cut.triangle_count >= triangles || cut.limited_by != Limiter::Triangles {
+            return Ok((cut, coarser));
+        }
+        coarser = Some(cut);
+        most = most.saturating_mul(2);
+    }
+}
+
+/// Whether a cut that has few enough triangles is so much nearer than a reduced one with an error that it takes its place.
+pub fn is_nearer(cut: &Cut, error: f64) -> bool {
+    cut.node_errors.iter().copied().fold(cut.error, f64::max) * FARTHER < error
 }
 
 /// Reduces the mesh of a cut to at most `triangles` triangles. `positions` are world coordinates of points of the lattice; `error` bounds

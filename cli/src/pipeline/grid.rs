@@ -76,7 +76,7 @@ impl ChartFilling for GridFilling {
         &mut self,
         work: &mut ChartWork,
         cut: &CutChart,
-        original: &certify::TriangleBvh,
+        original: &certify::Surface,
         failures: &mut u32,
     ) -> Outcome {
         work.fill_with_grid(cut, original, failures, self)
@@ -149,7 +149,7 @@ impl ChartWork<'_> {
     fn fill_with_grid(
         &mut self,
         cut: &CutChart,
-        original: &certify::TriangleBvh,
+        original: &certify::Surface,
         failures: &mut u32,
         filling: &mut GridFilling,
     ) -> Outcome {
@@ -159,20 +159,22 @@ impl ChartWork<'_> {
             let Some(finest) = coded.iter().rposition(Option::is_some) else { return Outcome::Unfit };
             let Some(finest_level) = &coded[finest] else { return Outcome::Unfit };
             let drawn = finest_level.surface();
-            let error = self.certify(original, &drawn, &seam(cut, finest as u8));
+            let mut compared = self.compared(original, &drawn, &seam(cut, finest as u8));
+            let error = self.certify(&mut compared);
             // Where the grid lacks the finest levels, its neighbours may be finer.
             let is_coarser = finest < usize::from(self.charted.scale.finest());
             let deviation = if is_coarser { self.arcs.deviations(self.charted, self.chart)[finest] } else { 0.0 };
             let stored = lodpack::write::stored_error(error, deviation, &self.charted.scale.lattice);
             if stored.is_ok_and(|stored| stored <= self.charted.scale.tolerance) {
-                return Outcome::Done(Box::new(self.root(cut, original, Filling::Grid, coded, (&drawn, error))));
+                let rms = self.rms(cut, &compared);
+                return Outcome::Done(Box::new(self.root(cut, original, Filling::Grid, coded, [error, rms])));
             }
             *failures += 1;
             let last = std::mem::replace(&mut filling.last_error, error);
             if *failures > MAX_REFINEMENTS || error > HOPELESS * last {
                 return Outcome::Unfit;
             }
-            let triangles = self.exceeding(cut, original, finest_level, &drawn);
+            let triangles = self.exceeding(&compared);
             let centre = |&t: &u32| {
                 cut.mesh.triangles[t as usize].map(|v| filling.embedding.uv[v as usize]).iter().sum::<DVec2>() / 3.0
             };

@@ -45,7 +45,7 @@ impl ChartFilling for IrregularFilling {
         &mut self,
         work: &mut ChartWork,
         cut: &CutChart,
-        original: &certify::TriangleBvh,
+        original: &certify::Surface,
         failures: &mut u32,
     ) -> Outcome {
         work.fill_irregularly(cut, original, failures, &mut self.importance)
@@ -57,7 +57,7 @@ impl ChartWork<'_> {
     fn fill_irregularly(
         &mut self,
         cut: &CutChart,
-        original: &certify::TriangleBvh,
+        original: &certify::Surface,
         failures: &mut u32,
         importance: &mut Vec<f32>,
     ) -> Outcome {
@@ -89,12 +89,14 @@ impl ChartWork<'_> {
             // The finest level first: it decides whether the chart needs another attempt.
             let Some(Some(finest_level)) = coded.last() else { unreachable!("a missing level has been capped") };
             let drawn = finest_level.surface();
-            let error = self.certify_within(original, &drawn, &seam(cut, finest));
+            let mut compared = self.compared(original, &drawn, &seam(cut, finest));
+            let error = self.certify_within(&mut compared);
             if error <= limit || keep_all {
-                return Outcome::Done(Box::new(self.root(cut, original, Filling::Irregular, coded, (&drawn, error))));
+                let rms = self.rms(cut, &compared);
+                return Outcome::Done(Box::new(self.root(cut, original, Filling::Irregular, coded, [error, rms])));
             }
             *failures += 1;
-            let mut triangles = self.exceeding(cut, original, finest_level, &drawn);
+            let mut triangles = self.exceeding(&compared);
             // Triangles are often too far off because of their neighbourhood, so every failure takes in one more ring.
             let mut beyond = vec![];
             for _ in 0..*failures {

@@ -42,7 +42,7 @@ mod shared_arcs;
 pub mod summary;
 mod texels;
 
-pub use finish::{Finished, cut_triangles, finish};
+pub use finish::{Finished, cut_to_finish, finish, is_nearer};
 pub(crate) use join::{Arranged, Products, Sums, arrange, join, join_encoded};
 pub use options::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError};
 pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};

@@ -15,7 +15,7 @@ use crate::mesh::Mesh;
 use crate::mesh::union_find::count_components;
 use crate::stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
 use crate::stage::chart::{ChartMesh, FREE};
-use crate::stage::cluster_vertices::cluster_vertices;
+use crate::stage::cluster_vertices::{cluster_vertices, has_more_triangles};
 use crate::stage::resample::Solid;
 
 /// Edge collapse does harm once it has fewer triangles than this per handle and per component.
@@ -159,7 +159,9 @@ pub(super) fn clustered(whole: &Mesh, triangles: usize, mended: impl Fn(Mesh) ->
     for _ in 0..CLUSTER_STEPS {
         let middle = (fine * coarse).sqrt();
         let is_small = |mesh: &Mesh| mesh.triangles.len() <= triangles;
-        let mesh = Some(cluster_vertices(whole, middle)).filter(is_small).and_then(&mended).filter(is_small);
+        let is_fine = has_more_triangles(whole, middle, triangles);
+        let mesh = (!is_fine).then(|| cluster_vertices(whole, middle));
+        let mesh = mesh.filter(is_small).and_then(&mended).filter(is_small);
         match mesh {
             None => fine = middle,
             Some(mesh) => {

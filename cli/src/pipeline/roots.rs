@@ -7,7 +7,6 @@ use super::irregular::IrregularFilling;
 use super::shared_arcs::SharedArcs;
 use super::summary::{Fallbacks, Times};
 use super::{ChartedMesh, Effort, Fillings};
-use crate::machine::thread_cpu_time;
 use crate::progress::Progress;
 use crate::stage::certify;
 use lodpack::index::Filling;
@@ -169,9 +168,7 @@ impl ChartWork<'_> {
     /// Fills the chart with the filling that is chosen for it.
     fn fill(&mut self, state: &mut ChartState) -> Outcome {
         let cut = self.cut();
-        let start = thread_cpu_time();
-        let original = certify::TriangleBvh::new(&cut.original, &cut.mesh.triangles);
-        self.times.certify += thread_cpu_time() - start;
+        let original = certify::Surface::new(&cut.original, &cut.mesh.triangles);
         state.filling.fill(self, &cut, &original, &mut state.failures)
     }
 }

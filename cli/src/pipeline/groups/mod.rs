@@ -14,7 +14,7 @@ pub(super) mod outline;
 mod parts;
 mod surface;
 mod texels_above;
-mod top;
+pub(super) mod top;
 
 use glam::DVec3;
 use lodpack::{
@@ -33,7 +33,7 @@ use super::summary::Times;
 use crate::machine::thread_cpu_time;
 use crate::stage::arc_samples::border_deviation;
 use crate::stage::arcs::HalfArc;
-use crate::stage::certify::{BorderPairing, CertifyOptions, PairedVertex, TriangleBvh, two_sided_along};
+use crate::stage::certify::{BorderPairing, CertifyOptions, Comparison, PairedVertex, Surface};
 use crate::stage::chart::{BorderVertex, ChartMesh};
 use crate::stage::group::{Charts, group};
 use crate::stage::simplify::{SimplifiedChart, SimplifyOptions, simplify_chart};
@@ -55,6 +55,8 @@ const FEWEST: usize = 400;
 /// The most triangles of the surface that a top is made from, and of what all regions together bring for it. More would not be seen in
 /// a top of a few hundred.
 const MOST_BELOW: usize = 50_000;
+/// Holes of the surface that are no wider than this share of the tolerance of a group's finest level are closed.
+const WIDEST_HOLE: f64 = 0.25;
 /// Distances below this share of a level's threshold need not be resolved.
 const FLOOR: f64 = 0.1;
 
@@ -260,10 +262,13 @@ impl<'a> Forest<'a> {
             return Err(vec![]);
         }
         let members = join(&borders, &members_of(&nodes), coarsest);
+        // A hole takes five triangles at least, and scans have hundreds of small ones.
+        let holes = members.holes(self.net, scale.levels[usize::from(finest)].tolerance * WIDEST_HOLE);
+        let members = members.with_caps(&holes);
         // Of many parts few stay, however they are made: four times the triangles would cost a quarter of the build for nothing.
         let depths = if is_of_small_parts(&members) { 0..0 } else { 0..scale.levels.len() };
         let parts_below = depths.map_while(|depth| below_of(&nodes, depth));
-        let finer: Vec<Joined> = parts_below.map(|parts| join(&borders, &parts, coarsest)).collect();
+        let finer: Vec<Joined> = parts_below.map(|parts| join(&borders, &parts, coarsest).with_caps(&holes)).collect();
         // There is one top, so that a dearer way costs next to nothing.
         let below = if coarsest == 0 { finer.last() } else { finer.first() }.unwrap_or(&members);
         let mut joined = below.clone();
@@ -302,7 +307,7 @@ impl<'a> Forest<'a> {
         let lacks_parts = thin_parts(&joined, &members, &mut simplified, usize::from(coarsest), is_bare);
         times.simplify += thread_cpu_time() - start;
 
-        let original = TriangleBvh::new(&below.positions, &below.triangles);
+        let original = Surface::new(&below.positions, &below.triangles);
         let deviation_below = nodes.iter().map(|node| node.border_deviation).fold(0.0, f64::max);
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let origin = DVec3::from_array(scale.lattice.origin);
@@ -322,13 +327,13 @@ impl<'a> Forest<'a> {
             if let Some(drawn) = all_drawn.get_mut(usize::from(level)) {
                 *drawn = Some(DrawnPatch { positions: points().collect(), triangles: patch.triangles.clone() });
             }
-            let drawn = TriangleBvh::new(&positions, &patch.triangles);
+            let drawn = Surface::new(&positions, &patch.triangles);
             let options = CertifyOptions {
                 relative_gap: GAP,
                 floor: scale.levels[usize::from(level)].threshold * FLOOR,
                 ..CertifyOptions::default()
             };
-            let distance = two_sided_along(&original, &drawn, &below.pairing(level), &options).upper;
+            let distance = Comparison::new(&original, &drawn, &below.pairing(level)).two_sided(&options).upper;
             times.certify += thread_cpu_time() - start;
             for &p in &positions {
                 bounds = [bounds[0].min(p), bounds[1].max(p)];

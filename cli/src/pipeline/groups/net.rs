@@ -2,6 +2,7 @@
 
 use super::super::{ChartedMesh, shared_arcs::SharedArcs};
 use super::outline::Borders;
+use crate::mesh::NONE;
 use crate::stage::arcs::HalfArc;
 use lodpack::{LatticePoint, write::ArcSample};
 
@@ -42,6 +43,12 @@ impl<'a> Net<'a> {
     pub fn ends_of(&self, half_arc: HalfArc) -> [u32; 2] {
         let [a, b] = self.ends[half_arc.arc as usize];
         if half_arc.reversed { [b, a] } else { [a, b] }
+    }
+
+    /// Whether the surface ends at an arc. Where both of its corners are fixed, something unknown may lie beyond.
+    pub fn is_boundary(&self, arc: u32) -> bool {
+        let arc = arc as usize;
+        self.sides[arc].contains(&NONE) && !self.ends[arc].iter().all(|&end| self.is_fixed[end as usize])
     }
 
     /// The samples of a half-arc's arc up to a level.

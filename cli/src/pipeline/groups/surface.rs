@@ -2,11 +2,13 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::super::coarse::filled;
+use super::super::coarse::{error_sum, filled};
 use super::NodeSurface;
+use super::net::Net;
 use super::outline::{BorderPoint, Borders, Members, Place};
 use crate::mesh::NONE;
 use crate::mesh::union_find::{find, unite};
+use crate::stage::arc_samples::closest_on_segment;
 use crate::stage::arcs::HalfArc;
 use glam::DVec3;
 
@@ -144,6 +146,51 @@ impl Joined {
         let positions = order.into_iter().map(|vertex| self.positions[vertex as usize]).collect();
         let triangles = self.triangles.iter().map(|corners| corners.map(|v| numbers[v as usize])).collect();
         NodeSurface { level: self.level, positions, triangles, error: self.error }
+    }
+
+    /// For each loop whether it goes around a hole of the surface that is no wider than this.
+    pub fn holes(&self, net: &Net, widest: f64) -> Vec<bool> {
+        let is_hole = |(half_arcs, points): (&Vec<HalfArc>, &Vec<(BorderPoint, u32)>)| {
+            points.len() > 2
+                && half_arcs.iter().all(|half_arc| net.is_boundary(half_arc.arc))
+                && self.cap(points).1 <= widest
+        };
+        self.loops.iter().zip(&self.border).map(is_hole).collect()
+    }
+
+    /// A point in the middle of a loop, and how far triangles from it to the loop reach from that.
+    fn cap(&self, points: &[(BorderPoint, u32)]) -> (DVec3, f64) {
+        let place = |i: usize| self.positions[points[i % points.len()].1 as usize];
+        let middle = (0..points.len()).map(place).sum::<DVec3>() / points.len() as f64;
+        // The distance from an edge is convex, so it is largest in the middle.
+        let reach = |i: usize| {
+            let (start, end) = (place(i), place(i + 1));
+            closest_on_segment(middle - start, DVec3::ZERO, end - start).0.distance(middle - start)
+        };
+        (middle, (0..points.len()).map(reach).fold(0.0, f64::max))
+    }
+
+    /// The same surface, closed over some of its loops, each by triangles around a vertex in its middle: so no edge has more than two
+    /// triangles.
+    pub fn with_caps(mut self, is_closed: &[bool]) -> Self {
+        let mut widest: f64 = 0.0;
+        for (points, _) in self.border.iter().zip(is_closed).filter(|(_, is_closed)| **is_closed) {
+            let (middle, width) = self.cap(points);
+            widest = widest.max(width);
+            let apex = self.positions.len() as u32;
+            self.positions.push(middle);
+            let edges = points.iter().zip(points.iter().cycle().skip(1));
+            self.triangles.extend(edges.map(|(&(_, a), &(_, b))| [b, a, apex]));
+        }
+        if widest > 0.0 {
+            // Rounding moves a middle by less.
+            self.error = error_sum(self.error, widest) * (1.0 + 1e-9);
+        }
+        let mut stays = is_closed.iter().map(|is_closed| !is_closed);
+        self.loops.retain(|_| stays.next().unwrap_or(true));
+        let mut stays = is_closed.iter().map(|is_closed| !is_closed);
+        self.border.retain(|_| stays.next().unwrap_or(true));
+        self
     }
 
     /// The same surface, where every edge inside with so many ends at the border, one or two, has a vertex in its middle: then no border

@@ -1,4 +1,4 @@
-//! The top of a region without a border: where its topology needs many triangles, another one takes its place.
+//! The top of a file without a border, a group or its only chart: where its topology needs many triangles, another one takes its place.
 
 use glam::DVec3;
 use lodpack::write::{BlockRecord, OverviewRecord};
@@ -30,9 +30,9 @@ pub(super) fn leave_out(blocks: &mut [Option<BlockRecord>]) {
 }
 
 /// Replaces the coarsest blocks of a top by one of few triangles, if these have more, or are farther off because parts are missing
-/// (`lacks_parts`). `surface` is what it stands for, `drawn` what is drawn of it, and `bounds` the box around all of that, relative to the
+/// (`lacks_parts`); one that has no block gets one at its finest level. `surface` is what it stands for, `drawn` what is drawn of it, and `bounds` the box around all of that, relative to the
 /// lattice's origin. Returns whether some block has few triangles now.
-pub(super) fn reduce_top(
+pub(in super::super) fn reduce_top(
     surface: &CoarseSurface,
     blocks: &mut [Option<BlockRecord>],
     scale: &Scale,
@@ -40,7 +40,8 @@ pub(super) fn reduce_top(
     drawn: &mut DrawnBlocks,
     bounds: &mut [DVec3; 2],
 ) -> bool {
-    let Some(finest) = blocks.iter().rposition(Option::is_some) else { return false };
+    let Some(last) = blocks.len().checked_sub(1) else { return false };
+    let finest = blocks.iter().rposition(Option::is_some).unwrap_or(last);
     let is_small = |block: &&BlockRecord| block.triangle_count as usize <= OVERVIEW_TRIANGLES;
     let small = blocks.iter().flatten().filter(is_small).map(|block| block.error).reduce(f64::min);
     if (small.is_none() || lacks_parts)

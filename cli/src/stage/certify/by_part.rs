@@ -4,10 +4,13 @@
 //! to the wrong one. Each part on its own is bounded as a chart of its own would be. The largest of the bounds holds for all together:
 //! every point of a part has a point of its partner near it.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 
-use super::bvh::TriangleBvh;
-use super::{BorderPairing, Bound, CertifyOptions, PairedVertex, two_sided_along};
+use super::bvh::{Hint, TriangleBvh};
+use super::surface::Surface;
+use super::{BorderPairing, Bound, CertifyOptions, drape, exceeding, two_sided};
 use crate::mesh::NONE;
 use crate::mesh::union_find::components;
 
@@ -16,6 +19,9 @@ struct Part {
     bounds: [DVec3; 2],
     positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
+    /// The numbers of its triangles and vertices in the surface.
+    numbers: Vec<u32>,
+    vertices: Vec<u32>,
 }
 
 /// A surface in parts.
@@ -23,73 +29,209 @@ struct Parts {
     closed: Vec<Part>,
     /// All components with a border, in the numbers of the surface.
     bordered: Vec<[u32; 3]>,
+    /// Of each of these triangles the number in the surface.
+    numbers: Vec<u32>,
 }
 
-/// Bounds the Hausdorff distance like [`super::two_sided`]; none unless both surfaces have several parts that correspond.
-pub(super) fn two_sided(
-    fine: &TriangleBvh,
-    coarse: &TriangleBvh,
+/// Two surfaces that are compared: as a whole, or part by part where both have several parts that correspond. What has been found of a
+/// part is kept from one question to the next. It is meant for surfaces of the same topology whose borders correspond, such as a chart and its
+/// drawn level.
+pub struct Comparison<'a> {
+    pairs: Vec<Pair<'a>>,
+    /// Whether there is no border.
+    is_closed: bool,
+}
+
+/// Two surfaces, or parts of two.
+struct Pair<'a> {
+    fine: Side<'a>,
+    coarse: Side<'a>,
+    pairing: BorderPairing,
+    /// Whether one might be laid onto the other.
+    may_drape: bool,
+    known: Option<Bound>,
+}
+
+/// A surface or its part.
+struct Side<'a> {
+    surface: Cow<'a, TriangleBvh>,
+    /// The numbers of its triangles in the surface, and of its vertices; none if they are the same.
+    triangles: Option<Vec<u32>>,
+    vertices: Option<Vec<u32>>,
+}
+
+impl<'a> Comparison<'a> {
+    /// `pairing` says how the borders correspond; `fine` should have the smaller triangles.
+    pub fn new(fine: &'a Surface, coarse: &'a Surface, pairing: &BorderPairing) -> Self {
+        let is_closed = pairing.is_empty();
+        let points = || pairing.iter().flatten();
+        let of_fine = Parts::new(fine, points().map(|vertex| vertex.fine));
+        let of_coarse = Parts::new(coarse, points().filter_map(|vertex| vertex.coarse));
+        let is_several = of_coarse.is_some() || of_fine.is_some();
+        let pairs = of_fine.zip(of_coarse).and_then(|parts| pairs_of([fine, coarse], parts, pairing));
+        let whole = || {
+            let [fine, coarse] = [fine, coarse].map(|surface| Side {
+                surface: Cow::Borrowed(surface.bvh()),
+                triangles: None,
+                vertices: None,
+            });
+            // Parts that do not correspond are not laid onto each other as a whole either; a border may help.
+            vec![Pair { fine, coarse, pairing: pairing.clone(), may_drape: !(is_closed && is_several), known: None }]
+        };
+        Self { pairs: pairs.unwrap_or_else(whole), is_closed }
+    }
+
+    #[cfg(test)]
+    pub(super) fn part_count(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Whether neither surface has a border.
+    pub fn is_closed(&self) -> bool {
+        self.is_closed
+    }
+
+    /// Bounds the Hausdorff distance like [`super::two_sided`]: in several parts by the largest distance between two that correspond, which
+    /// may be more (also in `lower`).
+    pub fn two_sided(&mut self, options: &CertifyOptions) -> Bound {
+        let mut options = options.clone();
+        let bounds = self.pairs.iter_mut().map(|pair| {
+            let bound = pair.two_sided(&options);
+            options.lower = options.lower.max(bound.lower);
+            bound
+        });
+        bounds.reduce(Bound::or_worse).unwrap_or(Bound { lower: 0.0, upper: 0.0, worst: DVec3::ZERO, work: 0 })
+    }
+
+    /// Squared distances of every so many vertices of the finer surface from the coarser one, or from the part that corresponds.
+    pub fn squares(&self, stride: usize) -> Vec<f64> {
+        let mut squares = vec![];
+        for Pair { fine: Side { surface: fine, vertices, .. }, coarse, .. } in &self.pairs {
+            let mut hint = Hint::default();
+            for (v, &own) in (0..).zip(&fine.vertex_of).filter(|&(_, &own)| own != NONE) {
+                let number = vertices.as_ref().map_or(v, |numbers| numbers[v] as usize);
+                if number % stride == 0 {
+                    let distance = coarse.surface.closest(fine.positions[own as usize], &mut hint).distance;
+                    squares.push(distance * distance);
+                }
+            }
+        }
+        squares
+    }
+
+    /// The triangles of the finer surface, ascending, at which one surface is not proven to lie within `target` of the other; `work_limit`
+    /// is that of [`super::exceeding`].
+    pub fn exceeding(&self, target: f64, work_limit: u64) -> Vec<u32> {
+        let is_open = |pair: &&Pair| pair.known.is_none_or(|bound| bound.upper > target);
+        let mut found: Vec<u32> =
+            self.pairs.iter().filter(is_open).flat_map(|pair| pair.exceeding(target, work_limit)).collect();
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+}
+
+impl Pair<'_> {
+    fn two_sided(&mut self, options: &CertifyOptions) -> Bound {
+        let (fine, coarse) = (&*self.fine.surface, &*self.coarse.surface);
+        let CertifyOptions { relative_gap, floor, lower, target, .. } = *options;
+        if let Some(known) = self.known {
+            let needed = (1.0 + relative_gap) * lower.max(known.lower);
+            if known.upper <= needed.max(floor).max(target.unwrap_or(0.0)) {
+                return known;
+            }
+        }
+        let may_drape = self.may_drape && !fine.is_empty() && !coarse.is_empty();
+        let draped = if may_drape { drape::two_sided(fine, coarse, &self.pairing, options) } else { None };
+        let mut bound = draped.unwrap_or_else(|| two_sided(fine, coarse, options));
+        if let Some(known) = self.known {
+            bound.upper = bound.upper.min(known.upper);
+        }
+        self.known = Some(bound);
+        bound
+    }
+
+    fn exceeding(&self, target: f64, work_limit: u64) -> Vec<u32> {
+        let (fine, coarse) = (&*self.fine.surface, &*self.coarse.surface);
+        let mut found = exceeding(fine, coarse, target, work_limit);
+        let beyond = exceeding(coarse, fine, target, work_limit);
+        let mut slot_of = vec![0; if beyond.is_empty() { 0 } else { coarse.triangle_count() }];
+        if !beyond.is_empty() {
+            (0..).zip(&coarse.original).for_each(|(slot, &t)| slot_of[t as usize] = slot);
+        }
+        // Where the coarser surface is too far off, the nearest triangles of the finer one are meant.
+        let mut hint = Hint::default();
+        for t in beyond {
+            let corners = coarse.triangles[slot_of[t as usize] as usize].map(|v| coarse.positions[v as usize]);
+            for p in corners.into_iter().chain([(corners[0] + corners[1] + corners[2]) / 3.0]) {
+                found.push(fine.closest(p, &mut hint).triangle);
+            }
+        }
+        found.retain(|&t| (t as usize) < fine.triangle_count());
+        match &self.fine.triangles {
+            Some(numbers) => found.into_iter().map(|t| numbers[t as usize]).collect(),
+            None => found,
+        }
+    }
+}
+
+/// The pairs of parts that correspond, those with a border first; none if they do not.
+fn pairs_of<'a>(
+    surfaces: [&Surface; 2],
+    (of_fine, of_coarse): (Parts, Parts),
     pairing: &BorderPairing,
-    options: &CertifyOptions,
-) -> Option<Bound> {
-    let number = |surface: &TriangleBvh, v: u32| surface.vertex_of.get(v as usize).copied().unwrap_or(NONE);
-    let paired = |vertex: &PairedVertex| PairedVertex {
-        fine: number(fine, vertex.fine),
-        coarse: vertex.coarse.map(|v| number(coarse, v)),
-    };
-    let pairing: BorderPairing = pairing.iter().map(|points| points.iter().map(paired).collect()).collect();
-    let border = || pairing.iter().flatten();
-    let of_coarse = Parts::new(coarse, border().filter_map(|vertex| vertex.coarse))?;
-    let of_fine = Parts::new(fine, border().map(|vertex| vertex.fine))?;
+) -> Option<Vec<Pair<'a>>> {
     let has_border = [of_fine.bordered.is_empty(), of_coarse.bordered.is_empty()];
     if has_border[0] != has_border[1] || of_fine.closed.len() != of_coarse.closed.len() {
         return None;
     }
-    let pairs = partners(&of_fine.closed, &of_coarse.closed)?;
-    let mut options = options.clone();
-    let mut worst: Option<Bound> = None;
-    let mut add = |bound: Bound| {
-        options.lower = options.lower.max(bound.lower);
-        worst = Some(worst.map_or(bound, |worst| worst.or_worse(bound)));
-        options.clone()
-    };
-    let mut current = add(Bound { lower: 0.0, upper: 0.0, worst: DVec3::ZERO, work: 0 });
+    let partners = partners(&of_fine.closed, &of_coarse.closed)?;
+    let mut pairs = vec![];
     if !of_fine.bordered.is_empty() {
-        let [fine, coarse] = [(fine, &of_fine), (coarse, &of_coarse)]
-            .map(|(surface, parts)| TriangleBvh::new(&surface.positions, &parts.bordered));
-        current = add(two_sided_along(&fine, &coarse, &pairing, &current));
+        let [fine, coarse] = [(surfaces[0], &of_fine), (surfaces[1], &of_coarse)].map(|(surface, parts)| Side {
+            surface: Cow::Owned(TriangleBvh::new(surface.positions, &parts.bordered)),
+            triangles: Some(parts.numbers.clone()),
+            vertices: None,
+        });
+        pairs.push(Pair { fine, coarse, pairing: pairing.clone(), may_drape: true, known: None });
     }
-    for (fine, coarse) in of_fine.closed.iter().zip(pairs) {
-        let [fine, coarse] =
-            [fine, &of_coarse.closed[coarse]].map(|part| TriangleBvh::new(&part.positions, &part.triangles));
-        current = add(two_sided_along(&fine, &coarse, &vec![], &current));
+    let side = |part: &Part| Side {
+        surface: Cow::Owned(TriangleBvh::new(&part.positions, &part.triangles)),
+        triangles: Some(part.numbers.clone()),
+        vertices: Some(part.vertices.clone()),
+    };
+    for (fine, partner) in of_fine.closed.iter().zip(partners) {
+        let [fine, coarse] = [fine, &of_coarse.closed[partner]].map(side);
+        pairs.push(Pair { fine, coarse, pairing: vec![], may_drape: true, known: None });
     }
-    worst
+    Some(pairs)
 }
 
 impl Parts {
     /// The parts of a surface with these vertices on its border; none if it is in one part.
-    fn new(surface: &TriangleBvh, border: impl Iterator<Item = u32>) -> Option<Self> {
-        let component = components(surface.positions.len(), &surface.triangles);
+    fn new(surface: &Surface, border: impl Iterator<Item = u32>) -> Option<Self> {
+        let component = components(surface.positions.len(), surface.triangles);
         let mut has_border = vec![false; component.len()];
         border.for_each(|v| {
             if let Some(&component) = component.get(v as usize) {
                 has_border[component as usize] = true;
             }
         });
-        let mut parts = Self { closed: vec![], bordered: vec![] };
+        let mut parts = Self { closed: vec![], bordered: vec![], numbers: vec![] };
         // The part of each component, and the number of each vertex there.
         let (mut part_of, mut numbers) = (vec![NONE; component.len()], vec![NONE; component.len()]);
-        for corners in &surface.triangles {
+        for (number, corners) in (0..).zip(surface.triangles) {
             let component = component[corners[0] as usize] as usize;
             if has_border[component] {
                 parts.bordered.push(*corners);
+                parts.numbers.push(number);
                 continue;
             }
             if part_of[component] == NONE {
                 part_of[component] = parts.closed.len() as u32;
                 let bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-                parts.closed.push(Part { bounds, positions: vec![], triangles: vec![] });
+                let (positions, triangles, numbers, vertices) = Default::default();
+                parts.closed.push(Part { bounds, positions, triangles, numbers, vertices });
             }
             let part = &mut parts.closed[part_of[component] as usize];
             let own = corners.map(|v| {
@@ -98,10 +240,12 @@ impl Parts {
                     let position = surface.positions[v as usize];
                     part.bounds = [part.bounds[0].min(position), part.bounds[1].max(position)];
                     part.positions.push(position);
+                    part.vertices.push(v);
                 }
                 numbers[v as usize]
             });
             part.triangles.push(own);
+            part.numbers.push(number);
         }
         let count = parts.closed.len() + usize::from(!parts.bordered.is_empty());
         (count > 1).then_some(parts)
@@ -144,11 +288,10 @@ fn partners(parts: &[Part], others: &[Part]) -> Option<Vec<usize>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{TriangleBvh, two_sided as search};
     use super::*;
 
     /// Boxes in a row that touch, each moved by what `moved` says.
-    fn boxes(count: usize, moved: impl Fn(usize) -> f64) -> TriangleBvh {
+    fn boxes(count: usize, moved: impl Fn(usize) -> f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
         let (mut positions, mut triangles) = (vec![], vec![]);
         for i in 0..count {
@@ -158,18 +301,50 @@ mod tests {
             let quads = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
             triangles.extend(quads.map(|corners: [u32; 3]| corners.map(|v| v + first)));
         }
-        TriangleBvh::new(&positions, &triangles)
+        (positions, triangles)
+    }
+
+    fn surface((positions, triangles): &(Vec<DVec3>, Vec<[u32; 3]>)) -> Surface<'_> {
+        Surface::new(positions, triangles)
     }
 
     #[test]
     fn parts_are_compared_with_their_partners_and_never_bounded_too_low() {
         let options = CertifyOptions { relative_gap: 1e-3, ..CertifyOptions::default() };
         let (still, moved) = (boxes(40, |_| 0.0), boxes(40, |i| if i == 17 { 0.125 } else { 0.0 }));
-        let bound = two_sided(&still, &moved, &vec![], &options).unwrap();
+        let [still, moved] = [&still, &moved].map(surface);
+        let mut pairs = Comparison::new(&still, &moved, &vec![]);
+        assert_eq!(pairs.part_count(), 40);
+        let bound = pairs.two_sided(&options);
         assert!(bound.upper >= 0.125 && bound.upper <= 0.126, "{bound:?}");
-        assert!(bound.upper >= search(&still, &moved, &options).lower);
-        // Others, or one part: left to the search over all.
-        assert!(two_sided(&still, &boxes(39, |_| 0.0), &vec![], &options).is_none());
-        assert!(two_sided(&boxes(1, |_| 0.0), &boxes(1, |_| 0.1), &vec![], &options).is_none());
+        assert!(bound.upper >= two_sided(still.bvh(), moved.bvh(), &options).lower);
+        let squares = pairs.squares(1);
+        assert!(squares.len() == 320 && squares.iter().filter(|&&square| square > 0.01).count() == 4, "{squares:?}");
+        // Others, or one part: a matter of the whole.
+        let fewer = boxes(39, |_| 0.0);
+        let fewer = surface(&fewer);
+        let mut whole = Comparison::new(&still, &fewer, &vec![]);
+        assert_eq!(whole.part_count(), 1);
+        let bound = whole.two_sided(&options);
+        assert!((1.0..1.01).contains(&bound.upper), "{bound:?}");
+        let (one, other) = (boxes(1, |_| 0.0), boxes(1, |_| 0.1));
+        assert_eq!(Comparison::new(&surface(&one), &surface(&other), &vec![]).part_count(), 1);
+    }
+
+    #[test]
+    fn what_is_known_of_a_part_is_not_asked_again() {
+        let (still, moved) = (boxes(40, |_| 0.0), boxes(40, |i| if i == 17 { 0.125 } else { 0.01 }));
+        let [still, moved] = [&still, &moved].map(surface);
+        let mut pairs = Comparison::new(&still, &moved, &vec![]);
+        let rough = pairs.two_sided(&CertifyOptions { floor: 0.2, ..CertifyOptions::default() });
+        assert!((0.125..=0.2).contains(&rough.upper), "{rough:?}");
+        let tight = CertifyOptions { target: Some(0.13), relative_gap: 1e-3, ..CertifyOptions::default() };
+        let bound = pairs.two_sided(&tight);
+        assert!((0.125..=0.13).contains(&bound.upper), "{bound:?}");
+        assert_eq!(pairs.two_sided(&tight), bound);
+        // Exactly one part is too far off for a finer target, and its triangles are named as the caller knows them.
+        let found = pairs.exceeding(0.1, u64::MAX);
+        assert!(!found.is_empty() && found.iter().all(|&t| t / 12 == 17), "{found:?}");
+        assert_eq!(pairs.exceeding(0.2, u64::MAX), [] as [u32; 0]);
     }
 }

@@ -14,8 +14,8 @@
 //! * `closest`: distance to one triangle. `bvh`: [`TriangleBvh`], closest-point queries. `subtriangle`: a subtriangle
 //!   and its cut.
 //! * `bound`: the search. `drape`: where the borders of two surfaces correspond, a map from the finer surface onto the
-//!   coarser settles nearly everything beforehand. `by_part`: surfaces of several parts. `plates`: flat sides that
-//!   are triangulated otherwise.
+//!   coarser settles nearly everything beforehand. `by_part`: [`Comparison`], part by part where there are several; `surface`: what it
+//!   compares. `plates`: flat sides that are triangulated otherwise.
 
 mod bound;
 mod bvh;
@@ -24,6 +24,7 @@ mod closest;
 mod drape;
 mod plates;
 mod subtriangle;
+mod surface;
 #[cfg(test)]
 mod tests;
 
@@ -31,7 +32,9 @@ use bound::Search;
 use glam::DVec3;
 
 pub use bvh::{Closest, Hint, TriangleBvh};
+pub use by_part::Comparison;
 pub use drape::{BorderPairing, PairedVertex};
+pub use surface::Surface;
 
 /// How tight a bound must be. Lengths are in the units of the positions.
 #[derive(Clone, Debug, PartialEq)]
@@ -117,24 +120,6 @@ pub fn two_sided(a: &TriangleBvh, b: &TriangleBvh, options: &CertifyOptions) -> 
     let forward = forward.run();
     backward.know(forward.lower * forward.lower);
     forward.or_worse(backward.run())
-}
-
-/// Bounds the Hausdorff distance like [`two_sided`], mostly much faster; if both surfaces have as many parts, perhaps by the largest
-/// distance between two parts that correspond, which may be more (also in `lower`). It is meant for two surfaces of the same
-/// topology whose borders correspond, such as a chart and its drawn level; `fine` should have the smaller triangles. If
-/// the borders do not correspond or there is no border, it calls [`two_sided`].
-pub fn two_sided_along(
-    fine: &TriangleBvh,
-    coarse: &TriangleBvh,
-    pairing: &BorderPairing,
-    options: &CertifyOptions,
-) -> Bound {
-    if fine.is_empty() || coarse.is_empty() {
-        return two_sided(fine, coarse, options);
-    }
-    let bound = by_part::two_sided(fine, coarse, pairing, options);
-    let bound = bound.or_else(|| drape::two_sided(fine, coarse, pairing, options));
-    bound.unwrap_or_else(|| two_sided(fine, coarse, options))
 }
 
 /// The triangles of `from`, as ascending indices into the caller's list, that are not proven to lie within `target` of

@@ -79,6 +79,17 @@ impl Plates {
                 continue;
             }
             let sum: DVec3 = slots.iter().map(|&slot| areas[slot]).sum();
+            // Most sets of triangles are bent: they are told from plates before anything is sorted.
+            let up = sum.normalize_or_zero();
+            let base = positions[surface.triangles[start][0] as usize];
+            let mut heights = [0.0_f64; 2];
+            for &v in slots.iter().flat_map(|&slot| &surface.triangles[slot]) {
+                let height = (positions[v as usize] - base).dot(up);
+                heights = [heights[0].min(height), heights[1].max(height)];
+            }
+            if heights[1] - heights[0] > thickness {
+                continue;
+            }
             let Some(outline) = outline(surface, across, &slots) else { continue };
             let outline: Vec<DVec3> = outline.into_iter().map(|v| positions[v as usize]).collect();
             let inside = slots.iter().flat_map(|&slot| surface.triangles[slot]).map(|v| positions[v as usize]);

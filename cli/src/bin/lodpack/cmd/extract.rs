@@ -10,14 +10,14 @@ use crate::output::{PendingFile, bytes, count, length, say};
 use anyhow::{Context, Result, bail};
 use lodpack::decode::TexturedMesh;
 use lodpack::index::{ChannelInfo, ChannelKind};
-use lodpack::{Cut, Error, Lattice, Limiter, Outside, Query};
+use lodpack::{Cut, Lattice, Limiter, Outside, Query};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh};
 use lodpack_cli::mesh::glb::write_textured_glb;
 use lodpack_cli::mesh::layers::{Layer, Look};
 use lodpack_cli::mesh::pages::PagedMesh;
 use lodpack_cli::mesh::shaded::{Shading, write_shaded_mesh};
 use lodpack_cli::mesh::textured::{material_file, png, write_textured_obj, write_textured_ply};
-use lodpack_cli::pipeline::{Topology, cut_triangles, finish, painted};
+use lodpack_cli::pipeline::{Topology, cut_to_finish, finish, is_nearer, painted};
 use serde::Serialize;
 use std::fs::File;
 use std::io::{self, ErrorKind};
@@ -133,32 +133,33 @@ fn mesh_of(
         volume: args.bbox.map(|bbox| bbox.0.into()),
         outside: if args.context { Outside::Coarsest } else { Outside::Drop },
         tolerance,
-        max_triangles: finishing.map(cut_triangles).or(args.triangles),
+        max_triangles: args.triangles,
         max_nodes: args.nodes,
         ..Query::default()
     };
-    let cut = match file.select(&query) {
-        // The coarsest cut of many small parts may be larger.
-        Err(Error::Query { .. }) if finishing.is_some() => {
-            file.select(&Query { max_triangles: None, tolerance: Some(f64::MAX), ..query })
-        }
-        selected => selected,
+    let selected = match finishing {
+        Some(triangles) => cut_to_finish(file, &query, triangles),
+        None => file.select(&query).map(|cut| (cut, None)),
     };
-    let cut = in_file(&args.file, cut)?;
+    let (mut cut, coarser) = in_file(&args.file, selected)?;
     if cut.nodes.is_empty() {
         let [low, high] = file.bounds().unwrap_or_default();
         let file = args.file.display();
         bail!("{file}: nothing touches the box; the model reaches from {low:?} to {high:?}");
     }
-    let mut drawn = if channels.is_empty() {
-        Drawn::new(in_file(&args.file, file.extract(&cut))?, &cut)
-    } else {
-        Drawn::textured(in_file(&args.file, file.extract_textured(&cut, &channels))?, look, &cut)
+    let draw = |cut: &Cut| match channels.is_empty() {
+        true => anyhow::Ok(Drawn::new(in_file(&args.file, file.extract(cut))?, cut)),
+        false => Ok(Drawn::textured(in_file(&args.file, file.extract_textured(cut, &channels))?, look.clone(), cut)),
     };
+    let mut drawn = draw(&cut)?;
     let known: Vec<&ChannelInfo> =
         channels.iter().filter_map(|&channel| file.channels().get(usize::from(channel))).collect();
     if let Some(most) = finishing.filter(|&most| drawn.triangles.len() as u64 > most) {
         drawn = drawn.finished(&file.lattice(), most, &known)?;
+        if let Some(coarser) = coarser.filter(|coarser| is_nearer(coarser, drawn.error)) {
+            drawn = draw(&coarser)?;
+            cut = coarser;
+        }
     }
     drawn.numbers = known.into_iter().cloned().enumerate().filter(|(_, channel)| is_number(channel)).collect();
     Ok((drawn, cut.nodes.len() as u64))

@@ -2,7 +2,7 @@
 
 use super::super::bound::MOST_WORK;
 use super::super::tests::{Random, height_field, sampled, sphere, surface, wavy};
-use super::super::{BorderPairing, Bound, CertifyOptions, PairedVertex, two_sided, two_sided_along};
+use super::super::{BorderPairing, Bound, CertifyOptions, Comparison, PairedVertex, Surface, two_sided};
 use crate::mesh::Mesh;
 use crate::stage::repair::repair;
 use glam::DVec3;
@@ -25,12 +25,18 @@ fn square_pairing(n: u32, step: u32) -> BorderPairing {
 fn check_along(fine: &Mesh, coarse: &Mesh, pairing: &BorderPairing, relative_gap: f64) -> Bound {
     let (f, c) = (surface(fine), surface(coarse));
     let options = CertifyOptions { relative_gap, ..Default::default() };
-    let bound = two_sided_along(&f, &c, pairing, &options);
+    let bound = along(fine, coarse, pairing, &options);
     let exact = two_sided(&f, &c, &CertifyOptions { relative_gap: 1e-3, ..Default::default() });
     assert!(bound.lower <= exact.upper && bound.upper >= exact.lower, "{bound:?} {exact:?}");
     assert!(bound.upper <= bound.lower * (1.0 + relative_gap) + 1e-11, "{bound:?} {exact:?}");
     assert!(bound.upper >= sampled(coarse, &f, 12).max(sampled(fine, &c, 4)) - 1e-12);
     bound
+}
+
+/// The bound of two surfaces that are laid onto each other where that is possible.
+fn along(fine: &Mesh, coarse: &Mesh, pairing: &BorderPairing, options: &CertifyOptions) -> Bound {
+    let [fine, coarse] = [fine, coarse].map(|mesh| Surface::new(&mesh.positions, &mesh.triangles));
+    Comparison::new(&fine, &coarse, pairing).two_sided(options)
 }
 
 #[test]
@@ -64,7 +70,7 @@ fn laying_settles_nearly_everything_at_once() {
     let (fine, coarse) = (height_field(64, wavy), height_field(16, wavy));
     let (f, c) = (surface(&fine), surface(&coarse));
     let options = CertifyOptions { relative_gap: 0.25, ..Default::default() };
-    let (plain, along) = (two_sided(&f, &c, &options), two_sided_along(&f, &c, &square_pairing(64, 4), &options));
+    let (plain, along) = (two_sided(&f, &c, &options), along(&fine, &coarse, &square_pairing(64, 4), &options));
     assert!(5 * along.work < plain.work, "{along:?} {plain:?}");
 }
 
@@ -91,7 +97,7 @@ fn surfaces_pushed_aside_and_folded_are_bounded() {
             }
         }
         let (f, c) = (surface(&fine), surface(&coarse));
-        let bound = two_sided_along(&f, &c, &square_pairing(24, 4), &CertifyOptions::default());
+        let bound = along(&fine, &coarse, &square_pairing(24, 4), &CertifyOptions::default());
         let exact = two_sided(&f, &c, &CertifyOptions { relative_gap: 1e-3, ..Default::default() });
         assert!(bound.upper >= exact.lower && bound.upper <= exact.upper * 1.051, "{bound:?} {exact:?}");
     }
@@ -113,7 +119,7 @@ fn surfaces_with_other_borders_are_not_laid() {
         }
         assert!(!lies(&holed, &coarse, &pairing));
         // The bound still sees the hole.
-        let bound = two_sided_along(&surface(&holed), &surface(&coarse), &pairing, &options);
+        let bound = along(&holed, &coarse, &pairing, &options);
         assert!(bound.upper >= sampled(&coarse, &surface(&holed), 12));
     }
     let mut holed = coarse.clone();
@@ -434,13 +440,16 @@ fn try_at_random(numbers: std::ops::RangeInclusive<u64>) -> Tally {
             tally.sane += 1;
             tally.sane_laid += usize::from(is_laid);
         }
-        let bound = two_sided_along(&f, &c, &pairing, &options);
+        let bound = along(&fine.mesh, &coarse.mesh, &pairing, &options);
         assert!(
             bound.upper >= exact.lower - 1e-11 && bound.upper >= sampled - 1e-11,
             "{what} {bound:?} {exact:?} {sampled}"
         );
         // Between parts that correspond there may be more than to whatever is nearest.
-        let is_by_part = super::super::by_part::two_sided(&f, &c, &pairing, &options).is_some();
+        let is_by_part = {
+            let [fine, coarse] = [&fine.mesh, &coarse.mesh].map(|mesh| Surface::new(&mesh.positions, &mesh.triangles));
+            Comparison::new(&fine, &coarse, &pairing).part_count() > 1
+        };
         assert!(is_by_part || bound.lower <= exact.upper + 1e-11, "{what} {bound:?} {exact:?}");
         let tight = (bound.lower * (1.0 + relative_gap)).max(target.unwrap_or(0.0)).max(floor);
         // If the work ended first, the bound is valid but not as tight.
