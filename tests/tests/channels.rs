@@ -236,6 +236,68 @@ fn every_way_of_building_gives_the_same_texels() {
     }
 }
 
+/// Writes a bumpy sphere as OBJ, whose texture has one colour for each of two charts, which meet in two zigzags.
+fn save_two_coloured(folder: &Folder) {
+    let sphere = bumpy_sphere(40);
+    let mut text = String::from("mtllib two.mtl\nusemtl two\n");
+    for p in &sphere.positions {
+        text += &format!("v {} {} {}\n", p.x, p.y, p.z);
+        // Half of the texture for each; some texels beside them are not used.
+        for middle in [0.25, 0.75] {
+            text += &format!("vt {} {}\n", middle + 0.2 * p.x.clamp(-1.0, 1.0), 0.5 + 0.4 * p.y.clamp(-1.0, 1.0));
+        }
+    }
+    for triangle in &sphere.triangles {
+        let middle = triangle.iter().map(|&v| sphere.positions[v as usize]).sum::<DVec3>() / 3.0;
+        let chart = usize::from(middle.z > 0.2 * (middle.x * 3.0).sin());
+        let [a, b, c] = triangle.map(|v| format!("{}/{}", v + 1, 2 * v as usize + 1 + chart));
+        text += &format!("f {a} {b} {c}\n");
+    }
+    fs::write(folder.path("two.obj"), text).expect("writable");
+    fs::write(folder.path("two.mtl"), "newmtl two\nmap_Kd two.png\n").expect("writable");
+    let texel = |x: u32, _: u32| image::Rgb(if x < 128 { [200, 40, 30] } else { [20, 60, 180] });
+    image::RgbImage::from_fn(256, 256, texel).save(folder.path("two.png")).expect("writable");
+}
+
+#[test]
+fn colours_that_jump_stay_sharp_and_every_way_of_building_gives_the_same_bytes() {
+    let folder = Folder(tempfile::tempdir().expect("a temporary directory"));
+    save_two_coloured(&folder);
+    let options = "--region-triangles 2500 --color-quality 95";
+    folder.run(&format!("build two.obj -o one.lodpack --threads 1 {options}"));
+    folder.run(&format!("build two.obj -o seven.lodpack --threads 7 {options}"));
+    folder.run(&format!("build two.obj -o small.lodpack --memory 64MiB {options}"));
+    folder.run(&format!("plan two.obj -o job --parts 3 {options}"));
+    (0..3).for_each(|part| folder.run(&format!("build --job job --part {part}")));
+    folder.run("merge job -o merged.lodpack");
+    let one = folder.read("one.lodpack");
+    for other in ["seven.lodpack", "small.lodpack", "merged.lodpack"] {
+        assert!(one == folder.read(other), "{other} differs");
+    }
+    let file = open(&one);
+    for (max_triangles, one_of) in [(None, 200), (Some(2000), 50)] {
+        let query = Query { tolerance: Some(0.0), max_triangles, ..Query::default() };
+        let cut = file.select(&query).expect("a cut");
+        let shown = file.extract_textured(&cut, &[0]).expect("sound");
+        let (mut blurred, mut in_all) = (0, 0);
+        for (number, places) in shown.places.iter().enumerate() {
+            let texture = &shown.textures[shown.mesh.triangle_nodes[number] as usize];
+            let Some(ChannelImage::Colours(colours)) = &texture.images[0] else { panic!("a node has no texels") };
+            for weights in [[0.96, 0.02, 0.02], [0.02, 0.96, 0.02], [0.02, 0.02, 0.96], [0.34, 0.33, 0.33]] {
+                let place = [0, 1].map(|k| (0..3).map(|i| f64::from(places[i][k]) * weights[i]).sum());
+                let [red, green, blue, _] = colours.interpolated(place);
+                let is_near = |colour: [f64; 3]| {
+                    [red, green, blue].iter().zip(colour).all(|(shown, wanted)| (shown - wanted).abs() < 25.0)
+                };
+                blurred += u32::from(!is_near([200.0, 40.0, 30.0]) && !is_near([20.0, 60.0, 180.0]));
+                in_all += 1;
+            }
+        }
+        // Where regions meet, a line may end beside a sample of the seam.
+        assert!(blurred * one_of < in_all, "{blurred} of {in_all} points of {} triangles", cut.triangle_count);
+    }
+}
+
 #[test]
 fn the_independent_decoder_agrees_about_texels() {
     let folder = Folder::new();

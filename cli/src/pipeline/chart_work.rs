@@ -43,6 +43,8 @@ pub(super) struct Root {
 pub(super) struct DrawnPatch {
     pub positions: Vec<LatticePoint>,
     pub triangles: Vec<[u32; 3]>,
+    /// The area of each triangle; empty if nothing is known of them.
+    pub areas: Vec<u32>,
 }
 
 /// The patches of a root by level; empty where nobody wants them.
@@ -71,6 +73,8 @@ pub(super) struct CodedLevel {
     pub patch: Patch,
     /// The patch's vertices as they decode, relative to the lattice's origin.
     pub positions: Vec<DVec3>,
+    /// The area of each triangle; empty if nothing is known of them.
+    pub areas: Vec<u32>,
     pub symbols: SymbolBuffer,
 }
 
@@ -94,7 +98,7 @@ impl ChartWork<'_> {
         let loops = border_loops(cut, level);
         let points = loops.iter().flatten().chain(&patch.interior);
         let positions = points.map(|&p| self.charted.scale.local_from_lattice(p)).collect();
-        CodedLevel { patch, positions, symbols }
+        CodedLevel { patch, positions, areas: vec![], symbols }
     }
 
     /// The input's chart beside a decoded patch.
@@ -217,7 +221,7 @@ impl ChartWork<'_> {
                 let Patch { interior, triangles, .. } = &coded_level.patch;
                 let border = border_loops(cut, level as u8);
                 let positions = border.into_iter().flatten().chain(interior.iter().copied()).collect();
-                *drawn = Some(DrawnPatch { positions, triangles: triangles.clone() });
+                *drawn = Some(DrawnPatch { positions, triangles: triangles.clone(), areas: coded_level.areas });
             }
             best = error;
             best_stored = lodpack::write::stored_error(error, deviations[level], &self.charted.scale.lattice)

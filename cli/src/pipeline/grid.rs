@@ -92,8 +92,11 @@ impl ChartFilling for GridFilling {
 }
 
 impl ChartWork<'_> {
-    /// Whether the chart is a disk with a number of sides that a grid can have.
+    /// Whether the chart is a disk with a number of sides that a grid can have, and no colours jump inside, since cells lie across everything.
     fn may_be_grid(&self) -> bool {
+        if self.charted.jumps_inside(self.chart) {
+            return false;
+        }
         match self.charted.atlas.charts[self.chart as usize].loops.as_slice() {
             [border] => (MIN_CORNERS..=MAX_CORNERS).contains(&border.len()),
             _ => false,

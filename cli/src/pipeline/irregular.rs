@@ -7,6 +7,8 @@ use super::fill::{ChartFilling, FillingRow};
 use super::roots::MAX_FAILURES;
 use super::shared_arcs::{CutChart, SampleWish};
 use crate::machine::thread_cpu_time;
+use crate::mesh::NONE;
+use crate::stage::areas::{Areas, Jumps};
 use crate::stage::certify;
 use crate::stage::chart::NEVER;
 use crate::stage::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_chart};
@@ -17,6 +19,7 @@ use lodpack::{
     index::Filling,
     write::{PatchTarget, Slide, SymbolBuffer, encode_refined_patch},
 };
+use std::collections::HashMap;
 
 /// Factor on a vertex's quadric where the bound was above the tolerance.
 const IMPORTANCE_STEP: f32 = 8.0;
@@ -24,6 +27,9 @@ const IMPORTANCE_STEP: f32 = 8.0;
 const LOCAL_FAILURES: u32 = 5;
 /// Factor on the finest threshold with every failure after those.
 const FINER: f64 = 0.4;
+
+/// How often the tangential step is halved where colours jump.
+const LINE_REFINEMENT: u32 = 2;
 
 /// The filling's row in the table.
 pub(super) const ROW: FillingRow =
@@ -128,7 +134,9 @@ impl ChartWork<'_> {
         }
         let importance = Some(importance).filter(|weights| !weights.is_empty());
         let coarsest = usize::from(self.charted.coarsest);
-        let options = SimplifyOptions { thresholds: &thresholds, coarsest, importance, min_triangles: 0 };
+        let of_triangles = self.charted.areas_of(self.chart);
+        let areas = Areas::of(&of_triangles, self.charted.jumps());
+        let options = SimplifyOptions { thresholds: &thresholds, coarsest, importance, min_triangles: 0, areas };
         let simplified = simplify_chart(&cut.mesh, &options);
         self.times.simplify += thread_cpu_time() - start;
         simplified
@@ -139,14 +147,15 @@ impl ChartWork<'_> {
         // Where the bound was exceeded, the tangential step may be the cause.
         let is_finest = level == self.charted.scale.finest();
         let refinement = if is_finest { failures.saturating_sub(1) } else { 0 };
+        let refinement = refinement.max(refinement_of_lines(level_patch, self.charted.jumps()));
         let coded = code(self.charted.scale, level, &border_loops(cut, level), level_patch, refinement);
-        let (patch, symbols) = match coded {
+        let (patch, symbols, areas) = match coded {
             Ok(coded) => coded,
             // Simplification keeps patches manifold with the given border, and `Scale` keeps them within the lattice.
             Err(error) => unreachable!("a simplified patch is codable: {error}"),
         };
         self.times.encode += thread_cpu_time() - start;
-        self.coded_level(cut, level, patch, symbols)
+        CodedLevel { areas, ..self.coded_level(cut, level, patch, symbols) }
     }
 
     fn all_border_vertices(&self, cut: &CutChart) -> Vec<SampleWish> {
@@ -156,14 +165,22 @@ impl ChartWork<'_> {
     }
 }
 
-/// Codes a simplified patch with the border `loops`, and with a finer tangential step the more often it is to be halved.
+/// How often the tangential step of a patch is halved because colours jump at lines in it: steps along the surface move these across, and
+/// nothing slides back.
+pub(super) fn refinement_of_lines(level_patch: &LevelPatch, jumps: Option<&Jumps>) -> u32 {
+    let has_lines = Areas::of(&level_patch.areas, jumps).is_some_and(|areas| areas.have_jumps());
+    if has_lines { LINE_REFINEMENT } else { 0 }
+}
+
+/// Codes a simplified patch with the border `loops`, and with a finer tangential step the more often it is to be halved. Returns the areas
+/// of the patch's triangles, too.
 pub(super) fn code(
     scale: &Scale,
     level: u8,
     loops: &[Vec<LatticePoint>],
     level_patch: &LevelPatch,
     refinement: u32,
-) -> Result<(Patch, SymbolBuffer), lodpack::write::EncodeError> {
+) -> Result<(Patch, SymbolBuffer, Vec<u32>), lodpack::write::EncodeError> {
     let step = scale.step();
     let interior: Vec<[f64; 3]> = level_patch.interior.iter().map(|&p| (p / step).to_array()).collect();
     let target = PatchTarget { loops, interior: &interior, triangles: &level_patch.triangles };
@@ -172,8 +189,37 @@ pub(super) fn code(
     let shift = i32::from(quantisation.normal_shift) + i32::from(quantisation.tangent_shift - refinement);
     let slide = QuadricSlide { patch: level_patch, step, bound: power_of_two(shift) };
     let mut symbols = SymbolBuffer::default();
-    let (patch, _) = encode_refined_patch(&target, quantisation, refinement, &slide, &mut symbols)?;
-    Ok((patch, symbols))
+    let (patch, order) = encode_refined_patch(&target, quantisation, refinement, &slide, &mut symbols)?;
+    let areas = areas_in_order(level_patch, &patch, &order);
+    Ok((patch, symbols, areas))
+}
+
+/// The areas of a patch's triangles, which are those of a simplified patch in another order. `order` are the interior vertices of that.
+fn areas_in_order(level_patch: &LevelPatch, patch: &Patch, order: &[u32]) -> Vec<u32> {
+    if level_patch.areas.is_empty() {
+        return vec![];
+    }
+    let from_smallest = |corners: [u32; 3]| {
+        let [a, b, c] = corners;
+        let least = a.min(b).min(c);
+        if least == a {
+            corners
+        } else if least == b {
+            [b, c, a]
+        } else {
+            [c, a, b]
+        }
+    };
+    let known: HashMap<[u32; 3], u32> = level_patch
+        .triangles
+        .iter()
+        .map(|&corners| from_smallest(corners))
+        .zip(level_patch.areas.iter().copied())
+        .collect();
+    let border = level_patch.border.len() as u32;
+    let before = |v: u32| v.checked_sub(border).map_or(v, |inside| border + order[inside as usize]);
+    let area = |corners: &[u32; 3]| known.get(&from_smallest(corners.map(before))).copied().unwrap_or(NONE);
+    patch.triangles.iter().map(area).collect()
 }
 
 /// The vertices of some triangles, ascending.

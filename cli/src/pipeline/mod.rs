@@ -61,6 +61,7 @@ use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
 use crate::region::{Region, RegionStore, Regions};
 use crate::stage::arcs::{Atlas, Seams, trace_arcs};
+use crate::stage::areas::{Areas, ColourAreas, Jumps};
 use crate::stage::shade::Shader;
 use groups::above_regions::tops;
 use groups::net::Net;
@@ -122,14 +123,21 @@ pub(crate) fn build_region(
     let (scale, certify_gap) = (&plan.scale, plan.effort.certify_gap());
     let coarsest = if atlas.charts.len() > 1 { scale.coarsest_of_charts } else { scale.coarsest_of_regions };
     let has_channels = !plan.appearance.is_empty();
-    let charted = ChartedMesh { mesh, adjacency, labels, atlas: &atlas, scale, coarsest, certify_gap, has_channels };
+    let start_of_areas = thread_cpu_time();
+    let areas =
+        if has_channels { shader.painter(attributes).colour_areas(mesh, adjacency, plan.colour_step) } else { None };
+    let areas_time = thread_cpu_time() - start_of_areas;
+    let areas = areas.as_ref();
+    let charted =
+        ChartedMesh { mesh, adjacency, labels, atlas: &atlas, scale, coarsest, certify_gap, has_channels, areas };
     let mut arcs = SharedArcs::new(&charted)?;
-    let arcs_time = thread_cpu_time() - start;
+    let arcs_time = thread_cpu_time() - start - areas_time;
     // Both sides of an arc see the same samples from here on, whatever is added to them.
 
     let (fill, mut fallbacks) = ((plan.fillings, plan.effort), Fallbacks::default());
     let (roots, mut interior_vertices, mut times) = build_roots(&charted, fill, &mut arcs, &mut fallbacks, progress)?;
     times.arcs += arcs_time;
+    times.texels += areas_time;
     // Every block of a root has a certified error, and finer blocks never have larger ones.
 
     let net = Net::of_region(&charted, &arcs);
@@ -144,6 +152,7 @@ pub(crate) fn build_region(
         }
     }
     let mut forest = Forest::new(&net, scale, [scale.coarsest_of_regions, coarsest], records, drawn, nodes);
+    forest.jumps = charted.jumps();
     if coarsest > 0 {
         let weights: Vec<u64> = atlas.charts.iter().map(|chart| chart.triangles.len() as u64).collect();
         forest.add_groups(&weights, f64::from(scale.chart_triangles), &mut times);
@@ -187,4 +196,24 @@ pub(crate) struct ChartedMesh<'a> {
     pub certify_gap: f64,
     /// Whether its blocks get texels.
     pub has_channels: bool,
+    /// Parts between which its colours jump, if they do somewhere.
+    pub areas: Option<&'a ColourAreas>,
+}
+
+impl<'a> ChartedMesh<'a> {
+    /// Where colours jump.
+    fn jumps(&self) -> Option<&'a Jumps> {
+        self.areas.map(|areas| &areas.jumps)
+    }
+
+    /// Whether colours jump between areas of a chart.
+    fn jumps_inside(&self, chart: u32) -> bool {
+        Areas::of(&self.areas_of(chart), self.jumps()).is_some_and(|areas| areas.have_jumps())
+    }
+
+    /// The area of each triangle of a chart; empty if colours jump nowhere.
+    fn areas_of(&self, chart: u32) -> Vec<u32> {
+        let triangles = &self.atlas.charts[chart as usize].triangles;
+        self.areas.map_or(vec![], |areas| triangles.iter().map(|&t| areas.of_triangles[t as usize]).collect())
+    }
 }

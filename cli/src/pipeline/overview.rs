@@ -71,7 +71,7 @@ pub(super) fn coded(
     let error = surface.error_of(&surface.positions, &surface.triangles, &drawn_positions, &drawn.triangles);
     let positions = loops.iter().flatten().chain(&drawn.interior).copied().collect();
     let overview = OverviewRecord { error, quantisation, loops, triangle_count: drawn.triangles.len() as u32, symbols };
-    Some((overview, DrawnPatch { positions, triangles: drawn.triangles }))
+    Some((overview, DrawnPatch { positions, triangles: drawn.triangles, areas: vec![] }))
 }
 
 /// Slides vertices as near as possible to where they are wanted, in lattice steps.

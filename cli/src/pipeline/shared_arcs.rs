@@ -1,7 +1,7 @@
 //! The arcs as the file will hold them: sampled and quantised once for the charts on both sides, and refined where a chart asks for it.
 
 use super::ChartedMesh;
-use crate::mesh::NONE;
+use crate::mesh::{NONE, next_half_edge};
 use crate::stage::arc_samples::{SampledArc, border_deviation, sample_arcs};
 use crate::stage::arcs::{ARC_UNITS, cut_chart};
 use crate::stage::chart::{BorderVertex, ChartMesh, NEVER};
@@ -45,6 +45,31 @@ pub(super) struct CutChart {
     pub lattice: Vec<Vec<Option<LatticePoint>>>,
 }
 
+/// Makes samples of the vertices where lines at which colours jump meet an arc, at the finest level: more levels gained nothing. Seams have
+/// all vertices as samples there.
+fn raise_ends_of_lines(charted: &ChartedMesh, sampled: &mut [SampledArc]) {
+    let Some(areas) = charted.areas.map(|areas| areas.all()) else { return };
+    let mesh = charted.mesh;
+    let mut is_end = vec![false; mesh.positions.len()];
+    for (half_edge, &opposite) in (0..).zip(&charted.adjacency.opposite) {
+        if opposite == NONE || opposite < half_edge {
+            continue;
+        }
+        let [one, other] = [half_edge, opposite].map(|h| h as usize / 3);
+        if charted.labels[one] == charted.labels[other] && areas.jump(one, other) {
+            for h in [half_edge, next_half_edge(half_edge)] {
+                is_end[mesh.triangles[h as usize / 3][h as usize % 3] as usize] = true;
+            }
+        }
+    }
+    let level = charted.scale.finest();
+    for (arc, sampled) in charted.atlas.arcs.iter().zip(sampled).filter(|(arc, _)| arc.seam.is_none()) {
+        for index in (1..arc.path.len() - 1).filter(|&index| is_end[arc.path[index] as usize]) {
+            sampled.raise(index, level);
+        }
+    }
+}
+
 impl SharedArcs {
     /// Samples and quantises every arc of a region.
     ///
@@ -52,7 +77,10 @@ impl SharedArcs {
     /// [`lodpack::Error::Model`] if a position lies beyond the lattice.
     pub fn new(charted: &ChartedMesh) -> lodpack::Result<Self> {
         let tolerances: Vec<f64> = charted.scale.levels.iter().map(|level| level.arc_tolerance).collect();
-        let sampled = sample_arcs(charted.mesh, charted.atlas, &tolerances);
+        let mut sampled = sample_arcs(charted.mesh, charted.atlas, &tolerances);
+        if charted.areas.is_some() {
+            raise_ends_of_lines(charted, &mut sampled);
+        }
         let step = charted.scale.step();
         let corners = charted
             .atlas

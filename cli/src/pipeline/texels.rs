@@ -1,5 +1,6 @@
 //! Texels of a region: each block gets images of what the input shows where the block lies, groups included.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use glam::DVec3;
@@ -7,7 +8,7 @@ use lodpack::index::{ChannelInfo, ChannelKind};
 use lodpack::write::{BlockRecord, RootRecord};
 use rayon::prelude::*;
 
-use super::chart_work::DrawnBlocks;
+use super::chart_work::{DrawnBlocks, DrawnPatch};
 use super::{ChartedMesh, Scale};
 use crate::machine::thread_cpu_time;
 use crate::mesh::NONE;
@@ -15,6 +16,7 @@ use crate::mesh::appearance::{
     Appearance, COLOUR, EMISSIVE, METALLIC, MaterialMaps, NORMAL, OCCLUSION, ROUGHNESS, ScalarRange,
 };
 use crate::mesh::attributes::RegionAttributes;
+use crate::stage::areas::{Areas, Jumps};
 use crate::stage::bake::{Baked, BakedPatch, Source, Storage, Stored, Surfels, bake, bake_coarser};
 use crate::stage::shade::{Painter, Shader};
 
@@ -161,7 +163,7 @@ impl PaintedRegion<'_> {
             let painted: Vec<(Painted, Duration)> = some
                 .map(|((record, drawn), members)| {
                     let start = thread_cpu_time();
-                    let painted = paint_group(record, drawn, members, self.charted.scale, &storage);
+                    let painted = paint_group(record, drawn, members, self.charted, &storage);
                     (painted, thread_cpu_time() - start)
                 })
                 .collect();
@@ -192,6 +194,8 @@ impl PaintedRegion<'_> {
             appearance: self.appearance,
             is_label: self.appearance.scalars.iter().map(ScalarRange::is_label).collect(),
             painter: self.shader.painter(self.attributes),
+            areas: self.charted.areas.map_or(&[], |areas| &areas.of_triangles),
+            own_count: self.charted.atlas.charts[chart as usize].triangles.len(),
         };
         let Some(density) = source.density() else { return Painted::default() };
         let exponent = exponent_of(1.0 / (density * DENSITY * scale.step()));
@@ -199,7 +203,7 @@ impl PaintedRegion<'_> {
         for (level, (block, drawn)) in record.blocks.iter_mut().zip(drawn).enumerate().rev() {
             let (Some(block), Some(drawn)) = (block, drawn) else { continue };
             let reach = block.error / scale.step();
-            let patch = BakedPatch { positions: &drawn.positions, triangles: &drawn.triangles, reach };
+            let patch = drawn.baked(reach, self.charted.jumps());
             // The finest block is drawn at all finer levels, too.
             let (exponent, baked) = if painted.surfels.is_empty() {
                 (exponent, bake(&patch, &mut source, exponent, storage))
@@ -259,9 +263,10 @@ fn paint_group(
     record: &mut RootRecord,
     drawn: &DrawnBlocks,
     members: &[Painted],
-    scale: &Scale,
+    charted: &ChartedMesh,
     storage: &Storage,
 ) -> Painted {
+    let (scale, jumps) = (charted.scale, charted.jumps());
     let mut painted = Painted::default();
     let known = || members.iter().filter(|member| !member.surfels.is_empty());
     // The finest of them decides.
@@ -270,7 +275,7 @@ fn paint_group(
     for (level, (block, drawn)) in record.blocks.iter_mut().zip(drawn).enumerate().rev() {
         let (Some(block), Some(drawn)) = (block, drawn) else { continue };
         let reach = block.error / scale.step();
-        let patch = BakedPatch { positions: &drawn.positions, triangles: &drawn.triangles, reach };
+        let patch = drawn.baked(reach, jumps);
         let exponent = coarser(base, at.saturating_sub(level));
         let baked = if painted.surfels.is_empty() {
             bake_coarser(&patch, all.iter().copied(), exponent, storage)
@@ -322,6 +327,10 @@ struct InputSource<'a> {
     /// Of each scalar whether it is one of labels.
     is_label: Vec<bool>,
     painter: Painter<'a>,
+    /// The area of each triangle of the region; empty if colours jump nowhere.
+    areas: &'a [u32],
+    /// How many of the triangles that are shown are the chart's own.
+    own_count: usize,
 }
 
 impl InputSource<'_> {
@@ -346,9 +355,30 @@ impl InputSource<'_> {
     }
 }
 
+impl DrawnPatch {
+    /// As what gets images.
+    fn baked<'a>(&'a self, reach: f64, jumps: Option<&'a Jumps>) -> BakedPatch<'a> {
+        let areas = Areas::of(&self.areas, jumps);
+        BakedPatch { positions: &self.positions, triangles: &self.triangles, reach, areas }
+    }
+}
+
 impl Source for InputSource<'_> {
     fn triangle_count(&self) -> usize {
         self.own.len()
+    }
+
+    fn area(&self, triangle: usize) -> u32 {
+        self.areas.get(self.own[triangle] as usize).copied().unwrap_or(NONE)
+    }
+
+    fn areas_beyond(&self) -> Vec<u32> {
+        let (own, beside) = self.own.split_at(self.own_count);
+        let of = |triangles: &[u32]| -> BTreeSet<u32> {
+            triangles.iter().filter_map(|&t| self.areas.get(t as usize)).copied().collect()
+        };
+        let (own, beside) = (of(own), of(beside));
+        beside.difference(&own).copied().collect()
     }
 
     fn corners(&self, triangle: usize) -> [DVec3; 3] {

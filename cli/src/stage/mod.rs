@@ -6,6 +6,7 @@
 //!
 //! ```text
 //! chart        one chart as a mesh of its own: the contract of embed, sample and simplify
+//! areas        parts of the surface between which colours jump: the contract of shade, simplify and bake
 //! arcs         labels -> corners, arcs, loops; how an arc is halved
 //! repair       input -> oriented manifold
 //! segment      manifold -> labels                    (arcs: edges between labels)
@@ -14,16 +15,17 @@
 //! pack         labels -> the same, small parts together      (segment, group)
 //! embed        chart -> map onto a regular polygon   (chart)
 //! sample       map -> quadtrees of a grid filling    (chart, embed)
-//! simplify     chart -> levels of an irregular one   (chart)
+//! simplify     chart -> levels of an irregular one   (chart, areas)
 //! cluster_vertices  surface -> one of any number of triangles    (simplify)
 //! certify      two triangle sets -> a proven bound on their distance
-//! shade        points of the input -> their colour and values
-//! bake         patch, input -> an image over the patch       (certify)
+//! shade        points of the input -> their colour and values       (areas)
+//! bake         patch, input -> an image over the patch       (certify, areas)
 //! resample     closed surface -> one of simpler topology    (certify)
 //! ```
 
 pub mod arc_samples;
 pub mod arcs;
+pub mod areas;
 pub mod bake;
 pub mod certify;
 pub mod chart;

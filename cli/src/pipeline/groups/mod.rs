@@ -28,11 +28,12 @@ use rayon::prelude::*;
 use super::Scale;
 use super::chart_work::{DrawnBlocks, DrawnPatch, Root, raise_coarser, record_loops};
 use super::coarse::{CoarseSurface, error_sum};
-use super::irregular::code;
+use super::irregular::{code, refinement_of_lines};
 use super::summary::Times;
 use crate::machine::thread_cpu_time;
 use crate::stage::arc_samples::border_deviation;
 use crate::stage::arcs::HalfArc;
+use crate::stage::areas::{Areas, Jumps};
 use crate::stage::certify::{BorderPairing, CertifyOptions, Comparison, PairedVertex, Surface};
 use crate::stage::chart::{BorderVertex, ChartMesh};
 use crate::stage::group::{Charts, group};
@@ -80,13 +81,15 @@ pub(super) struct NodeSurface {
     /// The border, loop after loop, then the inside; relative to the lattice's origin.
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
+    /// The area of each triangle; empty if nothing is known of them.
+    pub areas: Vec<u32>,
     /// Bound of the distance to the input.
     pub error: f64,
 }
 
 impl NodeSurface {
     fn new(level: u8, CoarseSurface { positions, triangles, error }: CoarseSurface) -> Self {
-        Self { level, positions, triangles, error }
+        Self { level, positions, triangles, areas: vec![], error }
     }
 
     fn coarse(&self) -> CoarseSurface {
@@ -100,6 +103,8 @@ pub(super) struct Forest<'a> {
     scale: &'a Scale,
     /// The level up to which there are groups, and that of the nodes at the bottom.
     levels: [u8; 2],
+    /// Where colours jump, if that is known.
+    pub jumps: Option<&'a Jumps>,
     pub records: Vec<RootRecord>,
     /// What is drawn of each record, if they are to have texels.
     pub drawn: Vec<DrawnBlocks>,
@@ -136,7 +141,9 @@ pub(super) fn node_of_chart(
     let error = root.record.blocks[usize::from(level)].as_ref().map_or(0.0, |block| block.error);
     let Patch { interior, triangles, .. } = &root.coarsest;
     let positions = positions(net, scale, &loops, level, interior);
-    let surface = NodeSurface { level, positions, triangles: triangles.clone(), error };
+    let drawn = root.drawn.get(usize::from(level)).and_then(Option::as_ref);
+    let areas = drawn.map_or(vec![], |drawn| drawn.areas.clone());
+    let surface = NodeSurface { level, positions, triangles: triangles.clone(), areas, error };
     Node { record, loops, surface, below: vec![], border_deviation: 0.0 }
 }
 
@@ -161,7 +168,7 @@ impl<'a> Forest<'a> {
     ) -> Self {
         let corner_levels = net.corner_levels.clone();
         let nodes = nodes.into_iter().map(Some).collect();
-        Self { net, scale, levels, records, drawn, corner_levels, interior_vertices: 0, nodes }
+        Self { net, scale, levels, jumps: None, records, drawn, corner_levels, interior_vertices: 0, nodes }
     }
 
     /// Adds groups of all heights. `weights` are the sizes of the nodes, `unit` that of one of average size.
@@ -276,23 +283,27 @@ impl<'a> Forest<'a> {
 
         let start = thread_cpu_time();
         let thresholds: Vec<f64> = scale.levels[..=usize::from(finest)].iter().map(|level| level.threshold).collect();
-        let options = SimplifyOptions {
-            thresholds: &thresholds,
-            coarsest: usize::from(coarsest),
-            min_triangles: FEWEST,
-            ..SimplifyOptions::default()
+        let simplify = |joined: &Joined| {
+            let options = SimplifyOptions {
+                thresholds: &thresholds,
+                coarsest: usize::from(coarsest),
+                min_triangles: FEWEST,
+                areas: Areas::of(&joined.areas, self.jumps),
+                ..SimplifyOptions::default()
+            };
+            simplify_chart(&joined.chart(), &options)
         };
-        let mut simplified = simplify_chart(&joined.chart(), &options);
+        let mut simplified = simplify(&joined);
         for ends in [2, 1] {
             if simplified.stuck.is_empty() {
                 break;
             }
             joined = joined.with_divided_edges(ends);
-            simplified = simplify_chart(&joined.chart(), &options);
+            simplified = simplify(&joined);
         }
         if !simplified.stuck.is_empty() && coarsest == finest {
             let stuck: Vec<u32> = simplified.stuck.iter().map(|stuck| stuck.vertex).collect();
-            let flapped = simplify_chart(&joined.with_flaps(&stuck, finest).chart(), &options);
+            let flapped = simplify(&joined.with_flaps(&stuck, finest));
             simplified = if flapped.stuck.is_empty() { flapped } else { simplified };
         }
         let is_bare = simplified.levels[usize::from(coarsest)..].contains(&None);
@@ -318,14 +329,15 @@ impl<'a> Forest<'a> {
             let Some(level_patch) = level_patch else { continue };
             let start = thread_cpu_time();
             let border = joined.border_loops(level);
-            let coded = code(scale, level, &border, level_patch, 0);
-            let Ok((patch, symbols)) = coded else { return Err(vec![]) };
+            let coded = code(scale, level, &border, level_patch, refinement_of_lines(level_patch, self.jumps));
+            let Ok((patch, symbols, areas)) = coded else { return Err(vec![]) };
             times.encode += thread_cpu_time() - start;
             let start = thread_cpu_time();
             let points = || border.iter().flatten().chain(&patch.interior).copied();
             let positions: Vec<DVec3> = points().map(|point| scale.local_from_lattice(point)).collect();
             if let Some(drawn) = all_drawn.get_mut(usize::from(level)) {
-                *drawn = Some(DrawnPatch { positions: points().collect(), triangles: patch.triangles.clone() });
+                let positions = points().collect();
+                *drawn = Some(DrawnPatch { positions, triangles: patch.triangles.clone(), areas: areas.clone() });
             }
             let drawn = Surface::new(&positions, &patch.triangles);
             let options = CertifyOptions {
@@ -347,7 +359,7 @@ impl<'a> Forest<'a> {
                 symbols,
                 texels: vec![],
             });
-            surfaces.push(NodeSurface { level, positions, triangles: patch.triangles, error });
+            surfaces.push(NodeSurface { level, positions, triangles: patch.triangles, areas, error });
         }
         if coarsest == 0 {
             leave_out(&mut blocks);

@@ -38,7 +38,7 @@ impl<'a> InParts<'a> {
         if small.is_empty() {
             return None;
         }
-        let rest = Joined { triangles, ..joined.clone() };
+        let rest = Joined { triangles, areas: vec![], ..joined.clone() };
         Some(Self { joined, rest, small: Mesh { positions: joined.positions.clone(), triangles: small } })
     }
 

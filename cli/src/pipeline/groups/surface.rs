@@ -26,6 +26,8 @@ pub(super) struct Joined {
     pub level: u8,
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
+    /// The area of each triangle; empty if nothing is known of them.
+    pub areas: Vec<u32>,
     /// The half-arcs around it.
     pub loops: Vec<Vec<HalfArc>>,
     /// The points of its border, loop after loop, each with its vertex.
@@ -46,7 +48,8 @@ pub(super) fn join(borders: &Borders, parts: &[Part], coarsest: u8) -> Joined {
     }
     let (numbers, count) = vertices.numbers();
     let mut positions = vec![DVec3::ZERO; count];
-    let mut triangles = vec![];
+    let (mut triangles, mut areas) = (vec![], vec![]);
+    let has_areas = parts.iter().any(|part| !part.surface.areas.is_empty());
     let mut edges: HashMap<[u32; 2], u32> = HashMap::new();
     let surfaces = || parts.iter().map(|part| part.surface).zip(&vertices.firsts);
     for (surface, &first) in surfaces() {
@@ -59,7 +62,12 @@ pub(super) fn join(borders: &Borders, parts: &[Part], coarsest: u8) -> Joined {
     for (surface, &first) in surfaces() {
         let of_part = |v: u32| numbers[(first + v) as usize];
         let crowded = |edge: [u32; 2]| edges[&ordered(edge.map(of_part))] > 2;
-        triangles.extend(divided(surface, crowded, of_part, &mut positions));
+        let fans = divided(surface, crowded, of_part, &mut positions);
+        if has_areas {
+            let area = |number: usize| surface.areas.get(number).copied().unwrap_or(NONE);
+            areas.extend(fans.iter().enumerate().flat_map(|(number, fan)| vec![area(number); fan.len()]));
+        }
+        triangles.extend(fans.into_iter().flatten());
     }
     let (mut loops, mut border) = (vec![], vec![]);
     for mut around in members.outline() {
@@ -80,7 +88,7 @@ pub(super) fn join(borders: &Borders, parts: &[Part], coarsest: u8) -> Joined {
     }
     let error = parts.iter().map(|part| part.surface.error).fold(0.0, f64::max);
     let level = parts.first().map_or(0, |part| part.surface.level);
-    Joined { level, positions, triangles, loops, border, error }
+    Joined { level, positions, triangles, areas, loops, border, error }
 }
 
 fn ordered([a, b]: [u32; 2]) -> [u32; 2] {
@@ -92,18 +100,18 @@ fn sides([a, b, c]: [u32; 3]) -> impl Iterator<Item = [u32; 2]> {
     [[a, b], [b, c], [c, a]].map(ordered).into_iter()
 }
 
-/// The triangles of a part in the numbers of all. Where edges of several parts run between the same two vertices, those inside a part
+/// The triangles of a part in the numbers of all, each as those that it becomes. Where edges of several parts run between the same two vertices, those inside a part
 /// get a vertex of their own, so that no edge has more than two triangles.
 fn divided(
     surface: &NodeSurface,
     crowded: impl Fn([u32; 2]) -> bool,
     of_part: impl Fn(u32) -> u32,
     positions: &mut Vec<DVec3>,
-) -> Vec<[u32; 3]> {
+) -> Vec<Vec<[u32; 3]>> {
     let edges = inner_edges(&surface.triangles, crowded);
     let middles = (positions.len() as u32..).zip(&edges).map(|(middle, &edge)| (edge, middle)).collect();
     positions.extend(edges.iter().map(|edge| middle(edge.map(|v| surface.positions[v as usize]))));
-    surface.triangles.iter().flat_map(|&corners| fan(corners, &middles, &of_part)).collect()
+    surface.triangles.iter().map(|&corners| fan(corners, &middles, &of_part)).collect()
 }
 
 /// Some of the edges that have triangles on both sides, ascending.
@@ -145,7 +153,7 @@ impl Joined {
         }
         let positions = order.into_iter().map(|vertex| self.positions[vertex as usize]).collect();
         let triangles = self.triangles.iter().map(|corners| corners.map(|v| numbers[v as usize])).collect();
-        NodeSurface { level: self.level, positions, triangles, error: self.error }
+        NodeSurface { level: self.level, positions, triangles, areas: self.areas.clone(), error: self.error }
     }
 
     /// For each loop whether it goes around a hole of the surface that is no wider than this.
@@ -182,6 +190,9 @@ impl Joined {
             let edges = points.iter().zip(points.iter().cycle().skip(1));
             self.triangles.extend(edges.map(|(&(_, a), &(_, b))| [b, a, apex]));
         }
+        if !self.areas.is_empty() {
+            self.areas.resize(self.triangles.len(), NONE);
+        }
         if widest > 0.0 {
             // Rounding moves a middle by less.
             self.error = error_sum(self.error, widest) * (1.0 + 1e-9);
@@ -204,7 +215,9 @@ impl Joined {
         for edge in edges {
             self.positions.push(middle(edge.map(|v| self.positions[v as usize])));
         }
-        self.triangles = self.triangles.iter().flat_map(|&corners| fan(corners, &middles, |v| v)).collect();
+        let fans: Vec<_> = self.triangles.iter().map(|&corners| fan(corners, &middles, |v| v)).collect();
+        self.areas = self.areas.iter().zip(&fans).flat_map(|(&area, fan)| vec![area; fan.len()]).collect();
+        self.triangles = fans.into_iter().flatten().collect();
         self
     }
 
@@ -230,7 +243,11 @@ impl Joined {
             }
             border.push(left);
         }
-        Self { positions: self.positions.clone(), triangles, loops: self.loops.clone(), border, ..*self }
+        let mut areas = self.areas.clone();
+        if !areas.is_empty() {
+            areas.resize(triangles.len(), NONE);
+        }
+        Self { positions: self.positions.clone(), triangles, areas, loops: self.loops.clone(), border, ..*self }
     }
 }
 

@@ -72,8 +72,12 @@ pub(super) fn paint_above(
         let mut source = TopSource { own: own.collect(), known: &known };
         for (level, (block, drawn)) in record.blocks.iter_mut().zip(&drawn[number]).enumerate() {
             let (Some(block), Some(drawn)) = (block, drawn) else { continue };
-            let patch =
-                BakedPatch { positions: &drawn.positions, triangles: &drawn.triangles, reach: block.error / step };
+            let patch = BakedPatch {
+                positions: &drawn.positions,
+                triangles: &drawn.triangles,
+                reach: block.error / step,
+                areas: None,
+            };
             let steps = (bottom - level as f64).max(0.0) as u32;
             let exponent = (exponent_of(size) + 2 * steps).min(MAX_EXPONENT);
             block.texels = bake(&patch, &mut source, exponent, storage).map_or(vec![], |baked| baked.streams);

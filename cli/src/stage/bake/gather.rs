@@ -6,6 +6,7 @@ use lodpack::decode::texels::Map;
 use super::fill::finished;
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, for_each_sample, texel_at};
+use super::strangers::Strangers;
 use super::values::{Storage, Sums};
 use super::{BakedPatch, Source};
 use crate::stage::certify::{Hint, TriangleBvh};
@@ -24,21 +25,22 @@ pub(super) fn gather(
     storage: &Storage,
 ) -> Vec<f32> {
     let mut sums = Sums::new(drawn.depth.len(), storage);
-    let pieces = projections(patch, map);
+    let (pieces, strangers) = (projections(patch, map), Strangers::new(patch, map, &source.areas_beyond()));
     let mut samples = Samples::default();
     for triangle in 0..source.triangle_count() {
         let corners = source.corners(triangle).map(|corner| corner - patch.origin());
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let low = corners[0].min(corners[1]).min(corners[2]);
         let high = corners[0].max(corners[1]).max(corners[2]);
-        for projection in &pieces {
-            if projection.touches([low, high]) && normal.dot(projection.normal) > 0.0 {
+        for (piece, projection) in pieces.iter().enumerate() {
+            let is_wanted = normal.dot(projection.normal) > 0.0 && projection.touches([low, high]);
+            if is_wanted && !strangers.has(piece, source.area(triangle)) {
                 samples.find(projection, corners, map, drawn);
                 samples.add_to(&mut sums, triangle, source, storage.count());
             }
         }
     }
-    add_closest(map, drawn, &pieces, patch, source, &mut sums);
+    add_closest(map, drawn, (&pieces, &strangers), patch, source, &mut sums);
     finished(sums, patch, map, drawn)
 }
 
@@ -123,7 +125,7 @@ impl Samples {
 fn add_closest(
     map: &Map,
     drawn: &Drawn,
-    pieces: &[Projection],
+    (pieces, strangers): (&[Projection], &Strangers),
     patch: &BakedPatch<'_>,
     source: &mut impl Source,
     sums: &mut Sums<'_>,
@@ -142,13 +144,16 @@ fn add_closest(
     let (mut hint, mut values) = (Hint::default(), vec![]);
     for texel in bare {
         let place = [texel % width, texel / width].map(|x| x as f64 + 0.5);
-        let holds = |projection: &&Projection| {
+        let holds = |(_, projection): &(usize, &Projection)| {
             let [low, high] = projection.range;
             (0..2).all(|k| low[k] <= place[k] && place[k] <= high[k])
         };
-        let Some(projection) = pieces.iter().find(holds) else { continue };
+        let Some((piece, projection)) = pieces.iter().enumerate().find(holds) else { continue };
         let point = patch.origin() + projection.point(place, f64::from(drawn.depth[texel]));
         let closest = bvh.closest(point, &mut hint);
+        if strangers.has(piece, source.area(closest.triangle as usize)) {
+            continue;
+        }
         let weights = barycentric(source.corners(closest.triangle as usize), closest.point);
         values.clear();
         source.shade(closest.triangle as usize, &[weights], projection.size as f32, &mut values);

@@ -11,12 +11,15 @@ mod images;
 mod pieces;
 mod projection;
 mod raster;
+mod strangers;
 mod surfels;
 mod values;
 
 use glam::DVec3;
 use lodpack::{LatticePoint, decode::texels::Map, write::encode_map};
 
+use crate::mesh::NONE;
+use crate::stage::areas::Areas;
 use gather::gather;
 pub use images::Images;
 use pieces::{Pieces, divide};
@@ -39,6 +42,8 @@ pub struct BakedPatch<'a> {
     pub triangles: &'a [[u32; 3]],
     /// How far it may be from the input, lattice units.
     pub reach: f64,
+    /// The areas of its triangles, if colours jump between some.
+    pub areas: Option<Areas<'a>>,
 }
 
 impl BakedPatch<'_> {
@@ -64,6 +69,16 @@ pub trait Source {
 
     /// The corners of a triangle, lattice units.
     fn corners(&self, triangle: usize) -> [DVec3; 3];
+
+    /// The area of a triangle; [`NONE`] if that is not known.
+    fn area(&self, _triangle: usize) -> u32 {
+        NONE
+    }
+
+    /// Areas that lie beyond the patch alone: a piece shows them only if no colours jump there.
+    fn areas_beyond(&self) -> Vec<u32> {
+        vec![]
+    }
 
     /// Appends the values at points of a triangle, which are given by the weights of its corners: of each point those of all channels.
     /// They are means over `footprint` lattice units.
@@ -107,7 +122,7 @@ fn baked(patch: &BakedPatch<'_>, map: &Map, bytes: Vec<u8>, drawn: &Drawn, value
 /// Finds a map whose pieces do not overlap themselves by much.
 fn mapped(patch: &BakedPatch<'_>, mut exponent: u32) -> Option<(Map, Vec<u8>, Drawn)> {
     let BakedPatch { positions, triangles, .. } = *patch;
-    let mut pieces = divide(positions, triangles);
+    let mut pieces = divide(patch);
     for round in 0.. {
         let Pieces { shapes, labels } = &pieces;
         let Ok((map, bytes)) = encode_map(positions, triangles, exponent, shapes, labels, MAX_TEXELS) else {
@@ -120,7 +135,7 @@ fn mapped(patch: &BakedPatch<'_>, mut exponent: u32) -> Option<(Map, Vec<u8>, Dr
         };
         let mut drawn = Drawn::new(patch, &map);
         if round < MAX_ROUNDS && !drawn.hidden.is_empty() {
-            pieces.separate(&drawn.hidden, positions, triangles);
+            pieces.separate(&drawn.hidden, patch);
             continue;
         }
         drawn.complete(patch, &map);

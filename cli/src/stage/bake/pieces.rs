@@ -5,7 +5,9 @@ use std::collections::{BinaryHeap, HashMap};
 use glam::DVec3;
 use lodpack::{LatticePoint, write::PieceShape};
 
+use super::BakedPatch;
 use crate::mesh::NONE;
+use crate::stage::areas::Areas;
 
 /// Cosine of the angle by which a triangle may be inclined to the mean of its piece while the piece grows.
 const FLAT: f64 = 0.62;
@@ -78,23 +80,25 @@ fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     result
 }
 
-/// Divides a patch: a piece grows from the largest triangle that is left, over neighbours that are inclined like it.
-pub(super) fn divide(positions: &[LatticePoint], triangles: &[[u32; 3]]) -> Pieces {
-    let all: Vec<u32> = (0..triangles.len() as u32).collect();
-    let mut pieces = Pieces { shapes: vec![], labels: vec![u16::MAX; triangles.len()] };
-    pieces.grow(&all, positions, triangles);
+/// Divides a patch: a piece grows from the largest triangle that is left, over neighbours that are inclined like it. It never has areas
+/// between which colours jump.
+pub(super) fn divide(patch: &BakedPatch<'_>) -> Pieces {
+    let all: Vec<u32> = (0..patch.triangles.len() as u32).collect();
+    let mut pieces = Pieces { shapes: vec![], labels: vec![u16::MAX; patch.triangles.len()] };
+    pieces.grow(&all, patch);
     pieces
 }
 
 impl Pieces {
     /// Gives triangles new pieces of their own.
-    pub fn separate(&mut self, hidden: &[u32], positions: &[LatticePoint], triangles: &[[u32; 3]]) {
+    pub fn separate(&mut self, hidden: &[u32], patch: &BakedPatch<'_>) {
         hidden.iter().for_each(|&triangle| self.labels[triangle as usize] = u16::MAX);
-        self.grow(hidden, positions, triangles);
+        self.grow(hidden, patch);
         self.remove_empty();
     }
 
-    fn grow(&mut self, seeds: &[u32], positions: &[LatticePoint], triangles: &[[u32; 3]]) {
+    fn grow(&mut self, seeds: &[u32], patch: &BakedPatch<'_>) {
+        let BakedPatch { positions, triangles, areas: colours, .. } = *patch;
         let areas: Vec<DVec3> = triangles.iter().map(|&corners| area(positions, corners)).collect();
         let neighbours = neighbours(triangles);
         let mut seeds = seeds.to_vec();
@@ -116,7 +120,7 @@ impl Pieces {
                     continue;
                 }
                 let piece = self.shapes.len() as u16;
-                let (members, sum) = self.grow_piece(seed, piece, &areas, &neighbours);
+                let (members, sum) = self.grow_piece(seed, piece, &areas, &neighbours, colours);
                 let axis = axis_of(sum);
                 let direction = DVec3::from(axis.map(f64::from)).normalize_or_zero();
                 for &member in members.iter().filter(|&&member| member != seed && !only_once) {
@@ -131,8 +135,17 @@ impl Pieces {
         }
     }
 
-    fn grow_piece(&mut self, seed: u32, piece: u16, areas: &[DVec3], neighbours: &[[u32; 3]]) -> (Vec<u32>, DVec3) {
+    fn grow_piece(
+        &mut self,
+        seed: u32,
+        piece: u16,
+        areas: &[DVec3],
+        neighbours: &[[u32; 3]],
+        colours: Option<Areas<'_>>,
+    ) -> (Vec<u32>, DVec3) {
         let (mut sum, mut members) = (DVec3::ZERO, vec![]);
+        // The areas of its triangles.
+        let mut own: Vec<u32> = vec![];
         let mut open = BinaryHeap::from([Candidate { cosine: 1.0, triangle: seed }]);
         while let Some(Candidate { triangle, .. }) = open.pop() {
             if self.labels[triangle as usize] != u16::MAX {
@@ -145,6 +158,15 @@ impl Pieces {
             };
             if cosine(area, sum) < FLAT {
                 continue;
+            }
+            if let Some(colours) = colours {
+                let this = colours.of_triangles[triangle as usize];
+                if own.iter().any(|&area| colours.jumps.are_between(area, this)) {
+                    continue;
+                }
+                if !own.contains(&this) {
+                    own.push(this);
+                }
             }
             self.labels[triangle as usize] = piece;
             members.push(triangle);

@@ -85,6 +85,14 @@ impl Projection {
         (0..3).map(|k| self.rows[k] * (steps[k] * self.size * self.size)).sum()
     }
 
+    /// The middle of places and depths within bounds, and how far they reach from it.
+    pub fn extent(&self, [low, high]: [DVec3; 2]) -> [[f64; 2]; 3] {
+        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+        let [x, y] = self.place(middle);
+        let middles = [x, y, self.depth(middle)];
+        [0, 1, 2].map(|k| [middles[k], self.rows[k].abs().dot(half)])
+    }
+
     /// Place and depth of a point, and what each coordinate of a step from there adds to them.
     pub fn around(&self, point: DVec3) -> (Vec3, [Vec3; 3]) {
         let [x, y] = self.place(point);

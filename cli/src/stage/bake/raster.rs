@@ -5,9 +5,12 @@ use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
 use super::projection::projections;
+use crate::mesh::NONE;
 
 /// A point is moved by no more texels than patches are widened by.
 const MAX_STEP: f32 = 1.5;
+/// Up to so many columns, looking at each takes less time than finding which of them are inside.
+const FEW_COLUMNS: usize = 8;
 /// Depths that differ by less than this many texels are those of one sheet.
 const SAME_SHEET: f32 = 2.0;
 
@@ -23,6 +26,8 @@ pub(super) struct Drawn {
     pub is_covered: Vec<bool>,
     /// Whether a reader may interpolate with the texel.
     pub is_used: Vec<bool>,
+    /// The area of the triangle in which the texel's centre lies; empty if colours jump nowhere.
+    pub areas: Vec<u32>,
     /// Triangles that are hidden by others of their piece, ascending.
     pub hidden: Vec<u32>,
 }
@@ -31,6 +36,9 @@ impl Drawn {
     pub fn new(patch: &BakedPatch<'_>, map: &Map) -> Self {
         let count = map.size[0] as usize * map.size[1] as usize;
         let mut this = Self { depth: vec![f32::NAN; count], slope: vec![[0.0; 2]; count], ..Self::default() };
+        if patch.areas.is_some() {
+            this.areas = vec![NONE; count];
+        }
         let projections = projections(patch, map);
         for (number, corners) in (0..).zip(patch.triangles) {
             let projection = &projections[usize::from(map.labels[number as usize])];
@@ -45,6 +53,9 @@ impl Drawn {
                 if before.is_nan() {
                     *before = at;
                     this.slope[texel] = slope;
+                    if let Some(areas) = patch.areas {
+                        this.areas[texel] = areas.of_triangles[number as usize];
+                    }
                 } else if (*before - at).abs() > SAME_SHEET {
                     is_hidden = true;
                 }
@@ -199,6 +210,15 @@ pub(super) fn for_each_sample(
         let first = [weight(b, c), weight(c, a), weight(a, b)];
         let weights = |column: u32| [0, 1, 2].map(|k| first[k] + f64::from(column) * growth[k]);
         let is_inside = |column: u32| weights(column).iter().all(|&weight| weight >= 0.0);
+        let texels = (row / fineness) as usize * size[0] as usize;
+        if columns.len() <= FEW_COLUMNS {
+            for (column, weights) in columns.clone().map(|column| (column, weights(column))) {
+                if weights.iter().all(|&weight| weight >= 0.0) {
+                    visit(texels + (column / fineness) as usize, weights);
+                }
+            }
+            continue;
+        }
         // Each weight is monotonous, so those inside are a range: one is computed, and corrected at both ends.
         let (mut low, mut high) = (f64::from(columns.start), f64::from(columns.end));
         for k in 0..3 {
@@ -218,7 +238,6 @@ pub(super) fn for_each_sample(
         while start < end && !is_inside(end - 1) {
             end -= 1;
         }
-        let texels = (row / fineness) as usize * size[0] as usize;
         for column in start..end {
             visit(texels + (column / fineness) as usize, weights(column));
         }

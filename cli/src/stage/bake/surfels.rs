@@ -7,6 +7,7 @@ use super::BakedPatch;
 use super::fill::finished;
 use super::projection::{Projection, projections};
 use super::raster::Drawn;
+use super::strangers::Strangers;
 use super::values::{Storage, Sums};
 
 /// Cosine of the angle to an axis beyond which points of finer patches are not shown by a piece.
@@ -28,6 +29,8 @@ pub struct Surfels {
     points: Vec<Vec3>,
     /// Of each point all values.
     values: Vec<f32>,
+    /// Of each point its area; empty if colours jump nowhere.
+    areas: Vec<u32>,
 }
 
 /// The covered texels of a patch.
@@ -84,9 +87,65 @@ fn run(
             run.bounds = [run.bounds[0].min(point), run.bounds[1].max(point)];
             run.points.push((point - run.origin).as_vec3());
             run.values.extend(&values[texel * count..][..count]);
+            run.areas.extend(drawn.areas.get(texel));
         }
     }
     (!run.points.is_empty()).then_some(run)
+}
+
+/// How deep a patch lies in each tile of its map, so that points which lie elsewhere are passed over together: of all points that are near a
+/// piece, most belong to another one.
+struct Tiles {
+    columns: usize,
+    /// Smallest and largest depth, as far as the triangle of a texel reaches in it; the larger one first where there is none.
+    depths: Vec<[f32; 2]>,
+}
+
+impl Tiles {
+    /// Texels along each side of a tile.
+    const SIDE: usize = 8;
+    /// More than single precision is wrong, in texels.
+    const MARGIN: f64 = 0.5;
+
+    fn new(drawn: &Drawn, width: usize) -> Self {
+        let columns = width.div_ceil(Self::SIDE);
+        let rows = (drawn.depth.len() / width.max(1)).div_ceil(Self::SIDE);
+        let mut depths = vec![[f32::INFINITY, f32::NEG_INFINITY]; columns * rows];
+        let texels = drawn.depth.chunks(width.max(1)).zip(drawn.slope.chunks(width.max(1)));
+        for (y, (row, slopes)) in texels.enumerate() {
+            let tiles = &mut depths[y / Self::SIDE * columns..][..columns];
+            for (tile, (row, slopes)) in tiles.iter_mut().zip(row.chunks(Self::SIDE).zip(slopes.chunks(Self::SIDE))) {
+                for (depth, [along, down]) in row.iter().zip(slopes).filter(|(depth, _)| !depth.is_nan()) {
+                    let reach = 0.5 * (along.abs() + down.abs());
+                    *tile = [tile[0].min(depth - reach), tile[1].max(depth + reach)];
+                }
+            }
+        }
+        Self { columns, depths }
+    }
+
+    /// Whether a piece may show a point within bounds.
+    fn touch(&self, projection: &Projection, bounds: [DVec3; 2]) -> bool {
+        let [across, down, depth] = projection.extent(bounds).map(|[middle, half]| {
+            let half = half + Self::MARGIN;
+            [middle - half, middle + half]
+        });
+        let [low, high] = projection.range;
+        let tiles = |[first, last]: [f64; 2], axis: usize| {
+            // The conversions saturate.
+            let [first, last] = [first.max(low[axis]), last.min(high[axis])].map(|x| x as usize / Self::SIDE);
+            first..last + 1
+        };
+        let is_beside = |[first, last]: [f64; 2], axis: usize| last < low[axis] - 0.5 || first > high[axis] + 0.5;
+        if is_beside(across, 0) || is_beside(down, 1) {
+            return false;
+        }
+        let reach = f64::from(projection.reach);
+        let is_near =
+            |&[least, most]: &[f32; 2]| f64::from(least) - reach <= depth[1] && depth[0] <= f64::from(most) + reach;
+        let columns = tiles(across, 0);
+        tiles(down, 1).any(|row| self.depths[row * self.columns..][columns.clone()].iter().any(is_near))
+    }
 }
 
 /// The values of all texels that are used, from the texels of finer patches.
@@ -99,15 +158,24 @@ pub(super) fn gather_surfels<'a>(
 ) -> Vec<f32> {
     let mut sums = Sums::new(drawn.depth.len(), storage);
     let width = map.size[0] as usize;
-    for projection in projections(patch, map) {
+    let tiles = Tiles::new(drawn, width);
+    let strangers = Strangers::new(patch, map, &[]);
+    for (piece, projection) in projections(patch, map).into_iter().enumerate() {
         let low = projection.range[0].map(|x| x as f32 - 0.5);
         let high = projection.range[1].map(|x| x as f32 + 0.5);
         for run in surfels.clone().filter(|run| run.normal.dot(projection.normal) > STEEP) {
-            if !projection.touches(run.bounds.map(|corner| corner - patch.origin())) {
+            let bounds = run.bounds.map(|corner| corner - patch.origin());
+            if !projection.touches(bounds) || !tiles.touch(&projection, bounds) {
                 continue;
             }
             let (first, [by_x, by_y, by_z]) = projection.around(run.origin - patch.origin());
-            for (point, values) in run.points.iter().zip(run.values.chunks_exact(storage.count())) {
+            // Known only where something may be strange.
+            let areas = if strangers.of(piece).is_empty() { &[] } else { run.areas.as_slice() };
+            let points = run.points.iter().zip(run.values.chunks_exact(storage.count()));
+            for (number, (point, values)) in points.enumerate() {
+                if areas.get(number).is_some_and(|&area| strangers.has(piece, area)) {
+                    continue;
+                }
                 let at = first + by_x * point.x + by_y * point.y + by_z * point.z;
                 let is_beside = |at: Vec3| at.x < low[0] || at.y < low[1] || at.x >= high[0] || at.y >= high[1];
                 if is_beside(at) {

@@ -1,5 +1,6 @@
 use super::*;
 use crate::mesh::srgb::srgb_byte;
+use crate::stage::areas::Jumps;
 use lodpack::decode::texels::{Image, Map};
 
 /// A sphere in lattice units, whose colour is a smooth function of the place.
@@ -65,7 +66,7 @@ fn a_coarse_sphere_shows_the_colours_of_a_fine_one() {
     let (coarse, triangles) = sphere(8, 1000.0);
     let positions: Vec<LatticePoint> = coarse.iter().map(|p| p.to_array().map(|x| x.round() as i64)).collect();
     // Triangles at the poles have no area.
-    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 80.0 };
+    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 80.0, areas: None };
     let storage =
         Storage::new(vec![Stored::Colour { components: 3, step: 4 }, Stored::Scalar { low: -1000.0, step: 0.5 }]);
     let baked = bake(&patch, &mut source, 8, &storage).unwrap();
@@ -115,7 +116,7 @@ fn patches_without_area_and_without_a_source_have_an_image_or_none() {
     let storage = Storage::new(vec![Stored::Colour { components: 4, step: 4 }]);
     for positions in [[[0, 0, 0]; 3], [[0, 0, 0], [5, 0, 0], [9, 0, 0]], [[0, 0, 0], [1 << 40, 0, 0], [0, 1 << 40, 0]]]
     {
-        let patch = BakedPatch { positions: &positions, triangles: &[[0, 1, 2]], reach: 1.0 };
+        let patch = BakedPatch { positions: &positions, triangles: &[[0, 1, 2]], reach: 1.0, areas: None };
         if let Some(baked) = bake(&patch, &mut Nothing, 0, &storage) {
             let map = Map::decode(&baked.streams[0], &positions, &[[0, 1, 2]], MAX_TEXELS).unwrap();
             Image::decode_colours(&baked.streams[1], map.size, 4).unwrap();
@@ -171,7 +172,7 @@ const RIDGE: ([LatticePoint; 4], [[u32; 3]; 2]) =
 #[test]
 fn a_piece_shows_nothing_of_the_piece_that_lies_beside_it_in_the_image() {
     let (positions, triangles) = RIDGE;
-    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0 };
+    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas: None };
     let scaled = |side: usize, factor: f64| {
         let corners = triangles[side].map(|v| DVec3::from(positions[v as usize].map(|x| x as f64)));
         let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
@@ -191,9 +192,9 @@ fn a_piece_of_which_nothing_is_known_shows_what_lies_beside_it_on_the_surface() 
     for side in [0, 1] {
         let one = [triangles[side]];
         let corners = triangles[side].map(|v| positions[v as usize].map(|x| x as f64));
-        let finer = BakedPatch { positions: &positions, triangles: &one, reach: 5.0 };
+        let finer = BakedPatch { positions: &positions, triangles: &one, reach: 5.0, areas: None };
         let finer = bake(&finer, &mut Numbered(vec![(corners, 700.0)]), 2, &numbers()).unwrap();
-        let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0 };
+        let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas: None };
         let baked = bake_coarser(&patch, finer.surfels.iter(), 4, &numbers()).unwrap();
         assert_eq!(numbers_shown(&positions, &triangles, &baked), [[700; 2]; 2]);
     }
@@ -212,7 +213,7 @@ fn points_of_the_source_are_shown_where_the_patch_is_closest_to_them() {
         [[a, b, c], [a, c, d]].map(|corners| (corners, (strip + 1) as f32))
     });
     let mut source = Numbered(strips.collect());
-    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0 };
+    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas: None };
     let baked = bake(&patch, &mut source, 0, &numbers()).unwrap();
     let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
     let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
@@ -239,7 +240,7 @@ fn a_texel_has_the_label_of_most_of_it_and_none_between() {
     let source = bounds.windows(2).flat_map(|pair| quad([pair[0], pair[1]])).collect();
     let positions = [[0, 0, 0], [201, 0, 0], [201, 100, 0], [0, 100, 0]];
     let triangles = [[0, 1, 2], [0, 2, 3]];
-    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0 };
+    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0, areas: None };
     let storage = Storage::new(vec![Stored::Label { low: 3.0 }]);
     let fine = bake(&patch, &mut Numbered(source), 2, &storage).unwrap();
     let coarse = bake_coarser(&patch, fine.surfels.iter(), 7, &storage).unwrap();
@@ -251,6 +252,56 @@ fn a_texel_has_the_label_of_most_of_it_and_none_between() {
             let label = f64::from(image.texel(place[0], place[1])[0]) + 3.0;
             let x = f64::from(x);
             assert!(label == class(x) || (x - 151.0).abs() <= size && [3.0, 900.0].contains(&label), "{label} at {x}");
+        }
+    }
+}
+
+/// A source whose triangles have areas.
+struct Coloured(Numbered, Vec<u32>);
+
+impl Source for Coloured {
+    fn triangle_count(&self) -> usize {
+        self.0.triangle_count()
+    }
+
+    fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.0.corners(triangle)
+    }
+
+    fn area(&self, triangle: usize) -> u32 {
+        self.1[triangle]
+    }
+
+    fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], footprint: f32, values: &mut Vec<f32>) {
+        self.0.shade(triangle, weights, footprint, values);
+    }
+}
+
+#[test]
+fn nothing_is_blurred_over_a_line_at_which_colours_jump() {
+    // A plane, half of which is 100 and half 900, but that the line of the source lies a third of a texel beside that of the patch.
+    let at = |x: f64| [[x, 0.0, 0.0], [x, 200.0, 0.0]];
+    let quad = |left: f64, right: f64, number: f32| {
+        let ([a, d], [b, c]) = (at(left), at(right));
+        [([a, b, c], number), ([a, c, d], number)]
+    };
+    let line = 102.7;
+    let mut source = Coloured(Numbered([quad(0.0, line, 100.0), quad(line, 200.0, 900.0)].concat()), vec![1, 1, 2, 2]);
+    let positions = [[0, 0, 0], [100, 0, 0], [200, 0, 0], [0, 200, 0], [100, 200, 0], [200, 200, 0]];
+    let triangles = [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]];
+    let jumps = Jumps::new(vec![[1, 2]]);
+    let areas = Areas::of(&[1, 1, 2, 2], Some(&jumps));
+    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas };
+    let fine = bake(&patch, &mut source, 6, &numbers()).unwrap();
+    let coarse = bake_coarser(&patch, fine.surfels.iter(), 8, &numbers()).unwrap();
+    for baked in [fine, coarse] {
+        let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
+        let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
+        assert_eq!(map.pieces.len(), 2);
+        for (triangle, number) in [(0, 100.0), (1, 100.0), (2, 900.0), (3, 900.0)] {
+            for point in triangles[triangle].map(|v| positions[v as usize].map(|x| x as f64)) {
+                assert_eq!(image.interpolated(map.piece(triangle).unbounded(point))[0], number, "{triangle} {point:?}");
+            }
         }
     }
 }

@@ -71,6 +71,12 @@ impl HalfEdges {
         self.origin.as_chunks::<3>().0.iter().copied().filter(|t| t[0] != NONE)
     }
 
+    /// The places in the input of the triangles that remain, in order. One that was made anew has the place of one that it replaces.
+    pub fn remaining(&self) -> impl Iterator<Item = usize> + '_ {
+        let triangles = self.origin.as_chunks::<3>().0.iter().enumerate();
+        triangles.filter(|(_, corners)| corners[0] != NONE).map(|(slot, _)| slot)
+    }
+
     pub fn is_alive(&self, vertex: u32) -> bool {
         self.first[vertex as usize] != NONE
     }

@@ -28,6 +28,7 @@ pub use self::quadric::Quadric;
 use self::collapse::Collapser;
 use self::half_edges::HalfEdges;
 use crate::mesh::{NONE, previous_half_edge};
+use crate::stage::areas::Areas;
 use crate::stage::chart::{BorderVertex, ChartMesh, FREE};
 
 /// Options of [`simplify_chart`].
@@ -46,6 +47,8 @@ pub struct SimplifyOptions<'a> {
     /// Number of triangles at which merging by choice stops; border vertices are removed even below it. 0 means no
     /// limit.
     pub min_triangles: usize,
+    /// The areas of the triangles, if colours jump between some: the lines between these stay as near as the surface.
+    pub areas: Option<Areas<'a>>,
 }
 
 /// A chart at one level.
@@ -62,6 +65,8 @@ pub struct LevelPatch {
     pub interior_quadrics: Vec<Quadric>,
     /// Indices into `border` followed by `interior`, counter-clockwise, as in `lodpack::decode::Patch`.
     pub triangles: Vec<[u32; 3]>,
+    /// The area of each triangle; empty if nothing is known of them.
+    pub areas: Vec<u32>,
 }
 
 /// A border vertex that could not be removed at a level without changing the topology.
@@ -115,6 +120,8 @@ fn capped(chart: &ChartMesh, level: u8) -> LevelPatch {
 
 /// Weight of the squared distance from the line of a border edge, compared with that from a triangle of the same size.
 const OUTLINE: f64 = 1.0;
+/// The same of an edge at which colours jump: lines lie three times as near as the surface. Texels are smaller than what the surface may be off.
+const LINE: f64 = 10.0;
 /// Mean squared distances below this are rounding errors, in coordinates of about unit size.
 const ROUNDING: f64 = 1e-15;
 
@@ -129,6 +136,9 @@ pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> Simplifie
     let positions: Vec<DVec3> = chart.positions.iter().map(|&p| (p - unit_cube.centre) / unit_cube.unit).collect();
     let mut quadrics = vertex_quadrics(&chart.triangles, &positions, options.importance);
     add_outline(chart, &mesh, &positions, &mut quadrics);
+    if let Some(areas) = options.areas {
+        add_lines(&mesh, &positions, &areas, &mut quadrics);
+    }
     let border = || chart.loops.iter().flatten().map(|b| (b.vertex, b.level));
     let mut collapser = Collapser::new(mesh, positions, quadrics, border(), options.min_triangles);
 
@@ -147,7 +157,7 @@ pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> Simplifie
             }
         };
         if remaining.is_empty() {
-            result.levels[level] = Some(level_patch(chart, &collapser, level as u8, &unit_cube));
+            result.levels[level] = Some(level_patch(chart, &collapser, level as u8, &unit_cube, options.areas));
         } else {
             result.stuck.extend(remaining.into_iter().map(|vertex| StuckBorder { vertex, level: level as u8 }));
         }
@@ -221,8 +231,32 @@ fn add_outline(chart: &ChartMesh, mesh: &HalfEdges, positions: &[DVec3], quadric
     }
 }
 
+/// Planes through the edges at which colours jump, across the triangles on both sides: vertices slide along these lines. As [`add_outline`].
+fn add_lines(mesh: &HalfEdges, positions: &[DVec3], areas: &Areas, quadrics: &mut [Quadric]) {
+    for half_edge in 0..3 * areas.of_triangles.len() as u32 {
+        let twin = mesh.twin(half_edge);
+        if twin == NONE || !areas.jump(half_edge as usize / 3, twin as usize / 3) {
+            continue;
+        }
+        let [from, to, apex] =
+            [mesh.origin(half_edge), mesh.target(half_edge), mesh.origin(previous_half_edge(half_edge))];
+        let [a, b, c] = [from, to, apex].map(|v| positions[v as usize]);
+        let across = (b - a).cross((b - a).cross(c - a)).normalize_or_zero();
+        // One of two.
+        let line = Quadric { weight: 0.0, ..Quadric::plane(across, a, 0.5 * LINE * a.distance_squared(b)) };
+        quadrics[from as usize] += line;
+        quadrics[to as usize] += line;
+    }
+}
+
 /// Copies the current mesh into a patch.
-fn level_patch(chart: &ChartMesh, collapser: &Collapser, level: u8, unit_cube: &UnitCube) -> LevelPatch {
+fn level_patch(
+    chart: &ChartMesh,
+    collapser: &Collapser,
+    level: u8,
+    unit_cube: &UnitCube,
+    areas: Option<Areas>,
+) -> LevelPatch {
     let mut patch = LevelPatch::default();
     let mut index = vec![NONE; chart.positions.len()];
     for samples in &chart.loops {
@@ -243,5 +277,8 @@ fn level_patch(chart: &ChartMesh, collapser: &Collapser, level: u8, unit_cube: &
         }
     }
     patch.triangles = collapser.mesh.triangles().map(|t| t.map(|v| index[v as usize])).collect();
+    if let Some(areas) = areas {
+        patch.areas = collapser.mesh.remaining().map(|slot| areas.of_triangles[slot]).collect();
+    }
     patch
 }

@@ -1,12 +1,13 @@
 //! Properties of the levels, on generated charts of every topology.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
 
 use glam::DVec3;
 
 use super::half_edges::HalfEdges;
 use super::*;
+use crate::stage::areas::Jumps;
 use crate::stage::chart::{BorderVertex, NEVER};
 
 /// A chart of the given triangles with dyadic levels along each border loop: every second vertex is `NEVER` a sample,
@@ -329,4 +330,38 @@ fn a_chart_that_is_not_a_manifold_has_no_levels() {
     broken.loops[0].pop();
     let result = simplify_chart(&broken, &SimplifyOptions { thresholds: &[1.0], ..Default::default() });
     assert_eq!(result, SimplifiedChart { levels: vec![None], stuck: vec![] });
+}
+
+#[test]
+fn lines_at_which_colours_jump_stay_where_they_are() {
+    // A plane whose middle row of vertices is a wave.
+    let n = 33;
+    let mut grid = hilly_grid(n, 0.0);
+    let wave = |x: f64| 0.5 + 0.15 * (x * TAU).sin();
+    for p in &mut grid.positions {
+        p.y += (1.0 - (p.y - 0.5).abs() * 2.0) * (wave(p.x) - 0.5);
+    }
+    let is_above = |t: &[u32; 3]| t.iter().map(|v| v / n).sum::<u32>() * 2 > 3 * (n - 1);
+    let of_triangles: Vec<u32> = grid.triangles.iter().map(|t| if is_above(t) { 7 } else { 3 }).collect();
+    let [none, one] = [vec![], vec![[3, 7]]].map(Jumps::new);
+    let [without, with] = [none, one].map(|jumps| {
+        let areas = Some(Areas { of_triangles: &of_triangles, jumps: &jumps });
+        let options = SimplifyOptions { thresholds: &[0.004], areas, ..Default::default() };
+        let result = simplify_chart(&grid, &options);
+        let patch = result.levels[0].as_ref().expect("nothing is stuck");
+        assert_eq!(patch.areas.len(), patch.triangles.len());
+        let positions = positions_of(&grid, patch);
+        let mut sides: BTreeMap<[u32; 2], Vec<u32>> = BTreeMap::new();
+        for (&[a, b, c], &area) in patch.triangles.iter().zip(&patch.areas) {
+            for [p, q] in [[a, b], [b, c], [c, a]] {
+                sides.entry([p.min(q), p.max(q)]).or_default().push(area);
+            }
+        }
+        let line = sides.iter().filter(|(_, areas)| areas.len() == 2 && areas[0] != areas[1]);
+        let inside = line.flat_map(|(edge, _)| edge.map(|v| positions[v as usize])).filter(|p| p.x > 0.0 && p.x < 1.0);
+        let distances: Vec<f64> = inside.map(|p| (p.y - wave(p.x)).abs()).collect();
+        assert!(patch.triangles.len() < 400, "{}", patch.triangles.len());
+        distances.into_iter().fold(0.0, f64::max)
+    });
+    assert!(with < 0.01 && without > 0.03, "{with} {without}");
 }

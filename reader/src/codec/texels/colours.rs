@@ -284,12 +284,12 @@ fn planes(image: &Image<u8>, is_used: &[bool], [left, top]: [usize; 2]) -> Optio
     let [width, height] = image.size.map(|length| length as usize);
     let count = usize::from(image.components);
     let mut planes = [[0.0; AREA]; 4];
-    let mut used = [false; AREA];
+    let mut used = 0_u64;
     for y in 0..SIDE.min(height - top) {
         for x in 0..SIDE.min(width - left) {
             let number = (top + y) * width + left + x;
             let at = y * SIDE + x;
-            used[at] = is_used[number];
+            used |= u64::from(is_used[number]) << at;
             let texel = &image.data[number * count..][..count];
             let value = |component: usize| f32::from(texel[component]);
             if let [red, green, blue, ..] = *texel {
@@ -306,42 +306,40 @@ fn planes(image: &Image<u8>, is_used: &[bool], [left, top]: [usize; 2]) -> Optio
             }
         }
     }
-    if !used.contains(&true) {
+    if used == 0 {
         return None;
     }
-    planes.iter_mut().take(count).for_each(|plane| fill(plane, used));
+    fill(&mut planes[..count], used);
     Some(planes)
 }
 
-/// Gives values that are not known those of their neighbours, ring by ring, smoothed towards the mean of all.
+/// Gives values that are not known those of their neighbours, ring by ring, smoothed towards the mean of all. Each bit of `known` is a value.
 #[cfg(feature = "write")]
-fn fill(plane: &mut [f32; AREA], mut known: [bool; AREA]) {
-    while known.contains(&false) {
-        let (before, was_known) = (*plane, known);
-        for at in (0..AREA).filter(|&at| !was_known[at]) {
+fn fill(planes: &mut [[f32; AREA]], mut known: u64) {
+    const LEFT: u64 = 0x0101_0101_0101_0101;
+    while known != u64::MAX {
+        let [left, right] = [known << 1 & !LEFT, known >> 1 & !(LEFT << (SIDE - 1))];
+        let ring = (left | right | known << SIDE | known >> SIDE) & !known;
+        let mut rest = ring;
+        while rest != 0 {
+            let at = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
             let (x, y) = (at % SIDE, at / SIDE);
-            let (mut sum, mut count) = (0.0, 0.0);
-            let mut add = |neighbour: usize| {
-                if was_known[neighbour] {
-                    (sum, count) = (sum + before[neighbour], count + 1.0);
+            let sides = [
+                (x > 0, at.wrapping_sub(1)),
+                (x + 1 < SIDE, at + 1),
+                (y > 0, at.wrapping_sub(SIDE)),
+                (y + 1 < SIDE, at + SIDE),
+            ];
+            for plane in &mut *planes {
+                let (mut sum, mut count) = (0.0, 0.0);
+                for (_, side) in sides.iter().filter(|&&(is_inside, side)| is_inside && known >> side & 1 == 1) {
+                    (sum, count) = (sum + plane[*side], count + 1.0);
                 }
-            };
-            if x > 0 {
-                add(at - 1);
-            }
-            if x + 1 < SIDE {
-                add(at + 1);
-            }
-            if y > 0 {
-                add(at - SIDE);
-            }
-            if y + 1 < SIDE {
-                add(at + SIDE);
-            }
-            if count > 0.0 {
-                (plane[at], known[at]) = (sum / count, true);
+                plane[at] = sum / count;
             }
         }
+        known |= ring;
     }
 }
 

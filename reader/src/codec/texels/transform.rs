@@ -69,23 +69,38 @@ fn row(sum: i32) -> i32 {
     (sum + (1 << 14)) >> 15
 }
 
-/// The coefficients of a block.
+/// The coefficients of a block. Eight sums at a time, each in the order of its values, so that compilers use vectors and nothing depends on
+/// which.
 #[cfg(feature = "write")]
 pub(super) fn forward(values: &[f32; AREA]) -> [f32; AREA] {
-    let project = |of: [f32; SIDE]| -> [f32; SIDE] {
-        std::array::from_fn(|k| (0..SIDE).map(|n| of[n] * COSINES[k][n] as f32).sum::<f32>() / 4096.0)
-    };
-    let mut result = [0.0; AREA];
-    for y in 0..SIDE {
-        let of_row = project(std::array::from_fn(|x| values[y * SIDE + x]));
-        result[y * SIDE..][..SIDE].copy_from_slice(&of_row);
+    let mut of_rows = [[0.0; SIDE]; SIDE];
+    for (sums, row) in of_rows.iter_mut().zip(values.as_chunks::<SIDE>().0) {
+        for (n, value) in row.iter().enumerate() {
+            (0..SIDE).for_each(|k| sums[k] += value * SHARES[n][k]);
+        }
+        sums.iter_mut().for_each(|sum| *sum /= 4096.0);
     }
-    for x in 0..SIDE {
-        let of_column = project(std::array::from_fn(|y| result[y * SIDE + x]));
-        (0..SIDE).for_each(|y| result[y * SIDE + x] = of_column[y]);
+    let mut result = [0.0; AREA];
+    for (k, sums) in result.as_chunks_mut::<SIDE>().0.iter_mut().enumerate() {
+        for (n, row) in of_rows.iter().enumerate() {
+            (0..SIDE).for_each(|x| sums[x] += row[x] * SHARES[n][k]);
+        }
+        sums.iter_mut().for_each(|sum| *sum /= 4096.0);
     }
     result
 }
+
+/// The cosines, by place and then by frequency.
+#[cfg(feature = "write")]
+const SHARES: [[f32; SIDE]; SIDE] = {
+    let mut shares = [[0.0; SIDE]; SIDE];
+    let mut at = 0;
+    while at < AREA {
+        shares[at % SIDE][at / SIDE] = COSINES[at / SIDE][at % SIDE] as f32;
+        at += 1;
+    }
+    shares
+};
 
 #[cfg(test)]
 mod tests {

@@ -1,0 +1,152 @@
+//! Where the colours of the input jump: edges of the mesh at which charts of its textures, its materials or colours of its corners meet, and
+//! at which both sides show something else.
+//!
+//! Triangles that continue each other form an *area*. Between two areas colours jump if, over all edges at which they meet, what one side
+//! shows differs from what the other one does by more than quantisation hides. An image that lies across such an edge blurs it
+//! over a texel.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use glam::DVec3;
+
+use super::{Face, Painter};
+use crate::mesh::srgb::srgb_byte;
+use crate::mesh::union_find::{find, unite};
+use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
+use crate::stage::areas::{ColourAreas, Jumps};
+
+/// Differences below this many steps of quantisation are no jump: where one is blurred over a texel, the root mean square error there is a
+/// quarter of it, and that of quantisation up to a third of a step.
+const STEPS: f64 = 4.0;
+/// Areas with fewer texels of the input are left out: a piece of a map takes more for itself. With 16, the textured bunny of pymeshlab's tests had 31.1
+/// instead of 33.7 dB; with less than 2, each square of a
+/// mesh with a colour per face would be one.
+const FEWEST_TEXELS: f64 = 2.0;
+/// Places along an edge at which colours are compared.
+const PLACES: [f32; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
+/// How far from the edge, in texels of the input: on it, textures show half of what lies beside their charts.
+const INWARDS: f64 = 0.5;
+/// And at most this share of the triangle.
+const MOST_INWARDS: f64 = 0.3;
+
+impl Painter<'_> {
+    /// The areas of a region between which colours jump; none if they do nowhere. `step` is that of the quantisation of colours.
+    pub fn colour_areas(&mut self, mesh: &Mesh, adjacency: &Adjacency, step: u8) -> Option<ColourAreas> {
+        if !self.appearance.has_colour {
+            return None;
+        }
+        let borders: Vec<u32> = self.borders(adjacency);
+        if borders.is_empty() {
+            return None;
+        }
+        let mut sets: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
+        let mut next = borders.iter().peekable();
+        for (half_edge, &opposite) in (0..).zip(&adjacency.opposite) {
+            if next.next_if(|&&border| border == half_edge).is_none() && opposite != NONE && half_edge < opposite {
+                unite(&mut sets, half_edge / 3, opposite / 3);
+            }
+        }
+        // By pair of areas: the sum of squares by length, and the length.
+        let mut sums: BTreeMap<[u32; 2], [f64; 2]> = BTreeMap::new();
+        for half_edge in borders {
+            let opposite = adjacency.opposite[half_edge as usize];
+            let pair = [half_edge, opposite].map(|h| find(&mut sets, h / 3));
+            if pair[0] != pair[1] {
+                let (square, length) = self.jump(mesh, half_edge, opposite);
+                let sum = sums.entry([pair[0].min(pair[1]), pair[0].max(pair[1])]).or_default();
+                *sum = [sum[0] + square * length, sum[1] + length];
+            }
+        }
+        let least = STEPS * f64::from(step);
+        sums.retain(|_, [sum, length]| *sum > least * least * *length);
+        // Areas that are too small for a piece are left out.
+        let wanted: BTreeSet<u32> = sums.keys().flatten().copied().collect();
+        if wanted.is_empty() {
+            return None;
+        }
+        let mut texels: BTreeMap<u32, f64> = BTreeMap::new();
+        for triangle in 0..mesh.triangles.len() as u32 {
+            let set = find(&mut sets, triangle);
+            if wanted.contains(&set) {
+                let corners = mesh.corners(triangle);
+                let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length() / 2.0;
+                let density = f64::from(self.face(triangle as usize, corners).material_density());
+                *texels.entry(set).or_default() += area * density * density;
+            }
+        }
+        let is_large = |area: &u32| texels.get(area).is_some_and(|&texels| texels >= FEWEST_TEXELS);
+        let pairs: Vec<[u32; 2]> = sums.into_keys().filter(|pair| pair.iter().all(is_large)).collect();
+        if pairs.is_empty() {
+            return None;
+        }
+        let known: BTreeSet<u32> = pairs.iter().flatten().copied().collect();
+        let of_triangles = (0..mesh.triangles.len() as u32)
+            .map(|triangle| Some(find(&mut sets, triangle)).filter(|set| known.contains(set)).unwrap_or(NONE))
+            .collect();
+        Some(ColourAreas { of_triangles, jumps: Jumps::new(pairs) })
+    }
+
+    /// Half-edges beyond which something else than the triangle's own continues, each edge once, ascending.
+    fn borders(&self, adjacency: &Adjacency) -> Vec<u32> {
+        let edges =
+            (0..).zip(&adjacency.opposite).filter(|&(half_edge, &opposite)| opposite != NONE && half_edge < opposite);
+        edges.filter(|&(half_edge, &opposite)| !self.continues(half_edge, opposite)).map(|(h, _)| h).collect()
+    }
+
+    /// Whether what a triangle shows goes on in the one beyond a half-edge.
+    fn continues(&self, half_edge: u32, opposite: u32) -> bool {
+        let region = self.region;
+        if region.material(half_edge as usize / 3) != region.material(opposite as usize / 3) {
+            return false;
+        }
+        let Some(of_one) = region.corners.get(half_edge as usize / 3) else { return true };
+        let of_other = region.corners[opposite as usize / 3];
+        let side = |h: u32| [h as usize % 3, next_half_edge(h) as usize % 3];
+        let ([a, b], [c, d]) = (side(half_edge), side(opposite));
+        [[of_one[a], of_other[d]], [of_one[b], of_other[c]]]
+            .into_iter()
+            .all(|[one, other]| one == other || self.are_alike(one, other))
+    }
+
+    /// Whether two records have the same colour and coordinates. What else they have does not matter here.
+    fn are_alike(&self, one: u32, other: u32) -> bool {
+        let layout = &self.appearance.layout;
+        let [one, other] =
+            [one, other].map(|record| &self.region.records[record as usize * layout.stride..][..layout.stride]);
+        let colour = layout.colour.into_iter().flat_map(|place| place..place + 4);
+        let mut places = colour.chain(layout.uv.iter().flat_map(|&place| place..place + 2));
+        places.all(|place| one[place].to_bits() == other[place].to_bits())
+    }
+
+    /// The mean square over the components of how much the colours on both sides of an edge differ, of 255, and the edge's length.
+    fn jump(&mut self, mesh: &Mesh, half_edge: u32, opposite: u32) -> (f64, f64) {
+        let [one, other] = [half_edge, opposite].map(|h| self.colour_along(mesh, h));
+        let square = (0..3).map(|k| (one[k] - other[k]) * (one[k] - other[k])).sum::<f64>() / 3.0;
+        let ends = [half_edge, next_half_edge(half_edge)]
+            .map(|h| mesh.positions[mesh.triangles[h as usize / 3][h as usize % 3] as usize]);
+        (square, ends[0].distance(ends[1]))
+    }
+
+    /// The mean colour that a triangle shows along a half-edge, of 255. The mean over an edge has little of what is in the texture.
+    fn colour_along(&mut self, mesh: &Mesh, half_edge: u32) -> [f64; 3] {
+        let (triangle, first) = (half_edge / 3, half_edge as usize % 3);
+        let corners: [DVec3; 3] = mesh.corners(triangle);
+        let face: Face = self.face(triangle as usize, corners);
+        let [a, b, c] = [0, 1, 2].map(|k| corners[(first + k) % 3]);
+        let height = (b - a).cross(c - a).length() / a.distance(b);
+        let texel = 1.0 / f64::from(face.material_density());
+        // The smaller of a number and none is the number: where something has no area.
+        let inwards = (INWARDS * texel / height).min(MOST_INWARDS) as f32;
+        let footprint = if texel.is_finite() { texel as f32 } else { 0.0 };
+        let mut sum = [0.0; 3];
+        for along in PLACES {
+            let mut weights = [0.0; 3];
+            weights[first] = (1.0 - along) * (1.0 - inwards);
+            weights[(first + 1) % 3] = along * (1.0 - inwards);
+            weights[(first + 2) % 3] = inwards;
+            let colour = face.base_colour(weights, footprint);
+            (0..3).for_each(|k| sum[k] += f64::from(srgb_byte(colour[k])));
+        }
+        sum.map(|sum| sum / PLACES.len() as f64)
+    }
+}
