@@ -18,6 +18,7 @@
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
 //! - [`terrain`]: rasters of heights become the surface that they describe, on planes and globes
 //! - [`heights`]: files of heights keep their promises on planes and globes, and commands work with them
+//! - [`heights_jobs`]: files of heights in parts: kills, changed files, the bytes of one build
 //! - [`tin`]: few triangles of any shape out of files of heights, within a tolerance
 //! - [`bad_terrain`]: every kind of bad raster gives a correct file or one clear error
 //! - [`stability`]: generated meshes, from easy to impossible, give sound files or clear errors
@@ -41,6 +42,7 @@ mod compiled;
 mod damage;
 mod determinism;
 mod heights;
+mod heights_jobs;
 mod house;
 mod inputs;
 mod jobs;
