@@ -100,11 +100,6 @@ impl Basis {
         &self.info.grid
     }
 
-    /// How many tiles lie above all units.
-    pub fn top_count(&self) -> usize {
-        self.tops.len()
-    }
-
     /// What all tiles share.
     pub(super) fn setting(&self) -> Setting<'_> {
         let HeightsInfo { grid, surface, zero, step, sample_error, .. } = &self.info;

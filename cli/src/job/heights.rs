@@ -4,10 +4,12 @@
 //! reads the samples of its units, and checks them. It hands on their tiles, and what they have seen of the tiles above them, which are made by
 //! the merge.
 
+use std::collections::HashSet;
 use std::io::Write;
 use std::ops::Range;
 use std::path::Path;
 
+use lodpack::heights::TileId;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -111,12 +113,14 @@ impl HeightsPlan {
         let cells: Vec<u64> = units.iter().map(|&unit| self.basis.cells_of(unit)).collect();
         let parts = parts.unwrap_or(units.len().div_ceil(UNITS_PER_PART) as u32);
         let of_unit = SAMPLE_BYTES * THREADS * cells.iter().max().unwrap_or(&0);
-        let of_tops = TOP_BYTES * self.basis.top_count() as u64;
-        let entry = |run: Range<u32>| PartEntry {
-            first_region: run.start,
-            regions: run.len() as u32,
-            triangles: 2 * cells[run.start as usize..run.end as usize].iter().sum::<u64>(),
-            memory: least_bytes(of_unit + of_tops),
+        let entry = |run: Range<u32>| {
+            let run = run.start as usize..run.end as usize;
+            PartEntry {
+                first_region: run.start as u32,
+                regions: run.len() as u32,
+                triangles: 2 * cells[run.clone()].iter().sum::<u64>(),
+                memory: least_bytes(of_unit + TOP_BYTES * tops_above(&units[run]) as u64),
+            }
         };
         even_runs(cells.iter().copied(), parts).into_iter().map(entry).collect()
     }
@@ -154,6 +158,12 @@ impl HeightsPlan {
         writer.put(&builder.seen())?;
         Ok(Some(writer.finish(!units.is_empty())?))
     }
+}
+
+/// How many tiles lie above some units.
+fn tops_above(units: &[TileId]) -> usize {
+    let above = units.iter().flat_map(|unit| (0..unit.depth).map(|depth| unit.ancestor(depth)));
+    above.collect::<HashSet<TileId>>().len()
 }
 
 /// What tells one basis from another.
