@@ -5,6 +5,7 @@
 //! - [`remote`]: files on web servers
 //! - [`serve`]: files on the program's own web server, and what it says of other servers
 //! - [`tileset`]: files as 3D Tiles: valid, rendered, without cracks between tiles of any levels
+//! - [`quantized`]: files of heights as terrain tiles for Cesium, read by another decoder
 //! - [`levels`]: all levels in one GLB
 //! - [`report`]: error against run time, over sweeps of settings and queries
 //! - [`soundness`]: certified errors hold, cuts are watertight, budgets are kept
@@ -49,6 +50,7 @@ mod jobs;
 mod levels;
 mod nothing_unneeded;
 mod python;
+mod quantized;
 mod remote;
 mod report;
 mod serve;

@@ -39,7 +39,7 @@ pub use basis::Basis;
 pub use build::{Builder, BuiltUnit, Joint};
 pub use geotiff::{RasterWindow, range_of, window_of, write_geotiff};
 pub use samples::{About, Keep, Samples};
-pub use tin::{Tin, triangulate};
+pub use tin::{Patch, Tin, triangulate, triangulate_patch};
 
 /// Why a file of heights cannot be built.
 #[derive(Debug, thiserror::Error)]
