@@ -5,6 +5,7 @@
 //! - [`remote`]: files on web servers
 //! - [`serve`]: files on the program's own web server, and what it says of other servers
 //! - [`tileset`]: files as 3D Tiles: valid, rendered, without cracks between tiles of any levels
+//! - [`quantized`]: files of heights as terrain tiles for Cesium, read by another decoder
 //! - [`levels`]: all levels in one GLB
 //! - [`report`]: error against run time, over sweeps of settings and queries
 //! - [`soundness`]: certified errors hold, cuts are watertight, budgets are kept
@@ -18,6 +19,7 @@
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
 //! - [`terrain`]: rasters of heights become the surface that they describe, on planes and globes
 //! - [`heights`]: files of heights keep their promises on planes and globes, and commands work with them
+//! - [`heights_jobs`]: files of heights in parts: kills, changed files, the bytes of one build
 //! - [`tin`]: few triangles of any shape out of files of heights, within a tolerance
 //! - [`bad_terrain`]: every kind of bad raster gives a correct file or one clear error
 //! - [`stability`]: generated meshes, from easy to impossible, give sound files or clear errors
@@ -41,12 +43,14 @@ mod compiled;
 mod damage;
 mod determinism;
 mod heights;
+mod heights_jobs;
 mod house;
 mod inputs;
 mod jobs;
 mod levels;
 mod nothing_unneeded;
 mod python;
+mod quantized;
 mod remote;
 mod report;
 mod serve;

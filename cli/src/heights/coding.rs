@@ -8,15 +8,14 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lodpack::Lattice;
 use lodpack::heights::{
-    CELLS, Grid, HeightsInfo, HeightsWriter, LevelErrors, MAX_RESOLUTIONS, Ramp, Resolution, TileEncoder, TileId,
-    TileRecord, TileValues, tile_symbols,
+    CELLS, Grid, HeightsWriter, MAX_RESOLUTIONS, Resolution, TileEncoder, TileId, TileRecord, TileValues, tile_symbols,
 };
 use lodpack::index::SourceInfo;
 use lodpack::write::{SymbolBuffer, stored_error};
 
+use super::basis::Basis;
 use super::unit::Finished;
 use super::{HeightsError, nameless};
-use crate::import::raster::HeightSource;
 
 /// The symbols of a tile.
 pub fn symbols_of(
@@ -135,19 +134,12 @@ impl Spill {
     }
 
     /// Writes the file.
-    pub fn write(
-        self,
-        (source, ramp): (&HeightSource, Option<Ramp>),
-        info: HeightsInfo,
-        encoder: &TileEncoder,
-        out: &mut impl Write,
-    ) -> Result<Written, HeightsError> {
+    pub fn write(self, basis: &Basis, encoder: &TileEncoder, out: &mut impl Write) -> Result<Written, HeightsError> {
         let Self { folder, inner } = self;
         let inner = inner.into_inner().unwrap_or_else(PoisonError::into_inner);
         let Inner { mut file, tiles: mut all, mut roots, .. } = inner;
-        let grid = info.grid.clone();
-        let level = LevelErrors::new(&grid, &info.surface, info.sample_error);
-        let mut writer = HeightsWriter::new(info)?;
+        let (grid, level) = (basis.grid(), basis.setting().level);
+        let mut writer = HeightsWriter::new(basis.info.clone())?;
         let [columns, rows] = grid.samples();
         let [width, height] = grid.cells();
         writer.source = SourceInfo {
@@ -156,9 +148,9 @@ impl Spill {
             generator: concat!("lodpack ", env!("CARGO_PKG_VERSION")).into(),
             ..SourceInfo::default()
         };
-        writer.placement = Some(source.placement.clone());
-        writer.ramp = ramp;
-        all.sort_unstable_by_key(|tile| tile.id.order(&grid));
+        writer.placement = Some(basis.placement.clone());
+        writer.ramp = basis.ramp.clone();
+        all.sort_unstable_by_key(|tile| tile.id.order(grid));
         let mut written = Written::default();
         let mut blocks = vec![];
         for tile in &all {
@@ -181,7 +173,7 @@ impl Spill {
             {
                 let (triangles, error) = match level.filter(|level| level.follow_from(&record)) {
                     // What is below follows, down to the greatest depth.
-                    Some(level) => (triangles_of(&grid, record.id), level.least()),
+                    Some(level) => (triangles_of(grid, record.id), level.least()),
                     None => (finest.triangle_count.into(), finest.error),
                 };
                 written.triangles += triangles;

@@ -77,6 +77,13 @@ impl Mask {
         }
     }
 
+    /// Bits of the cells of a tile, which begins at a cell, that have all samples.
+    pub fn whole(&self, [column, row]: [usize; 2]) -> Vec<u64> {
+        let bits =
+            |line: usize| (0..CELLS).fold(0, |bits, k| bits | u64::from(self.is_whole([column + k, row + line])) << k);
+        (0..CELLS).map(bits).collect()
+    }
+
     /// Whether all samples of a cell are there.
     pub fn is_whole(&self, [column, row]: [usize; 2]) -> bool {
         self.cell(column, row) & ALL != 0

@@ -2,10 +2,12 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use lodpack::heights::Grid;
+use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::Xxh3;
 
 use super::{HeightsError, nameless};
 
@@ -24,30 +26,64 @@ pub struct Scale {
     pub step: f64,
 }
 
-/// The samples of a grid, row by row.
-#[derive(Debug)]
-pub struct Samples {
-    store: Store,
-    columns: u64,
-    wraps: bool,
+/// About as many bytes of a file are checked together, before the first of them is used.
+const BAND_BYTES: u64 = 16 << 20;
+
+/// Where samples are kept.
+#[derive(Clone, Copy, Debug)]
+pub enum Keep<'a> {
+    /// In memory.
+    Memory,
+    /// In a file of this folder that has no name once it is open.
+    Nameless(&'a Path),
+    /// In a file that other processes read, which know [`About`] it.
+    Named(&'a Path),
+}
+
+/// What is known of all samples.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct About {
     /// Whether some of them have no data.
     pub has_voids: bool,
     /// The largest distance of a sample from its rounded height, in units of heights.
     pub error: f64,
     /// The lowest and the highest step.
     pub range: [i32; 2],
+    /// XXH3 hashes of the bands of a named file, each of so many rows.
+    bands: Vec<u64>,
+    band_rows: u64,
+}
+
+/// The samples of a grid, row by row.
+#[derive(Debug)]
+pub struct Samples {
+    store: Store,
+    columns: u64,
+    wraps: bool,
+    /// What is known of all of them.
+    pub about: About,
 }
 
 #[derive(Debug)]
 enum Store {
     Memory(Vec<Stored>),
-    File(Mutex<File>),
+    File(Mutex<Disk>),
+}
+
+/// A file of samples.
+#[derive(Debug)]
+struct Disk {
+    file: File,
+    /// Of a file that another process has written: its name, and which bands are as they were.
+    unchecked: Option<(PathBuf, Vec<bool>)>,
 }
 
 /// Takes rows.
 pub struct Gather<'a> {
     samples: Samples,
     out: Option<BufWriter<File>>,
+    /// Of the rows since the last band of a named file, and how many they are.
+    hash: Option<(Xxh3, u64)>,
     grid: &'a Grid,
     scale: Scale,
     /// The row before, with its voids filled; none before the first row with data.
@@ -58,20 +94,31 @@ pub struct Gather<'a> {
 }
 
 impl<'a> Gather<'a> {
-    /// Samples in memory, or in a file of this folder if there is one.
-    pub fn new(grid: &'a Grid, scale: Scale, folder: Option<&Path>) -> Result<Self, HeightsError> {
+    /// Begins.
+    pub fn new(grid: &'a Grid, scale: Scale, keep: Keep<'_>) -> Result<Self, HeightsError> {
         let [columns, rows] = grid.samples();
-        let (store, out) = match folder {
-            None => (Store::Memory(Vec::with_capacity((columns * rows) as usize)), None),
-            Some(folder) => {
-                let file = nameless(folder)?;
+        let (store, out) = match keep {
+            Keep::Memory => (Store::Memory(Vec::with_capacity((columns * rows) as usize)), None),
+            Keep::Nameless(_) | Keep::Named(_) => {
+                let file = match keep {
+                    Keep::Named(path) => {
+                        let options = File::options().create(true).truncate(true).read(true).write(true).open(path);
+                        options.map_err(HeightsError::samples)?
+                    }
+                    Keep::Nameless(folder) => nameless(folder)?,
+                    Keep::Memory => unreachable!("it is not in memory"),
+                };
                 let other = file.try_clone().map_err(HeightsError::samples)?;
-                (Store::File(Mutex::new(file)), Some(BufWriter::with_capacity(1 << 20, other)))
+                let disk = Disk { file, unchecked: None };
+                (Store::File(Mutex::new(disk)), Some(BufWriter::with_capacity(1 << 20, other)))
             }
         };
+        let band_rows = (BAND_BYTES / (4 * columns)).max(1);
         let range = [i32::MAX, i32::MIN];
-        let samples = Samples { store, columns, wraps: grid.wraps(), has_voids: false, error: 0.0, range };
-        Ok(Self { samples, out, grid, scale, last: None, empty_rows: 0, row: vec![] })
+        let about = About { has_voids: false, error: 0.0, range, bands: vec![], band_rows };
+        let samples = Samples { store, columns, wraps: grid.wraps(), about };
+        let hash = matches!(keep, Keep::Named(_)).then(|| (Xxh3::new(), 0));
+        Ok(Self { samples, out, hash, grid, scale, last: None, empty_rows: 0, row: vec![] })
     }
 
     /// Takes the next row.
@@ -83,8 +130,9 @@ impl<'a> Gather<'a> {
         }
         row.clear();
         if let Some((error, range)) = round_row(heights, *scale, row) {
-            samples.error = samples.error.max(error);
-            samples.range = [samples.range[0].min(range[0]), samples.range[1].max(range[1])];
+            samples.about.error = samples.about.error.max(error);
+            let known = &mut samples.about.range;
+            *known = [known[0].min(range[0]), known[1].max(range[1])];
             return self.push_row();
         }
         row.clear();
@@ -101,11 +149,12 @@ impl<'a> Gather<'a> {
                 return Err(HeightsError::TooFine { height, step: scale.step });
             }
             let error = (step * scale.step + scale.zero - height).abs();
-            if error > samples.error {
-                samples.error = error;
+            if error > samples.about.error {
+                samples.about.error = error;
             }
             let step = step as i32;
-            samples.range = [samples.range[0].min(step), samples.range[1].max(step)];
+            let range = &mut samples.about.range;
+            *range = [range[0].min(step), range[1].max(step)];
             row.push(step << 1);
             if let Some(from) = void_from.take() {
                 fill(row, from, column, last.as_deref());
@@ -115,7 +164,7 @@ impl<'a> Gather<'a> {
             let end = row.len();
             fill(row, from, end, last.as_deref());
         }
-        samples.has_voids |= row.iter().any(|sample| sample & 1 != 0);
+        samples.about.has_voids |= row.iter().any(|sample| sample & 1 != 0);
         self.push_row()
     }
 
@@ -128,7 +177,7 @@ impl<'a> Gather<'a> {
         self.last = Some(last);
         if self.empty_rows > 0 {
             let filled: Vec<Stored> = row.iter().map(|sample| sample | 1).collect();
-            self.samples.has_voids = true;
+            self.samples.about.has_voids = true;
             (0..std::mem::take(&mut self.empty_rows)).try_for_each(|_| self.put(&filled))?;
         }
         self.put(&row)?;
@@ -143,21 +192,43 @@ impl<'a> Gather<'a> {
             (Store::File(_), Some(out)) => {
                 let bytes: Vec<u8> = row.iter().flat_map(|sample| sample.to_le_bytes()).collect();
                 out.write_all(&bytes).map_err(HeightsError::samples)?;
+                if let Some((hash, rows)) = &mut self.hash {
+                    hash.update(&bytes);
+                    *rows += 1;
+                    if *rows == self.samples.about.band_rows {
+                        self.end_band();
+                    }
+                }
             }
             (Store::File(_), None) => {}
         }
         Ok(())
     }
 
+    /// Notes the hash of the rows since the last one.
+    fn end_band(&mut self) {
+        if let Some((hash, rows)) = self.hash.replace((Xxh3::new(), 0)).filter(|(_, rows)| *rows > 0) {
+            debug_assert!(rows <= self.samples.about.band_rows);
+            self.samples.about.bands.push(hash.digest());
+        }
+    }
+
     /// All samples, once every row has been pushed.
     pub fn finish(mut self) -> Result<Samples, HeightsError> {
         if self.empty_rows > 0 {
             let empty = vec![1; self.samples.columns as usize];
-            self.samples.has_voids = true;
+            self.samples.about.has_voids = true;
             (0..std::mem::take(&mut self.empty_rows)).try_for_each(|_| self.put(&empty))?;
+        }
+        if self.hash.is_some() {
+            self.end_band();
         }
         if let Some(out) = &mut self.out {
             out.flush().map_err(HeightsError::samples)?;
+        }
+        if let (Some(_), Store::File(disk)) = (&self.hash, &self.samples.store) {
+            let disk = disk.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+            disk.file.sync_all().map_err(HeightsError::samples)?;
         }
         debug_assert!(self.grid.samples()[0] == self.samples.columns);
         Ok(self.samples)
@@ -224,7 +295,46 @@ fn fill(row: &mut [Stored], from: usize, end: usize, last: Option<&[i32]>) {
     }
 }
 
+impl Disk {
+    /// Checks the band of a row, unless that is done.
+    fn check(&mut self, row: u64, columns: u64, about: &About) -> Result<(), HeightsError> {
+        let Some((path, known)) = &mut self.unchecked else { return Ok(()) };
+        let number = row / about.band_rows;
+        let (Some(is_known), Some(&expected)) = (known.get_mut(number as usize), about.bands.get(number as usize))
+        else {
+            return Err(HeightsError::Changed { path: path.clone() });
+        };
+        if *is_known {
+            return Ok(());
+        }
+        let band = 4 * columns * about.band_rows;
+        self.file.seek(SeekFrom::Start(number * band)).map_err(HeightsError::samples)?;
+        let (mut hash, mut left, mut buffer) = (Xxh3::new(), band, vec![0; 1 << 18]);
+        loop {
+            let most = left.min(buffer.len() as u64) as usize;
+            let count = self.file.read(&mut buffer[..most]).map_err(HeightsError::samples)?;
+            if count == 0 {
+                break;
+            }
+            hash.update(&buffer[..count]);
+            left -= count as u64;
+        }
+        if hash.digest() != expected {
+            return Err(HeightsError::Changed { path: path.clone() });
+        }
+        *is_known = true;
+        Ok(())
+    }
+}
+
 impl Samples {
+    /// Samples in a file that another process has written. What is read is checked.
+    pub fn open(path: &Path, grid: &Grid, about: About) -> Result<Self, HeightsError> {
+        let file = File::open(path).map_err(HeightsError::samples)?;
+        let disk = Disk { file, unchecked: Some((path.to_owned(), vec![false; about.bands.len()])) };
+        Ok(Self { store: Store::File(Mutex::new(disk)), columns: grid.samples()[0], wraps: grid.wraps(), about })
+    }
+
     /// Reads samples of one row: so many from a column on. The last column of a grid that wraps is its first one.
     fn read(&self, row: u64, column: u64, out: &mut [Stored]) -> Result<(), HeightsError> {
         let mut column = column;
@@ -236,12 +346,14 @@ impl Samples {
             let first = row * self.columns + here;
             match &self.store {
                 Store::Memory(all) => now.copy_from_slice(&all[first as usize..first as usize + count]),
-                Store::File(file) => {
+                Store::File(disk) => {
                     let mut bytes = vec![0; 4 * count];
-                    let mut file = file.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+                    let mut disk = disk.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+                    disk.check(row, self.columns, &self.about)?;
+                    let file = &mut disk.file;
                     let read = file.seek(SeekFrom::Start(4 * first)).and_then(|_| file.read_exact(&mut bytes));
                     read.map_err(HeightsError::samples)?;
-                    drop(file);
+                    drop(disk);
                     let (numbers, _) = bytes.as_chunks::<4>();
                     now.iter_mut().zip(numbers).for_each(|(sample, bytes)| *sample = i32::from_le_bytes(*bytes));
                 }
@@ -260,7 +372,7 @@ impl Samples {
         for (row, out) in (rows[0]..).zip(stored.chunks_mut(width)) {
             self.read(row, columns[0], out)?;
         }
-        Ok(Window { columns, rows, width, stored, has_voids: self.has_voids })
+        Ok(Window { columns, rows, width, stored, has_voids: self.about.has_voids })
     }
 
     /// The samples on some of the lines: columns within rows.

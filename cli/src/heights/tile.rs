@@ -5,6 +5,8 @@ use lodpack::heights::{
     TileTriangle, TileValues, storable_tolerance,
 };
 
+use serde::{Deserialize, Serialize};
+
 use super::HeightsError;
 use super::even::Even;
 use super::facets::{Facet, Judge};
@@ -51,6 +53,9 @@ impl Setting<'_> {
     }
 }
 
+/// Numbers of triangles of a surface, and how far samples are from them: inside, and along the border of the tile. Others are not off.
+pub type SeenFacets = Vec<(u32, [f64; 2])>;
+
 /// A surface that a tile may be drawn as, and how far it has been seen from the samples.
 #[derive(Clone, Debug)]
 pub struct Drawn {
@@ -66,21 +71,28 @@ pub struct Drawn {
 
 impl Drawn {
     /// Takes over what another has seen of the same surface.
-    pub fn join(&mut self, other: &[[f64; 2]]) {
-        for (known, seen) in self.distances.iter_mut().zip(other) {
-            *known = [known[0].max(seen[0]), known[1].max(seen[1])];
+    pub fn join(&mut self, other: &SeenFacets) {
+        for &(number, seen) in other {
+            if let Some(known) = self.distances.get_mut(number as usize) {
+                *known = [known[0].max(seen[0]), known[1].max(seen[1])];
+            }
         }
     }
 
     /// What a judge sees. Only the largest distance is of interest.
-    pub fn seen(&self, judge: &Judge<'_>) -> Vec<[f64; 2]> {
+    pub fn seen(&self, judge: &Judge<'_>) -> SeenFacets {
         let mut most = 0.0f64;
-        let look = |facet: &Facet| {
+        let look = |(number, facet): (u32, &Facet)| {
             let seen = judge.distances(facet, most);
             most = most.max(seen[0] + seen[1]);
-            seen
+            (number, seen)
         };
-        self.facets.iter().map(look).collect()
+        (0..).zip(&self.facets).map(look).filter(|(_, seen)| *seen != [0.0; 2]).collect()
+    }
+
+    /// What all judges together have seen.
+    pub fn all_seen(&self) -> SeenFacets {
+        (0..).zip(self.distances.iter().copied()).filter(|(_, seen)| *seen != [0.0; 2]).collect()
     }
 
     /// A triangle at the border may get samples of neighbours, which move it by as much as its side is off.
@@ -416,7 +428,7 @@ fn has_border_side(triangle: TileTriangle) -> bool {
 }
 
 /// The samples that quarters of a tile have, and it does not.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Off {
     /// How far they are from the straight connections of the tile's samples at most.
     pub most: f64,

@@ -2,6 +2,7 @@
 
 use lodpack::heights::{CELLS, Resolution, SIDE, TileEncoder, TileId, TileValues};
 use lodpack::write::SymbolBuffer;
+use serde::{Deserialize, Serialize};
 
 use super::HeightsError;
 use super::coding::symbols_of;
@@ -22,7 +23,7 @@ pub struct Parent<'a> {
 }
 
 /// A tile as it is stored.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Finished {
     pub id: TileId,
     /// Bits of the quarters that are stored.
@@ -36,7 +37,7 @@ pub struct Finished {
 }
 
 /// What a tile says to the one above it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Below {
     pub id: TileId,
     /// Whether its samples and their straight connections say everything about the samples below.

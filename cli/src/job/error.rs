@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use super::Stage;
 use crate::geometry_images::AtlasError;
+use crate::heights::HeightsError;
 use crate::import::ImportError;
 use crate::pipeline::PipelineError;
 use crate::region::RegionError;
@@ -28,6 +29,9 @@ pub enum BuildError {
         /// What became of it.
         reason: PipelineError,
     },
+    /// A file of heights cannot be built.
+    #[error(transparent)]
+    Heights(#[from] HeightsError),
     /// The options do not fit the input, or memory, disk space or the output failed the build.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
@@ -61,7 +65,8 @@ impl BuildError {
     /// What the system said where the output could not be written; the error itself otherwise.
     pub fn into_output_error(self) -> Result<std::io::Error, Self> {
         match self {
-            Self::Pipeline(PipelineError::Write(lodpack::Error::Write { source })) => Ok(source),
+            Self::Pipeline(PipelineError::Write(lodpack::Error::Write { source }))
+            | Self::Heights(HeightsError::Write(lodpack::Error::Write { source })) => Ok(source),
             other => Err(other),
         }
     }

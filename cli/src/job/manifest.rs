@@ -31,6 +31,9 @@ pub struct Manifest {
     pub beside: Vec<InputFile>,
     /// The options that the bytes of the file depend on.
     pub options: ModelOptions,
+    /// Whether the job makes a file of heights: its regions are units of the grid.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub heights: bool,
     /// The parts, once the job is planned.
     pub parts: Vec<PartEntry>,
     /// XXH3 hash over the hashes of all ranges of the inputs, 16 hexadecimal digits, once a job is planned in stages.
@@ -108,6 +111,7 @@ impl Manifest {
             inputs,
             beside,
             options: options.model.clone(),
+            heights: options.heights,
             parts: vec![],
             content: None,
             stages: None,
@@ -126,7 +130,10 @@ impl Manifest {
     fn number(&self) -> JobId {
         let contents: Vec<(u64, &str)> = self.files().map(|file| (file.bytes, file.xxh3.as_str())).collect();
         // Plain data always has a JSON form.
-        let text = serde_json::to_vec(&(&self.lodpack, contents, &self.options)).unwrap_or_default();
+        let mut text = serde_json::to_vec(&(&self.lodpack, contents, &self.options)).unwrap_or_default();
+        if self.heights {
+            text.extend(b"heights");
+        }
         JobId(xxh3_128(&text))
     }
 
@@ -186,7 +193,7 @@ impl Manifest {
 
     /// How another manifest differs; none if it can resume a job of this one.
     pub fn difference(&self, now: &Self) -> Option<String> {
-        if self.options != now.options {
+        if self.options != now.options || self.heights != now.heights {
             return Some("it was begun with other options".into());
         }
         if self.inputs.len() != now.inputs.len() || self.beside.len() != now.beside.len() {

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::encoded::BuiltJob;
 use super::file_name::job_of;
+use super::heights::HeightsPart;
 use super::part::{PART_EXTENSION, PartReader};
 use super::plan::read_plan;
 use super::planned::{PARTS_NAME, chain};
@@ -22,16 +23,27 @@ use lodpack::write::{Piece, PieceIndex};
 
 /// The parts of one job, complete and undamaged.
 pub struct Parts {
-    plan: Plan,
+    /// None for a file of heights.
+    plan: Option<Plan>,
     /// By number.
-    files: Vec<PathBuf>,
+    pub(super) files: Vec<PathBuf>,
     /// The job, where all its clusters are encoded. Then nothing but that is read.
     encoded: Option<(PathBuf, Manifest)>,
     /// Inputs that have changed since the job was planned, as far as they can be seen from here.
     pub changed_inputs: Vec<PathBuf>,
 }
 
+/// What a part's file says.
+pub(super) struct FoundPart<P> {
+    pub job: JobId,
+    pub part: u32,
+    pub parts: u32,
+    /// What all parts have in common.
+    pub plan: P,
+}
+
 /// The job that all parts have to belong to, and how many it has.
+#[derive(Clone, Copy)]
 struct Expected {
     job: JobId,
     parts: u32,
@@ -64,7 +76,7 @@ impl Parts {
             let changed_inputs = manifest.changed_inputs(job).into_iter().map(Path::to_owned).collect();
             let (plan, _) = read_plan(job, manifest.id())?;
             let encoded = Some((job.clone(), manifest.clone()));
-            return Ok(Self { plan, files, encoded, changed_inputs });
+            return Ok(Self { plan: Some(plan), files, encoded, changed_inputs });
         }
         let expected = manifest.as_ref().filter(|manifest| !manifest.parts.is_empty());
         let expected = expected.map(|m| Expected { job: m.part_id(), parts: m.parts.len() as u32 });
@@ -73,8 +85,23 @@ impl Parts {
         }
         let changed = manifest.iter().zip(&job).flat_map(|(manifest, job)| manifest.changed_inputs(job));
         let changed_inputs = changed.map(Path::to_owned).collect();
-        let (plan, files) = checked(files, expected, job.as_deref(), progress)?;
+        let is_heights = match &manifest {
+            Some(manifest) => manifest.heights,
+            None => files.first().is_some_and(|file| HeightsPart::is_one(file)),
+        };
+        let (plan, files) = match is_heights {
+            true => (None, checked(files, expected, job.as_deref(), progress, HeightsPart::check)?.1),
+            false => {
+                let (plan, files) = checked(files, expected, job.as_deref(), progress, PartReader::check)?;
+                (Some(plan), files)
+            }
+        };
         Ok(Self { plan, files, encoded: None, changed_inputs })
+    }
+
+    /// Whether they make a file of heights, which [`super::merge_heights`] joins.
+    pub fn are_heights(&self) -> bool {
+        self.plan.is_none()
     }
 }
 
@@ -92,17 +119,18 @@ fn parts_in(folder: &Path) -> Result<Vec<PathBuf>, JobError> {
 }
 
 /// Checks all parts; returns them by number, and their plan.
-fn checked(
+fn checked<P: PartialEq>(
     files: Vec<PathBuf>,
     mut expected: Option<Expected>,
     job: Option<&Path>,
     progress: &dyn Progress,
-) -> Result<(Plan, Vec<PathBuf>), JobError> {
+    check: impl Fn(&Path) -> Result<FoundPart<P>, WorkError>,
+) -> Result<(P, Vec<PathBuf>), JobError> {
     let repair = |part: u32| {
         let job = job.map_or("JOB".into(), shell);
         format!("`lodpack build --job {job} --part {part}` makes it")
     };
-    let mut plan: Option<Plan> = None;
+    let mut plan: Option<P> = None;
     let mut found: BTreeMap<u32, PathBuf> = BTreeMap::new();
     // A part that exists but is unusable is not also reported as missing.
     let (mut problems, mut broken) = (vec![], BTreeSet::new());
@@ -111,28 +139,24 @@ fn checked(
         progress.advance(1);
         let named = path.display();
         // Nothing that a damaged file says of itself counts, only its name.
-        let read = PartReader::open(&path).and_then(|part| {
-            let (head, id) = (part.head.clone(), part.job);
-            part.finish().map(|()| (head, id))
-        });
-        let problem = match read {
+        let problem = match check(&path) {
             Err(error) => format!("{named}: {}; {}", error.source, again(&path, &repair)),
-            Ok((head, id)) => {
-                let Expected { job, parts } = *expected.get_or_insert(Expected { job: id, parts: head.parts });
-                let number = head.part;
+            Ok(found_part) => {
+                let FoundPart { job: id, part: number, parts: count, plan: of_part } = found_part;
+                let Expected { job, parts } = *expected.get_or_insert(Expected { job: id, parts: count });
                 if id != job {
                     format!("{named} belongs to another job ({id} instead of {job}); remove it")
-                } else if head.parts != parts {
-                    let count = head.parts;
+                } else if count != parts {
                     let again = again(&path, &repair);
                     format!(
                         "{named} is part {number} of {count} of the same job, but the job has {parts} parts; {again}"
                     )
-                } else if plan.get_or_insert_with(|| head.plan.clone()) != &head.plan {
+                } else if plan.as_ref().is_some_and(|plan| *plan != of_part) {
                     format!("{named} was built from another plan; {}", repair(number))
                 } else if let Some(other) = found.get(&number).filter(|other| !same(other, &path)) {
                     format!("{named} and {} are both part {number}, but differ; remove one", other.display())
                 } else {
+                    plan.get_or_insert(of_part);
                     found.entry(number).or_insert(path);
                     continue;
                 }
@@ -185,14 +209,17 @@ pub fn merge(
             Err(PipelineError::Region(RegionError::Work(error))) => {
                 progress.note(&format!("{}; the parts are merged instead", chain(&error)));
                 let expected = Expected { job: manifest.part_id(), parts: manifest.parts.len() as u32 };
-                let (plan, files) = checked(parts.files.clone(), Some(expected), Some(folder), progress)?;
-                return merge(&Parts { plan, files, encoded: None, changed_inputs: vec![] }, scratch, out, progress);
+                let files = parts.files.clone();
+                let (plan, files) = checked(files, Some(expected), Some(folder), progress, PartReader::check)?;
+                let parts = Parts { plan: Some(plan), files, encoded: None, changed_inputs: vec![] };
+                return merge(&parts, scratch, out, progress);
             }
             done => return Ok(done?),
         }
     }
+    let Some(plan) = &parts.plan else { return Err(JobError::NoParts { path: scratch.to_owned() }.into()) };
     let files = PartProducts { paths: parts.files.clone() };
-    Ok(join(&parts.plan, &files, scratch, out, progress, Stopwatch::default(), Times::default())?)
+    Ok(join(plan, &files, scratch, out, progress, Stopwatch::default(), Times::default())?)
 }
 
 /// The products of regions in parts.

@@ -8,6 +8,8 @@
 //! - the parts, `part-K.lodpart`, each of which can be built without the others,
 //! - for each part a lock while it is built, a small report once it is built, or the reason why it failed.
 //!
+//! A job of heights (`heights`) has the same files; its plan comes with `samples`, the grid in steps, and its regions are units of the grid.
+//!
 //! The planning itself can be divided, too ([`StagedJob`]): then the directory `stages` holds for each task of each [`Stage`] a lock, what it
 //! hands on, and a report or the reason why it failed. Any number of processes, each in [`work`], find their tasks there and nowhere else.
 //!
@@ -19,6 +21,7 @@ mod content;
 mod encoded;
 mod error;
 mod file_name;
+mod heights;
 mod input;
 mod manifest;
 mod merge;
@@ -40,6 +43,7 @@ pub use add::Added;
 pub use build::{build, build_mesh};
 pub use error::{BuildError, JobError};
 pub use file_name::{FILE_EXTENSION, JOB_EXTENSION, beside, merged_file};
+pub use heights::merge_heights;
 pub use manifest::{InputFile, MANIFEST_NAME, Manifest, PartEntry};
 pub use merge::{Parts, merge};
 pub use options::{BuildOptions, typed_raster};

@@ -27,6 +27,8 @@ pub struct BuildOptions {
     /// The directory that a build works in where the input does not fit in memory. It is made when needed, and removed at the end unless
     /// the build can be resumed from it.
     pub work: PathBuf,
+    /// Keeps the grid of rasters: the job makes a file of heights ([`crate::heights`]).
+    pub heights: bool,
     /// Resumes the build of the same inputs and options that an earlier process has left in `work`, if there is one.
     pub resume: bool,
 }
@@ -38,6 +40,7 @@ impl Default for BuildOptions {
             model: ModelOptions::default(),
             memory: u64::MAX,
             work: std::env::temp_dir().join(format!("lodpack-{}.building", std::process::id())),
+            heights: false,
             resume: false,
         }
     }

@@ -6,6 +6,7 @@ use std::path::Path;
 use lodpack::write::{Piece, PieceIndex};
 use serde::{Deserialize, Serialize};
 
+use super::merge::FoundPart;
 use crate::pipeline::{Plan, ProductStats, RegionProduct};
 use crate::storage::{DAMAGED, JobId, SealedReader, SealedWriter, WorkError};
 
@@ -73,6 +74,14 @@ impl PartReader {
             return Err(WorkError::damaged(path, DAMAGED));
         }
         Ok(Self { job: reader.job, reader, head })
+    }
+
+    /// What checking all of a file says about it.
+    pub(super) fn check(path: &Path) -> Result<FoundPart<Plan>, WorkError> {
+        let part = Self::open(path)?;
+        let (job, PartHead { part: number, parts, plan, .. }) = (part.job, part.head.clone());
+        part.finish()?;
+        Ok(FoundPart { job, part: number, parts, plan })
     }
 
     /// What the file as a whole has to know of the next region. Its symbols are skipped, so the file can no longer be checked.

@@ -11,7 +11,7 @@ use super::merge::PartProducts;
 use super::part::{PartHead, PartReader, part_name};
 use super::planned::write_part;
 use super::stage::even_runs;
-use super::{BuildError, BuildOptions, JobError, Manifest, PartEntry};
+use super::{BuildError, BuildOptions, JobError, Manifest, PartEntry, heights};
 use crate::import::{Imported, Overflow, Room, SpilledMesh};
 use crate::pipeline::summary::{BuildSummary, Stopwatch, Times};
 use crate::pipeline::{PipelineError, Plan, Prepared, RegionSize, Scale, join, prepare};
@@ -23,7 +23,7 @@ use crate::storage::{JobId, SealedReader, SealedWriter, WorkDirectory, WorkError
 /// The option that limits the memory of each part.
 const PART_MEMORY_OPTION: &str = "--part-memory";
 
-const PLAN_NAME: &str = "plan";
+pub(super) const PLAN_NAME: &str = "plan";
 const PLAN_KIND: [u8; 4] = *b"plan";
 
 /// How a job is divided into parts.
@@ -37,11 +37,21 @@ pub struct PartOptions {
     pub range_bytes: Option<u64>,
 }
 
+impl PartOptions {
+    /// Refuses parts that would need more memory than they will have.
+    pub(super) fn refuse_below(&self, least: u64) -> Result<(), RegionError> {
+        match self.memory.filter(|&memory| memory < least) {
+            Some(memory) => Err(RegionError::Memory { option: PART_MEMORY_OPTION, memory, least }),
+            None => Ok(()),
+        }
+    }
+}
+
 /// A job that this process plans, or builds as a whole. It holds the directory's lock, so no other process does so meanwhile.
 #[derive(Debug)]
 pub struct Job {
-    directory: WorkDirectory,
-    manifest: Manifest,
+    pub(super) directory: WorkDirectory,
+    pub(super) manifest: Manifest,
     /// The job to which this one adds.
     earlier: Option<EarlierJob>,
 }
@@ -97,11 +107,11 @@ impl Job {
         options: &BuildOptions,
         progress: &dyn Progress,
     ) -> Result<Manifest, BuildError> {
+        if options.heights {
+            return heights::plan(path, parts, options, progress);
+        }
         let options = &options.checked(progress)?;
-        let refuse_below = |least: u64| match parts.memory.filter(|&memory| memory < least) {
-            Some(memory) => Err(RegionError::Memory { option: PART_MEMORY_OPTION, memory, least }),
-            None => Ok(()),
-        };
+        let refuse_below = |least: u64| parts.refuse_below(least);
         // Less than the smallest part takes is refused before anything is made.
         refuse_below(least_bytes(0))?;
         let mut job = match options.resume && path.exists() {

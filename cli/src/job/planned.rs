@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use super::heights::HeightsPlan;
 use super::part::{PartHead, PartReader, PartWriter, part_name};
 use super::plan::read_plan;
 use super::status::PartReport;
@@ -31,8 +32,14 @@ pub struct BuiltPart {
 pub struct PlannedJob {
     directory: WorkDirectory,
     manifest: Manifest,
-    plan: Plan,
-    sizes: Vec<RegionSize>,
+    content: Content,
+}
+
+/// What the parts of a job are made of.
+#[derive(Debug)]
+enum Content {
+    Mesh { plan: Box<Plan>, sizes: Vec<RegionSize> },
+    Heights(Box<HeightsPlan>),
 }
 
 impl PlannedJob {
@@ -46,15 +53,26 @@ impl PlannedJob {
             return Err(JobError::NotPlanned { path: path.to_owned() });
         }
         let directory = WorkDirectory::visit(path)?;
-        let (plan, sizes) = read_plan(path, manifest.id())?;
+        let content = match manifest.heights {
+            true => Content::Heights(Box::new(HeightsPlan::read(path, manifest.id())?)),
+            false => {
+                let (plan, sizes) = read_plan(path, manifest.id())?;
+                Content::Mesh { plan: Box::new(plan), sizes }
+            }
+        };
         let parts = path.join(PARTS_NAME);
         fs::create_dir_all(&parts).map_err(|source| WorkError::new(&parts, "made", source))?;
-        Ok(Self { directory, manifest, plan, sizes })
+        Ok(Self { directory, manifest, content })
     }
 
     /// The number of parts.
     pub fn parts(&self) -> u32 {
         self.manifest.parts.len() as u32
+    }
+
+    /// Whether the job makes a file of heights.
+    pub fn is_of_heights(&self) -> bool {
+        self.manifest.heights
     }
 
     /// The number of input triangles in a part; 0 where there is no such part.
@@ -118,22 +136,15 @@ impl PlannedJob {
         if memory < entry.memory {
             return Err(RegionError::Memory { option: MEMORY_OPTION, memory, least: entry.memory }.into());
         }
-        let (id, of_part) = (self.manifest.id(), self.manifest.part_id());
-        let regions = entry.first_region..entry.first_region + entry.regions;
-        let head = PartHead { part, parts: self.parts(), regions: regions.clone(), plan: self.plan.clone() };
-        let sizes = self.sizes.get(regions.start as usize..regions.end as usize).unwrap_or_default();
-        let charts = sizes.iter().map(|size| size.charts).sum();
-        progress.begin("roots", charts);
-        let is_same = |there: &PartReader| there.job == of_part && there.head == head;
-        if PartReader::open(path).is_ok_and(|there| is_same(&there) && there.finish().is_ok()) {
-            progress.skip(charts);
-            return Ok(BuiltPart { path: path.to_owned(), report: None });
-        }
         let watch = Stopwatch::default();
-        let store = RegionDirectory::charted(self.directory.clone(), id, self.sizes.len());
-        // An empty part can be made again at once, so it need not reach the disk.
-        let sync = !regions.is_empty();
-        let (bytes, _) = write_part(&store, of_part, &head, path, sync, progress)?;
+        let bytes = match &self.content {
+            Content::Mesh { plan, sizes } => self.build_regions(part, entry, (plan, sizes), path, progress)?,
+            Content::Heights(plan) => {
+                let of = (part, self.parts(), entry.first_region..entry.first_region + entry.regions);
+                plan.build_part(self.directory.folder(), self.manifest.id(), of, path, progress)?
+            }
+        };
+        let Some(bytes) = bytes else { return Ok(BuiltPart { path: path.to_owned(), report: None }) };
         let (wall, cpu) = watch.total();
         let report = PartReport {
             bytes,
@@ -142,6 +153,33 @@ impl PlannedJob {
             peak_memory_bytes: peak_memory_bytes(),
         };
         Ok(BuiltPart { path: path.to_owned(), report: Some(report) })
+    }
+
+    /// Builds a part of a mesh, and returns the size of its file; none if it existed already.
+    fn build_regions(
+        &self,
+        part: u32,
+        entry: &PartEntry,
+        (plan, all_sizes): (&Plan, &[RegionSize]),
+        path: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Option<u64>, BuildError> {
+        let (id, of_part) = (self.manifest.id(), self.manifest.part_id());
+        let regions = entry.first_region..entry.first_region + entry.regions;
+        let head = PartHead { part, parts: self.parts(), regions: regions.clone(), plan: plan.clone() };
+        let sizes = all_sizes.get(regions.start as usize..regions.end as usize).unwrap_or_default();
+        let charts = sizes.iter().map(|size| size.charts).sum();
+        progress.begin("roots", charts);
+        let is_same = |there: &PartReader| there.job == of_part && there.head == head;
+        if PartReader::open(path).is_ok_and(|there| is_same(&there) && there.finish().is_ok()) {
+            progress.skip(charts);
+            return Ok(None);
+        }
+        let store = RegionDirectory::charted(self.directory.clone(), id, all_sizes.len());
+        // An empty part can be made again at once, so it need not reach the disk.
+        let sync = !regions.is_empty();
+        let (bytes, _) = write_part(&store, of_part, &head, path, sync, progress)?;
+        Ok(Some(bytes))
     }
 }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::heights::HeightsPart;
 use super::part::PartReader;
 use super::planned::PartFiles;
 use super::stage_status::{StageStatus, remaining};
@@ -130,18 +131,19 @@ fn state_of(job: &Path, manifest: &Manifest, part: u32) -> PartState {
         return PartState::Running { by };
     }
     let report = || serde_json::from_slice(&fs::read(&files.report).ok()?).ok();
-    match PartReader::open(&files.path) {
+    let found = match manifest.heights {
+        true => HeightsPart::check(&files.path).map(|found| (found.job, found.parts)),
+        false => PartReader::check(&files.path).map(|found| (found.job, found.parts)),
+    };
+    match found {
         _ if !files.path.exists() => match fs::read_to_string(&files.failure) {
             Ok(reason) => PartState::Failed { reason },
             Err(_) => PartState::Missing,
         },
-        Ok(there) if there.job != manifest.part_id() || there.head.parts as usize != manifest.parts.len() => {
+        Ok((job, parts)) if job != manifest.part_id() || parts as usize != manifest.parts.len() => {
             PartState::Broken { reason: "it belongs to another plan".into() }
         }
-        Ok(there) => match there.finish() {
-            Ok(()) => PartState::Done { bytes: fs::metadata(&files.path).map_or(0, |m| m.len()), report: report() },
-            Err(error) => PartState::Broken { reason: error.source.to_string() },
-        },
+        Ok(_) => PartState::Done { bytes: fs::metadata(&files.path).map_or(0, |m| m.len()), report: report() },
         Err(error) => PartState::Broken { reason: error.source.to_string() },
     }
 }

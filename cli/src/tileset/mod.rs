@@ -11,12 +11,14 @@ mod glb;
 mod json;
 mod material;
 mod place;
+mod quantized;
 mod terrain;
 mod tree;
 
 pub use archive::{ARCHIVE_EXTENSION, write_archive};
 pub use json::Frame;
 pub use place::{PlaceError, Placed, Projection, place};
+pub use quantized::{LAYER, QuantizedSummary, is_on_wgs84, write_quantized};
 pub use terrain::{bounds_of, write_terrain};
 
 use crate::mesh::layers::Look;
@@ -37,9 +39,9 @@ pub const ENTRY: &str = "tileset.json";
 /// Tiles that are decoded together: they share arcs, and their neighbours' index blocks.
 const TILES_AT_ONCE: usize = 32;
 
-/// Whether a name at the top of a folder may be that of something that [`write_tileset`] has written.
+/// Whether a name at the top of a folder may be that of something that [`write_tileset`] or [`write_quantized`] has written.
 pub fn is_product(name: &str) -> bool {
-    name == ENTRY || name.bytes().all(|digit| digit.is_ascii_digit())
+    name == ENTRY || name == LAYER || name.bytes().all(|digit| digit.is_ascii_digit())
 }
 
 /// What is written.

@@ -18,6 +18,7 @@ const MAX_ROOTS: u64 = 2;
 
 /// A tile: its depth, and its place among the tiles of this depth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct TileId {
     /// 0 at the roots.
     pub depth: u32,
@@ -119,6 +120,7 @@ impl Lines {
 
 /// A regular grid of samples, divided into tiles.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Grid {
     cells: [u64; 2],
     wraps: bool,

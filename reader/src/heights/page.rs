@@ -27,6 +27,7 @@ const MAX_TRIANGLES: u64 = 8192;
 
 /// One way to draw a tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Resolution {
     /// The tolerance of the restricted triangulation, in units of space.
     pub tolerance: f64,

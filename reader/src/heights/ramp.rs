@@ -10,6 +10,7 @@ const MOST_STOPS: usize = 1024;
 
 /// A colour at a height.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RampStop {
     /// In units of heights.
     pub height: f64,
@@ -19,6 +20,7 @@ pub struct RampStop {
 
 /// Colours by height. Between two stops, the three numbers of a colour change evenly; beyond the first and the last one they do not change.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Ramp {
     stops: Vec<RampStop>,
 }

@@ -16,6 +16,7 @@ const MOST_RAMP_BYTES: usize = 255;
 
 /// What a file of heights says about all of it.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct HeightsInfo {
     /// The samples.
     pub grid: Grid,

@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 
 /// What heights stand on.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Base {
     /// A plane: x to the east, y to the north, z up.
     Plane,
@@ -20,6 +21,7 @@ pub enum Base {
 
 /// Where the samples of a grid are.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Surface {
     /// What heights stand on.
     pub base: Base,

@@ -48,6 +48,20 @@ impl TileEncoder {
         Self { codes: tables.codes(), tables }
     }
 
+    /// Its tables, for other processes that write tiles of the same file.
+    pub fn tables(&self) -> Vec<u8> {
+        self.tables.write()
+    }
+
+    /// The encoder with these tables.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if they are no tables.
+    pub fn of_tables(bytes: &[u8]) -> Result<Self> {
+        let tables = Tables::parse(bytes)?;
+        Ok(Self { codes: tables.codes(), tables })
+    }
+
     /// The block of a tile, from its symbols. It has no bytes if the tile is as predicted.
     ///
     /// # Errors

@@ -10,6 +10,7 @@
 
 mod cracks;
 mod error;
+mod flight;
 pub mod mesh_file;
 pub mod reference;
 mod views;
@@ -32,6 +33,7 @@ use crate::{
     scene::{HeightsContent, MeshContent, Scene, Source, open_source},
 };
 use error::ErrorCheck;
+pub use flight::{Flight, fly};
 use mesh_file::read_mesh;
 use views::{mixed_levels, views};
 

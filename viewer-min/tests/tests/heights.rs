@@ -9,6 +9,7 @@ use std::{
 };
 
 use glam::DVec3;
+use lodpack::View;
 use lodpack_cli::{
     heights::{HeightsOptions, build},
     import::raster::{HeightSource, RasterOptions, SurfaceKind},
@@ -17,7 +18,7 @@ use lodpack_cli::{
 };
 use lodpack_tests::terrain::{Fractal, Grid};
 use lodpack_view::{
-    check::{Fault, Options, Outcome, check},
+    check::{Fault, Options, Outcome, check, fly},
     picture::{BACKGROUND, load},
 };
 
@@ -116,6 +117,72 @@ fn the_program_draws_heights_with_z_up() {
             let output = program(&[&arguments[..], &wrong].concat());
             assert_eq!(output.status.code(), Some(2), "{wrong:?}");
         }
+    }
+}
+
+/// A file whose requests take as long as those of a server.
+struct Far(Vec<u8>);
+
+impl lodpack::ReadAt for Far {
+    fn read_at(&self, offset: u64, buf: &mut [u8]) -> std::io::Result<()> {
+        std::thread::sleep(std::time::Duration::from_millis(30));
+        self.0.as_slice().read_at(offset, buf)
+    }
+
+    fn size(&self) -> std::io::Result<u64> {
+        Ok(self.0.len() as u64)
+    }
+}
+
+/// Down from far away, low around the globe over both poles and twice across the date line, and away again.
+fn global_flight(frames: usize, size_px: u32) -> Vec<View> {
+    const RADIUS: f64 = 6_378_137.0;
+    let view = |frame: usize| {
+        let share = frame as f64 / frames as f64;
+        let angle = share * std::f64::consts::TAU;
+        // A great circle through the poles that turns a little, so that it crosses the date line elsewhere.
+        let around = |angle: f64| {
+            let turn = 3.0 + 0.3 * angle;
+            DVec3::new(angle.sin() * turn.cos(), angle.sin() * turn.sin(), angle.cos())
+        };
+        // Near the ground in the middle of the flight.
+        let height = RADIUS * (0.01 + 2.0 * (2.0 * share - 1.0).abs().powi(3));
+        let (here, ahead) = (around(angle), around(angle + 0.05));
+        let position = here * (RADIUS + height);
+        let forward = (ahead * RADIUS - position).normalize();
+        View {
+            position: position.into(),
+            forward: forward.into(),
+            up: here.into(),
+            viewport: [size_px; 2],
+            near: 0.1 * height,
+            ..View::default()
+        }
+    };
+    (0..frames).map(view).collect()
+}
+
+#[test]
+fn a_flight_around_the_globe_shows_no_crack_and_no_frame_without_a_surface() {
+    if !has_gpu() {
+        return;
+    }
+    let path = terrain("flight", &Grid::globe([1024, 513]), SurfaceKind::Wgs84, |_, _| true);
+    // The coarsest tiles are chords of 2.8 degrees, which lie 2 km below the ellipsoid, and no sea is deeper than 7 km.
+    let ball = 6_356_752.0 - 20_000.0;
+    for (name, source) in [("near", None), ("far", Some(()))] {
+        let bytes = std::fs::read(&path).unwrap();
+        let source: lodpack_view::scene::Source = match source {
+            None => Arc::new(bytes),
+            Some(()) => Arc::new(Far(bytes)),
+        };
+        let flight = fly(source, &global_flight(240, 160), ball).unwrap();
+        println!("{name}: {flight:?}");
+        assert_eq!((flight.cracks, flight.bare), (0, 0), "{name}: {flight:?}");
+        assert!(flight.problems.is_empty() && flight.frames == 240, "{name}: {flight:?}");
+        assert!(flight.covered > 240 * 160 * 160 / 8 && flight.most_triangles > 5_000, "{name}: {flight:?}");
+        // Nothing can be shown before the first answer.
+        assert!(flight.empty_frames < 30, "{name}: {flight:?}");
     }
 }
 

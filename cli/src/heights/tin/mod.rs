@@ -14,7 +14,7 @@ mod ground;
 
 use std::collections::{BinaryHeap, HashMap};
 
-use lodpack::heights::{Heights, Line};
+use lodpack::heights::{Heights, Line, Surface};
 use lodpack::{Error, ReadAt, Result};
 use rayon::prelude::*;
 
@@ -46,6 +46,30 @@ pub struct Tin {
     pub error: f64,
     /// How many samples were compared.
     pub sample_count: u64,
+}
+
+/// All of a square of samples, as few triangles.
+#[derive(Clone, Debug)]
+pub struct Patch {
+    /// Column and row of each vertex.
+    pub vertices: Vec<[i32; 2]>,
+    /// Counter-clockwise seen from above.
+    pub triangles: Vec<[u32; 3]>,
+    /// No sample is further from them: along the vertical on a plane, in space on a globe.
+    pub error: f64,
+}
+
+/// Triangulates a square of samples. `surface` says where its columns and rows are, of which none lies behind a pole; heights are in units of coordinates, row by row from
+/// the north-west. Vertices on a side depend on the samples on it alone, so squares beside each other have the same ones there.
+pub fn triangulate_patch(surface: &Surface, side: usize, heights: Vec<f64>, tolerance: f64) -> Patch {
+    debug_assert!(heights.len() == side * side && heights.iter().all(|height| height.is_finite()));
+    let lines = |axis: usize| (0..side as u64).map(|line| surface.line(axis, line)).collect();
+    let down = (0..side).map(|row| row as f64).collect();
+    let round = surface.is_globe().then(|| Round { surface: *surface, columns: lines(0), rows: lines(1), down });
+    let ground = Ground { width: side, height: side, heights, round };
+    let Made { all, off, .. } = triangulate_block(Around { ground, coast: vec![] }, tolerance);
+    let triangles = (0..all.count() as u32).map(|number| all.triangle(number)).collect();
+    Patch { vertices: all.points().to_vec(), triangles, error: off }
 }
 
 /// A rectangle of cells, by its first and last lines.

@@ -11,6 +11,9 @@ pub enum ExportFormat {
     /// 3D Tiles 1.1: tileset.json and a folder of binary glTF.
     #[value(name = "3dtiles")]
     Tiles3d,
+    /// Terrain tiles for Cesium, of a file of heights on the ellipsoid: quantized-mesh 1.0, and layer.json.
+    #[value(name = "quantized-mesh")]
+    QuantizedMesh,
     /// One binary glTF with all levels as nodes (extension MSFT_lod; named _LOD0, _LOD1 ...), for engines that choose among levels.
     #[value(name = "glb-lod")]
     GlbLod,

@@ -18,6 +18,9 @@ pub struct PlanArgs {
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub model: ModelArgs,
+    /// Keep the grid of rasters, as `build --heights` does. Regions are then squares of about 1,024 cells, and the job takes 4 bytes a sample.
+    #[arg(long, conflicts_with_all = ["stages", "extensible", "drape", "channels", "color_quality", "effort", "levels", "fillings", "up"])]
+    pub heights: bool,
     #[command(flatten)]
     pub job: JobArgs,
 }
@@ -40,8 +43,8 @@ pub struct AddArgs {
 /// How a job is planned.
 #[derive(Args, Debug)]
 pub struct JobArgs {
-    /// Number of parts. By default one for each region (of at most two million triangles); there cannot be more that have
-    /// anything to do.
+    /// Number of parts. By default one for each region (of at most two million triangles), and with --heights one for 16 million samples;
+    /// there cannot be more than regions that have anything to do.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub parts: Option<u32>,
     /// Memory available to each part. The plan is refused if a part needs more, and kept for --resume with more memory.

@@ -77,7 +77,8 @@ fn run_parts(args: &BuildArgs, path: &Path, PartRange { first, last }: PartRange
     // Before the first part is built.
     job.check_part(last)?;
     let mut built = vec![];
-    let progress = Terminal::repeated(args.run.progress, "roots", (first..=last).map(|part| job.triangles(part)));
+    let stage = if job.is_of_heights() { "tiles" } else { "roots" };
+    let progress = Terminal::repeated(args.run.progress, stage, (first..=last).map(|part| job.triangles(part)));
     for part in first..=last {
         let done = job.build(part, memory, args.output.as_deref(), &progress);
         let part = done.map_err(|error| naming(error, path, args.output.as_ref().map(|_| "-o")))?;

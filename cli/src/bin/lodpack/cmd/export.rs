@@ -21,8 +21,10 @@ use std::process::ExitCode;
 /// Writes a file in a format of levels.
 pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     use_threads(args.threads)?;
-    if args.format == ExportFormat::GlbLod {
-        return levels::run(args);
+    match args.format {
+        ExportFormat::GlbLod => return levels::run(args),
+        ExportFormat::QuantizedMesh => return super::heights::quantized::run(args),
+        ExportFormat::Tiles3d => {}
     }
     interrupt::on_stop_leave_nothing();
     // An unsuitable output is refused before anything is read.

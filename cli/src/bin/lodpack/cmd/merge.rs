@@ -8,12 +8,22 @@ use crate::interrupt;
 use crate::output::PendingFile;
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
-use lodpack_cli::job::{PART_EXTENSION, PARTS_NAME, Parts, merge, merged_file};
+use lodpack_cli::heights::HeightsSummary;
+use lodpack_cli::job::{PART_EXTENSION, PARTS_NAME, Parts, merge, merge_heights, merged_file};
+use lodpack_cli::pipeline::summary::BuildSummary;
 use lodpack_cli::progress::Progress;
 use std::fs;
 use std::io::{BufWriter, ErrorKind};
 use std::path::Path;
 use std::process::ExitCode;
+
+/// What was merged.
+#[derive(serde::Serialize)]
+#[serde(untagged)]
+enum Merged {
+    Mesh(Box<BuildSummary>),
+    Heights(Box<HeightsSummary>),
+}
 
 /// Checks parts, joins them and prints a summary.
 pub fn run(args: &MergeArgs) -> Result<ExitCode> {
@@ -36,17 +46,23 @@ pub fn run(args: &MergeArgs) -> Result<ExitCode> {
         }
         let scratch = folder_beside(output);
         let mut out = BufWriter::new(file);
-        let summary =
-            merge(&parts, &scratch, &mut out, &progress).map_err(|error| naming(error, output, Some("-o")))?;
+        let merged = match parts.are_heights() {
+            true => merge_heights(&parts, &scratch, &mut out, &progress).map(|s| Merged::Heights(Box::new(s))),
+            false => merge(&parts, &scratch, &mut out, &progress).map(|s| Merged::Mesh(Box::new(s))),
+        };
+        let summary = merged.map_err(|error| naming(error, output, Some("-o")))?;
         let written = out.into_inner().map_err(|error| error.into_error());
         pending.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
         progress.complete();
         summary
     };
     if args.json {
-        print_json(&summary)?
-    } else {
-        print(&summary, output)?
+        print_json(&summary)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    match summary {
+        Merged::Mesh(summary) => print(&summary, output)?,
+        Merged::Heights(summary) => super::heights::build::print(&summary, output)?,
     }
     Ok(ExitCode::SUCCESS)
 }

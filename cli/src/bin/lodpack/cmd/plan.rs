@@ -27,12 +27,14 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode> {
         None => beside_first(&args.inputs, &inputs, JOB_EXTENSION)?,
     };
     begin(output, job)?;
-    let options = BuildOptions { resume: job.resume, ..options(inputs, &args.model, &job.run) };
+    let heights = args.heights;
+    let options = BuildOptions { resume: job.resume, heights, ..options(inputs, &args.model, &job.run) };
     if job.stages {
         return begin_stages(output, job, &options);
     }
     let manifest = {
-        let progress = Terminal::working_in(job.run.progress, progress_bar::PLAN, output);
+        let stages = if heights { progress_bar::PLAN_HEIGHTS } else { progress_bar::PLAN };
+        let progress = Terminal::working_in(job.run.progress, stages, output);
         let planned = Job::plan(output, part_options(job), &options, &progress);
         let manifest = planned.map_err(|error| advised(error, output))?;
         note_empty_parts(&manifest, &progress);
@@ -130,8 +132,9 @@ fn note_empty_parts(manifest: &Manifest, progress: &Terminal) {
     let (parts, empty) = (manifest.parts.len(), manifest.parts.iter().filter(|part| part.regions == 0).count());
     let regions: u32 = manifest.parts.iter().map(|part| part.regions).sum();
     if empty > 0 {
+        let size = if manifest.heights { "about 1,024 x 1,024 cells" } else { "at most two million triangles" };
         progress.note(&format!(
-            "{} of {} parts have nothing to do: the input has {} regions (of at most two million triangles), which cannot be divided",
+            "{} of {} parts have nothing to do: the input has {} regions (of {size}), which cannot be divided",
             count(empty as u64),
             count(parts as u64),
             count(regions.into())
@@ -144,7 +147,10 @@ fn print(path: &Path, manifest: &Manifest, taken_over: Option<[u32; 2]>) -> Resu
     let total: u64 = parts.iter().map(|part| part.triangles).sum();
     let most = |of: fn(&PartEntry) -> u64| parts.iter().map(of).max().unwrap_or(0);
     say!("{}", path.display());
-    say!("  triangles  {}, at most {} a part", count(total), count(most(|part| part.triangles)));
+    match manifest.heights {
+        true => say!("  cells      {}, at most {} a part", count(total / 2), count(most(|part| part.triangles / 2))),
+        false => say!("  triangles  {}, at most {} a part", count(total), count(most(|part| part.triangles))),
+    }
     if let Some([taken_over, regions]) = taken_over {
         let [taken_over, regions] = [taken_over, regions].map(|number| count(number.into()));
         say!("  regions    {regions}, of which {taken_over} are already built");

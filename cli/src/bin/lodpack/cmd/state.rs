@@ -79,7 +79,8 @@ pub fn begin_job(job: &Path, resume: bool, force: bool) -> Result<()> {
 
 /// Whether a job may have a file of this name.
 fn is_of_job(name: &str) -> bool {
-    ["lock", "plan", "pairs", "divided", "vertices", "triangles", "vertex-values", "corner-values"].contains(&name)
+    ["lock", "plan", "samples", "pairs", "divided", "vertices", "triangles", "vertex-values", "corner-values"]
+        .contains(&name)
         || [PARTS_NAME, STAGES_NAME, SLURM_NAME, MANIFEST_NAME].contains(&name)
         || ["region-", "part-", MANIFEST_NAME].iter().any(|prefix| name.starts_with(prefix))
         || name.ends_with(".tmp")

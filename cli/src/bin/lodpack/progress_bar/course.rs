@@ -7,6 +7,8 @@ pub type Stages = &'static [(&'static str, f64)];
 pub const BUILD: Stages = &[("import", 0.06), ("repair", 0.12), ("segment", 0.17), ("roots", 0.62), ("pack", 0.03)];
 /// Of files of heights.
 pub const BUILD_HEIGHTS: Stages = &[("import", 0.2), ("tiles", 0.75), ("write", 0.05)];
+/// Of files of heights, before the parts.
+pub const PLAN_HEIGHTS: Stages = &[("import", 1.0)];
 /// The stages before the roots, on disk.
 pub const PLAN: Stages = &[("import", 0.15), ("repair", 0.37), ("segment", 0.48)];
 pub const MERGE: Stages = &[("check", 0.2), ("pack", 0.8)];

@@ -46,7 +46,8 @@ pub fn build(args: &BuildArgs, inputs: &[PathBuf], output: &Path) -> Result<Exit
     Ok(ExitCode::SUCCESS)
 }
 
-fn print(s: &HeightsSummary, output: &Path) -> Result<()> {
+/// Prints the summary.
+pub fn print(s: &HeightsSummary, output: &Path) -> Result<()> {
     say!("{}", output.display());
     say!("  input      {} samples, {} x {} cells", count(s.samples), count(s.cells[0]), count(s.cells[1]));
     say!("  tiles      {} in {} depths, {} triangles at the finest", count(s.tiles), s.depth + 1, count(s.triangles));

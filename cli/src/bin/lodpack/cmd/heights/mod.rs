@@ -3,6 +3,7 @@
 pub mod build;
 pub mod extract;
 pub mod info;
+pub mod quantized;
 pub mod raster;
 pub mod verify;
 
