@@ -50,10 +50,10 @@ pub fn cut_to_finish<S: ReadAt>(file: &File<S>, query: &Query, triangles: u64) -
     let mut most = cut_triangles(triangles);
     let mut coarser = None;
     loop {
-        let cut = match file.select(&Query { max_triangles: Some(most), ..query.clone() }) {
+        let cut = match file.select(&Query { max_triangles: Some(most), ..*query }) {
             // The coarsest cut of many small parts may be larger.
             Err(lodpack::Error::Query { .. }) => {
-                file.select(&Query { max_triangles: None, tolerance: Some(f64::MAX), ..query.clone() })?
+                file.select(&Query { max_triangles: None, tolerance: Some(f64::MAX), ..*query })?
             }
             cut => cut?,
         };

@@ -2,7 +2,7 @@
 
 use super::analysis::{DefaultCheck, competes};
 use super::plot::short;
-use super::{BuildRow, Report, Setting, Varied};
+use super::{BudgetRow, BuildRow, Report, Setting, Varied};
 use crate::pipeline::Effort;
 
 /// The stages of a build's summary that keep a build correct.
@@ -236,8 +236,9 @@ fn order_words(report: &Report) -> Option<String> {
 fn budget_words(report: &Report) -> Option<String> {
     let scarce = report.budgets.iter().find(|row| row.varied == "triangles")?.max_nodes;
     let error = |resolutions: u8| {
-        let kept = report.budgets.iter().filter(|row| row.varied == "nodes" && row.resolutions == resolutions);
-        kept.filter(|row| row.max_nodes <= scarce).next_back()
+        let is_kept =
+            |row: &&BudgetRow| row.varied == "nodes" && row.resolutions == resolutions && row.max_nodes <= scarce;
+        report.budgets.iter().rfind(is_kept)
     };
     let (one, two, three) = (error(1)?, error(2)?, error(3)?);
     Some(format!(
