@@ -115,4 +115,5 @@ if (wanted !== tiles.size) say('layer.json', `says that ${wanted} tiles are avai
 
 console.log(JSON.stringify(found));
 problems.slice(0, 20).forEach((problem) => console.error(problem));
-process.exit(problems.length > 0 ? 1 : 0);
+// Not process.exit: it would cut off what a pipe has not taken yet.
+process.exitCode = problems.length > 0 ? 1 : 0;
