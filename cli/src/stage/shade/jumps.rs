@@ -18,9 +18,8 @@ use crate::stage::areas::{ColourAreas, Jumps};
 /// Differences below this many steps of quantisation are no jump: where one is blurred over a texel, the root mean square error there is a
 /// quarter of it, and that of quantisation up to a third of a step.
 const STEPS: f64 = 4.0;
-/// Areas with fewer texels of the input are left out: a piece of a map takes more for itself. With 16, the textured bunny of pymeshlab's tests had 31.1
-/// instead of 33.7 dB; with less than 2, each square of a
-/// mesh with a colour per face would be one.
+/// Areas with fewer texels of the input are left out: a piece of a map takes more for itself. With 16, the textured bunny of pymeshlab's
+/// tests had 31.1 instead of 33.7 dB; with less than 2, each square of a mesh with a colour per face would be one.
 const FEWEST_TEXELS: f64 = 2.0;
 /// Places along an edge at which colours are compared.
 const PLACES: [f32; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
