@@ -73,6 +73,12 @@ struct Block {
 }
 
 impl Block {
+    /// Triangles alone.
+    fn new(root: u32, info: RootInfo, strips: Vec<Arc<Strip>>, triangles: Triangles) -> Self {
+        let (pulled, texture, images, texels, pieces) = (None, None, None, None, None);
+        Self { root, stamp: 0, info, strips, triangles, pulled, texture, images, texels, pieces }
+    }
+
     /// Whether the triangles of a root would be uploaded as these.
     fn has_triangles_of(&self, drawn: &DrawnRoot) -> bool {
         let mut strips = self.strips.iter().zip(&drawn.strips);
@@ -203,7 +209,7 @@ impl Renderer {
             return;
         }
         self.made = Made::default();
-        let mut images_left = self.images_per_frame;
+        let (mut images_left, mut is_whole) = (self.images_per_frame, true);
         // Both lists are sorted, so one walk finds what is there already.
         let mut before = std::mem::take(&mut self.blocks).into_iter().peekable();
         let mut blocks = Vec::with_capacity(surfaces.roots().len());
@@ -213,13 +219,15 @@ impl Renderer {
                 self.drop_block(gone);
             }
             let known = before.next_if(|block| block.root == root);
-            blocks.push(match known {
+            let block = match known {
                 Some(same) if same.stamp == drawn.stamp() => same,
                 known => self.updated(drawn, known, &mut images_left),
-            });
+            };
+            is_whole &= block.stamp != 0;
+            blocks.push(block);
         }
         before.for_each(|gone| self.drop_block(gone));
-        self.stamp = blocks.iter().all(|block| block.stamp != 0).then(|| surfaces.stamp());
+        self.stamp = is_whole.then(|| surfaces.stamp());
         self.blocks = blocks;
     }
 
@@ -270,25 +278,14 @@ impl Renderer {
 
     fn block(&mut self, info: RootInfo, drawn: &DrawnRoot, texels: Option<Texels>) -> Block {
         let gpu = Arc::clone(&self.gpu);
-        let (surface, strips, texture) = (&drawn.surface, drawn.strips.clone(), None);
+        let (surface, strips) = (&drawn.surface, drawn.strips.clone());
         let root = surface.root;
         if drawn.images().is_some() {
             let (positions, triangles) = drawn.joined();
             let places: Vec<[f32; 2]> = drawn.places().collect();
             let pieces = Some(gpu.buffer(&places, BufferUsages::VERTEX));
             let triangles = Triangles::Own(Batch::new(&gpu, &positions, &triangles));
-            return Block {
-                root,
-                stamp: 0,
-                info,
-                strips,
-                triangles,
-                pulled: None,
-                texture,
-                images: None,
-                texels,
-                pieces,
-            };
+            return Block { texels, pieces, ..Block::new(root, info, strips, triangles) };
         }
         if self.way == Way::Stitched {
             let (triangles, pieces) = match texels.as_ref().and_then(|_| drawn.by_piece()) {
@@ -302,18 +299,7 @@ impl Renderer {
                     (Triangles::Pooled(self.pool.place(&vertices, &triangles)), None)
                 }
             };
-            return Block {
-                root,
-                stamp: 0,
-                info,
-                strips,
-                triangles,
-                pulled: None,
-                texture,
-                images: None,
-                texels,
-                pieces,
-            };
+            return Block { texels, pieces, ..Block::new(root, info, strips, triangles) };
         }
         let records = border_records(surface);
         let batch = Batch::new(&gpu, &surface.positions, &surface.triangles);
@@ -323,7 +309,7 @@ impl Renderer {
         let group = gpu.bind(&gpu.pipelines.block_layout, &[&batch.vertices, &batch.indices, &records, &table]);
         let pulled = Some((group, border_count));
         let triangles = Triangles::Own(batch);
-        Block { root, stamp: 0, info, strips, triangles, pulled, texture, images: None, texels, pieces: None }
+        Block { pulled, texels, ..Block::new(root, info, strips, triangles) }
     }
 
     fn planted(&self, drawn: &DrawnRoot) -> DrawnRoot {
@@ -339,21 +325,7 @@ impl Renderer {
     /// Draws a mesh instead, as root 0 of level 0.
     pub fn set_mesh(&mut self, positions: &[[f64; 3]], triangles: &[[u32; 3]]) {
         let triangles = Triangles::Own(Batch::new(&self.gpu, positions, triangles));
-        let info = RootInfo::default();
-        let (strips, texture, images, texels) = (Vec::new(), None, None, None);
-        let block = Block {
-            root: MESH,
-            stamp: 0,
-            info,
-            strips,
-            triangles,
-            pulled: None,
-            texture,
-            images,
-            texels,
-            pieces: None,
-        };
-        self.keep(vec![block]);
+        self.keep(vec![Block::new(MESH, RootInfo::default(), Vec::new(), triangles)]);
     }
 
     /// The shader's settings for one pass.

@@ -97,17 +97,17 @@ impl<'a> Gather<'a> {
     /// Begins.
     pub fn new(grid: &'a Grid, scale: Scale, keep: Keep<'_>) -> Result<Self, HeightsError> {
         let [columns, rows] = grid.samples();
-        let (store, out) = match keep {
-            Keep::Memory => (Store::Memory(Vec::with_capacity((columns * rows) as usize)), None),
-            Keep::Nameless(_) | Keep::Named(_) => {
-                let file = match keep {
-                    Keep::Named(path) => {
-                        let options = File::options().create(true).truncate(true).read(true).write(true).open(path);
-                        options.map_err(HeightsError::samples)?
-                    }
-                    Keep::Nameless(folder) => nameless(folder)?,
-                    Keep::Memory => unreachable!("it is not in memory"),
-                };
+        let file = match keep {
+            Keep::Memory => None,
+            Keep::Nameless(folder) => Some(nameless(folder)?),
+            Keep::Named(path) => {
+                let opened = File::options().create(true).truncate(true).read(true).write(true).open(path);
+                Some(opened.map_err(HeightsError::samples)?)
+            }
+        };
+        let (store, out) = match file {
+            None => (Store::Memory(Vec::with_capacity((columns * rows) as usize)), None),
+            Some(file) => {
                 let other = file.try_clone().map_err(HeightsError::samples)?;
                 let disk = Disk { file, unchecked: None };
                 (Store::File(Mutex::new(disk)), Some(BufWriter::with_capacity(1 << 20, other)))

@@ -78,9 +78,7 @@ impl SharedArcs {
     pub fn new(charted: &ChartedMesh) -> lodpack::Result<Self> {
         let tolerances: Vec<f64> = charted.scale.levels.iter().map(|level| level.arc_tolerance).collect();
         let mut sampled = sample_arcs(charted.mesh, charted.atlas, &tolerances);
-        if charted.areas.is_some() {
-            raise_ends_of_lines(charted, &mut sampled);
-        }
+        raise_ends_of_lines(charted, &mut sampled);
         let step = charted.scale.step();
         let corners = charted
             .atlas

@@ -8,7 +8,7 @@
 )]
 
 /// Half axis of the ellipsoid at the equator, metres, and its flattening.
-const A: f64 = 6_378_137.0;
+pub(super) const A: f64 = 6_378_137.0;
 const F: f64 = 1.0 / 298.257_223_563;
 /// Square of its eccentricity.
 const E2: f64 = F * (2.0 - F);

@@ -2,8 +2,7 @@
 //!
 //! Level z divides the globe into 2^(z+1) x 2^z squares of degrees. Cesium takes a tile of level 0 to be 77 km off, and half as much at each
 //! further level, and knows no other error. So each tile gets as many triangles as a quarter of that asks for, and one of the last level as many as
-//! the file's heights are worth, measured in space at 65 x 65
-//! samples that lie between those of the file, at the depth where these are as close. Vertices on the border of a tile depend on the samples there
+//! the file's heights are worth, measured in space at 65 x 65 samples that lie between those of the file, at the depth where these are as close. Vertices on the border of a tile depend on the samples there
 //! alone: neighbours of a level have the same ones. Where levels differ, Cesium draws skirts. Nothing has a hole: what has no data lies on the ellipsoid.
 
 use std::collections::HashMap;
@@ -17,6 +16,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
+use super::geodesy::A;
 use super::{TilesetError, write};
 use crate::heights::{Patch, triangulate_patch};
 use crate::progress::Progress;
@@ -24,7 +24,7 @@ use crate::progress::Progress;
 /// The file that leads to all tiles.
 pub const LAYER: &str = "layer.json";
 /// Metres that Cesium takes a tile of level 0 to be off: a quarter of the distance of 65 samples in each of two tiles around the equator.
-const LEVEL_ZERO_ERROR: f64 = 6_378_137.0 * std::f64::consts::TAU * 0.25 / (65.0 * 2.0);
+const LEVEL_ZERO_ERROR: f64 = A * std::f64::consts::TAU * 0.25 / (65.0 * 2.0);
 /// The share of that which a tile may be off. Cesium draws tiles that are two pixels off, so this is half a pixel.
 const TOLERANCE_SHARE: f64 = 0.25;
 /// Cells along the side of a tile.
@@ -37,7 +37,7 @@ const MARGIN_SIDE: usize = TILE_SIDE + 2;
 /// Positions within a tile are from 0 to this.
 const LAST: f64 = 32_767.0;
 /// The largest equatorial and the polar radius of WGS 84.
-const RADII: [f64; 3] = [6_378_137.0, 6_378_137.0, 6_356_752.314_245_179];
+const RADII: [f64; 3] = [A, A, 6_356_752.314_245_179];
 /// Cesium numbers tiles with 32 bits.
 const MAX_LEVEL: u32 = 28;
 /// A point so many radii away is never behind the horizon.

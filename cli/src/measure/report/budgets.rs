@@ -14,8 +14,6 @@ use lodpack::{Cut, Error, Query};
 use serde::Serialize;
 use std::sync::Arc;
 
-/// Resolutions a node.
-const RESOLUTIONS: [u8; 3] = [1, 2, 3];
 /// Views around the surface.
 const VIEWS: u32 = 8;
 /// How far the camera is from the middle, in diagonals of the box: near parts are some ten times as near as far ones.
@@ -56,35 +54,31 @@ pub fn measure_budgets(open: Open) -> Result<Vec<BudgetRow>, ReportError> {
     let file = open().map_err(ReportError::Open)?;
     let (Some(bounds), true) = (file.bounds(), file.index().has_tree()) else { return Ok(vec![]) };
     let tree = Tree::read(&file)?;
-    let hierarchies = RESOLUTIONS.map(|count| tree.hierarchy(count));
+    let hierarchy = |count| tree.hierarchy(count).map(Arc::new);
+    let hierarchies = [hierarchy(1)?, hierarchy(2)?, hierarchy(3)?];
     let views = views(bounds);
     let (all_nodes, all_triangles) = tree.finest();
     let (some_nodes, some_triangles) = (all_nodes.div_ceil(NODE_PART), all_triangles / TRIANGLE_PART);
+    // The error that is asked for is what that many triangles reach without a limit of nodes.
+    let reached = reached(&hierarchies[0], &views, some_triangles)?;
+    let as_fine_as_possible = vec![0.0; views.len()];
     let budgets = |all: u64| {
         let halves = (0..MOST_BUDGETS).map(move |k| all >> k).take_while(|&budget| budget > 0);
         halves.collect::<Vec<_>>().into_iter().rev()
     };
     let mut rows = vec![];
-    for (resolutions, hierarchy) in RESOLUTIONS.into_iter().zip(hierarchies) {
-        let hierarchy = Arc::new(hierarchy?);
-        let mut ask = |varied, max_nodes, max_triangles, pixels: &[f64]| {
-            rows.extend(answer(&hierarchy, &views, pixels, max_nodes, max_triangles)?.map(|means| BudgetRow {
-                resolutions,
-                varied,
-                max_nodes,
-                max_triangles,
-                ..means
-            }));
-            Ok::<_, ReportError>(())
+    for (resolutions, hierarchy) in (1..).zip(&hierarchies) {
+        let mut ask = |varied, max_nodes, max_triangles, pixels: &[f64]| -> Result<(), ReportError> {
+            let cuts = cuts(hierarchy, &views, pixels, max_nodes, max_triangles)?;
+            rows.extend(cuts.map(|cuts| BudgetRow::new(resolutions, varied, max_nodes, max_triangles, &cuts)));
+            Ok(())
         };
         for nodes in budgets(all_nodes) {
-            ask("nodes", nodes, Some(some_triangles), &[0.0; VIEWS as usize])?;
+            ask("nodes", nodes, Some(some_triangles), &as_fine_as_possible)?;
         }
         for triangles in budgets(all_triangles) {
-            ask("triangles", some_nodes, Some(triangles), &[0.0; VIEWS as usize])?;
+            ask("triangles", some_nodes, Some(triangles), &as_fine_as_possible)?;
         }
-        // The error that is asked for is what that many triangles reach without a limit of nodes.
-        let reached = reached(&tree.hierarchy(1)?, &views, some_triangles)?;
         for nodes in budgets(all_nodes) {
             ask("nodes_at_error", nodes, None, &reached)?;
         }
@@ -92,12 +86,34 @@ pub fn measure_budgets(open: Open) -> Result<Vec<BudgetRow>, ReportError> {
     Ok(rows)
 }
 
+impl BudgetRow {
+    /// The means of some cuts; each comes with the processor time that it took.
+    fn new(
+        resolutions: u8,
+        varied: &'static str,
+        max_nodes: u64,
+        max_triangles: Option<u64>,
+        cuts: &[(Cut, f64)],
+    ) -> Self {
+        let mean = |of: fn(&Cut) -> f64| cuts.iter().map(|(cut, _)| of(cut)).sum::<f64>() / cuts.len() as f64;
+        Self {
+            resolutions,
+            varied,
+            max_nodes,
+            max_triangles,
+            nodes: mean(|cut| cut.nodes.len() as f64),
+            triangles: mean(|cut| cut.triangle_count as f64),
+            pixel_error: mean(|cut| cut.pixel_error),
+            select_seconds: median(cuts.iter().map(|(_, seconds)| *seconds)),
+        }
+    }
+}
+
 /// Errors in pixels, view by view, of as good cuts as a number of triangles allows.
-fn reached(hierarchy: &Hierarchy, views: &[View], triangles: u64) -> Result<Vec<f64>, ReportError> {
-    let hierarchy = Arc::new(hierarchy.clone());
+fn reached(hierarchy: &Arc<Hierarchy>, views: &[View], triangles: u64) -> Result<Vec<f64>, ReportError> {
     let ask = |view: &View| {
         let view = View { pixel_tolerance: 0.0, ..*view };
-        match select_in(&hierarchy, &Query { view: Some(view), max_triangles: Some(triangles), ..Query::default() }) {
+        match select_in(hierarchy, &Query { view: Some(view), max_triangles: Some(triangles), ..Query::default() }) {
             Err(Error::Query { .. }) => Ok(f64::INFINITY),
             cut => Ok(cut?.pixel_error),
         }
@@ -105,14 +121,15 @@ fn reached(hierarchy: &Hierarchy, views: &[View], triangles: u64) -> Result<Vec<
     views.iter().map(ask).collect()
 }
 
-/// Means over the views; none if a view has no cut that keeps the budgets, or none within the error that was asked for.
-fn answer(
+/// The cut of each view, and the processor time that it took; none if a view has no cut that keeps the budgets, or none within the error that
+/// was asked for.
+fn cuts(
     hierarchy: &Arc<Hierarchy>,
     views: &[View],
     pixels: &[f64],
     max_nodes: u64,
     max_triangles: Option<u64>,
-) -> Result<Option<BudgetRow>, ReportError> {
+) -> Result<Option<Vec<(Cut, f64)>>, ReportError> {
     let mut cuts: Vec<(Cut, f64)> = vec![];
     for (view, &pixel_tolerance) in views.iter().zip(pixels) {
         let view = Some(View { pixel_tolerance, ..*view });
@@ -127,17 +144,7 @@ fn answer(
             return Ok(None);
         }
     }
-    let mean = |of: fn(&Cut) -> f64| cuts.iter().map(|(cut, _)| of(cut)).sum::<f64>() / cuts.len() as f64;
-    Ok(Some(BudgetRow {
-        resolutions: 0,
-        varied: "",
-        max_nodes,
-        max_triangles,
-        nodes: mean(|cut| cut.nodes.len() as f64),
-        triangles: mean(|cut| cut.triangle_count as f64),
-        pixel_error: mean(|cut| cut.pixel_error),
-        select_seconds: median(cuts.iter().map(|(_, seconds)| *seconds)),
-    }))
+    Ok(Some(cuts))
 }
 
 /// Cameras around the middle of a box, a little above it, that look at it.
