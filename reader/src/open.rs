@@ -42,14 +42,18 @@ impl OpenedIndex {
     }
 }
 
+/// The size of the first read: a first picture of heights, and what a server sends at once, in ten packets.
+const FIRST_READ_BYTES: u64 = 12 << 10;
+
 impl<S: ReadAt> Opened<S> {
-    /// Opens a file of either kind. The first request is for 8 KiB and tells the kind; a second one brings what else opening needs.
+    /// Opens a file of either kind. The first request is for 12 KiB and tells the kind; a second one brings what else opening needs.
+    /// Of heights the first one holds a first picture, too.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Format`] if the file is damaged or not whole, [`Error::Unsupported`] if it needs a newer reader,
     /// [`Error::Limit`].
     pub fn open(source: S, limits: Limits) -> Result<Self> {
-        let length = Opener::FIRST_READ.end;
+        let length = FIRST_READ_BYTES;
         let io = |source| Error::Io { offset: 0, length, source };
         let (head, size) = source.read_start(length as usize).map_err(io)?;
         let mut opener = Opener::new(limits);

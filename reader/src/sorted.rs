@@ -57,10 +57,6 @@ impl<K, V> SortedMap<K, V> {
         self.runs.iter().flatten().map(|(key, value)| (key, value))
     }
 
-    pub fn iter_mut(&mut self) -> impl DoubleEndedIterator<Item = (&K, &mut V)> {
-        self.runs.iter_mut().flatten().map(|(key, value)| (&*key, value))
-    }
-
     pub fn keys(&self) -> impl DoubleEndedIterator<Item = &K> + Clone {
         self.runs.iter().flatten().map(|(key, _)| key)
     }

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Builds meshes with lodpack and its peers in one run, and prints Markdown tables.
 
-usage: bench.py [--tables size,triangles,budgets,floors,verify,speed,decode] [--work DIR] [--no-peers] MESH...
+usage: bench.py [--tables size,triangles,budgets,raw,floors,verify,speed,decode] [--work DIR] [--no-peers] MESH...
 
 A MESH is a file, or part:N, sphere:N, pipes:N and so on for a generated one (part:48 is a CAD part with sharp creases). Needs the
 release binaries (cargo build --release --workspace), and tests/bench/requirements.txt in the Python that runs it.
@@ -175,6 +175,34 @@ def budgets(args):
     table("Triangle budgets", head, rows)
 
 
+def raw(args):
+    """Cuts of the default file as a viewer's budget makes them (`extract --raw`), at twenty budgets from the finest level's own number
+    down to a thousandth of it, beside meshoptimizer's simplifier, which has the whole input, at the number of triangles of the cut."""
+    rows = []
+    for mesh in args.meshes:
+        name, path = name_of(mesh), os.path.join(args.work, "raw.ply")
+        default, s = default_file(mesh, args.work)
+        whole, finest = arrays(welded(mesh)), s["levels"][-1]["triangles"]
+        ratios, before = [], None
+        for step in range(20):
+            wanted = int(finest * 10 ** (-3 * step / 19))
+            try:
+                lodpack("extract", default, "--raw", "--triangles", wanted, "-o", path, "--force", "--json")
+            except RuntimeError:
+                break  # fewer than the coarsest cut has
+            ours = Distance(mesh, path)
+            if ours.triangles == before:
+                continue
+            before = ours.triangles
+            write_ply(path, *meshopt(*whole, ours.triangles / len(whole[1])))
+            peer = Distance(mesh, path)
+            ratios.append(ours.rms / peer.rms)
+            rows.append([name, f"{wanted:,}", f"{ours.triangles:,}", f"{ours.rms:.4f}", f"{ours.max:.2f}", f"{peer.triangles:,}",
+                         f"{peer.rms:.4f}", f"{peer.max:.2f}", f"{ratios[-1]:.2f}"])
+        rows.append([name, f"all {len(ratios)}", "", "", "", "", "", "", f"mean {np.mean(ratios):.2f}, worst {max(ratios):.2f}"])
+    table("Raw cuts", ["mesh", "budget", "triangles", "RMS", "largest", "meshoptimizer: triangles", "RMS", "largest", "RMS over meshoptimizer"], rows)
+
+
 def floors(args):
     """The smallest surface that a default file ends in, beside a quadric simplifier at the same number of triangles."""
     rows = []
@@ -305,7 +333,7 @@ def main():
     os.makedirs(args.work, exist_ok=True)
     args.meshes = [given(mesh, args.work) for mesh in args.meshes]
     for name in args.tables.split(","):
-        {"speed": speed, "size": size, "triangles": triangles, "budgets": budgets, "floors": floors, "verify": verify, "decode": decode}[name](args)
+        {"speed": speed, "size": size, "triangles": triangles, "budgets": budgets, "raw": raw, "floors": floors, "verify": verify, "decode": decode}[name](args)
 
 
 if __name__ == "__main__":

@@ -45,27 +45,27 @@ impl Batch {
     }
 }
 
-/// Where the triangles of a root are.
-enum Triangles {
-    /// In the pool; nowhere if there are none.
-    Pooled(Option<Place>),
-    /// In buffers of their own. Where the border is pulled, they are the inner ones.
-    Own(Batch),
-}
-
 /// The data of a root on the GPU.
 struct Block {
-    root: u32,
     /// Of the root as it was last uploaded; 0 where something of it waits.
     stamp: u64,
     info: RootInfo,
     strips: Vec<Arc<Strip>>,
-    triangles: Triangles,
-    /// For pulling: the bound buffers, and the number of vertices of the border.
-    pulled: Option<(wgpu::BindGroup, u32)>,
+    /// Where its triangles lie in the pool; nowhere if there are none, or they are in buffers of their own.
+    place: Option<Place>,
+    own: Option<Box<Own>>,
     /// What it was made with.
     texture: Option<Arc<DrawnTexture>>,
     images: Option<Arc<TileImages>>,
+}
+
+/// What a root does not share with others. Most roots have nothing of it.
+#[derive(Default)]
+struct Own {
+    /// Its triangles. Where the border is pulled, they are the inner ones.
+    triangles: Option<Batch>,
+    /// For pulling: the bound buffers, and the number of vertices of the border.
+    pulled: Option<(wgpu::BindGroup, u32)>,
     /// Its image.
     texels: Option<Texels>,
     /// With an image: the piece of each stitched vertex; of a tile of heights the place.
@@ -73,10 +73,9 @@ struct Block {
 }
 
 impl Block {
-    /// Triangles alone.
-    fn new(root: u32, info: RootInfo, strips: Vec<Arc<Strip>>, triangles: Triangles) -> Self {
-        let (pulled, texture, images, texels, pieces) = (None, None, None, None, None);
-        Self { root, stamp: 0, info, strips, triangles, pulled, texture, images, texels, pieces }
+    /// Triangles in buffers of their own, or nothing.
+    fn new(info: RootInfo, strips: Vec<Arc<Strip>>, own: Option<Own>) -> Self {
+        Self { stamp: 0, info, strips, place: None, own: own.map(Box::new), texture: None, images: None }
     }
 
     /// Whether the triangles of a root would be uploaded as these.
@@ -85,11 +84,12 @@ impl Block {
         self.info[1] == u32::from(drawn.surface.level) && strips.all(|(a, b)| Arc::ptr_eq(a, b))
     }
 
-    fn place(&self) -> Option<&Place> {
-        match &self.triangles {
-            Triangles::Pooled(place) => place.as_ref(),
-            Triangles::Own(_) => None,
-        }
+    fn has_texels(&self) -> bool {
+        self.own.as_ref().is_some_and(|own| own.texels.is_some())
+    }
+
+    fn is_own(&self) -> bool {
+        self.own.as_ref().is_some_and(|own| own.triangles.is_some())
     }
 
     fn has_image_of(&self, drawn: &DrawnRoot) -> bool {
@@ -132,17 +132,30 @@ pub struct Renderer {
     /// What could not be drawn as wanted.
     problems: Vec<String>,
     pool: Pool,
-    /// By root.
-    blocks: Vec<Block>,
-    /// The stamp of the picture that these blocks show completely.
+    /// Each in a slot, where it stays: a frame looks only at those that change.
+    blocks: Vec<Option<Block>>,
+    /// Slots without blocks.
+    free: Vec<u32>,
+    /// The roots, ascending, with their slots. Roots are drawn in this order.
+    order: Vec<(u32, u32)>,
+    /// Roots whose images wait for later frames.
+    waiting: Vec<u32>,
+    /// The stamp of the picture that these blocks show.
     stamp: Option<u64>,
+    infos: Infos,
     made: Made,
+}
+
+/// What the shader knows of the root in each slot.
+struct Infos {
+    /// As on the device.
+    buffer: wgpu::Buffer,
+    changed: Vec<u32>,
 }
 
 /// What frames need of all roots, until one of them changes.
 #[derive(Default)]
 struct Made {
-    infos: OnceCell<wgpu::Buffer>,
     /// Roots in the pool: those that are drawn without images where others are drawn with theirs, and all.
     lists: [OnceCell<List>; 2],
     /// Whether all are there.
@@ -164,7 +177,11 @@ impl Renderer {
             problems: Vec::new(),
             pool: Pool::new(gpu),
             blocks: Vec::new(),
+            free: Vec::new(),
+            order: Vec::new(),
+            waiting: Vec::new(),
             stamp: None,
+            infos: Infos { buffer: gpu.buffer::<RootInfo>(&[], BufferUsages::STORAGE), changed: Vec::new() },
             made: Made::default(),
         }
     }
@@ -179,56 +196,104 @@ impl Renderer {
         // The shader does the ramp.
         let number = |shown: Option<Shown>| shown.map(|shown| shown.number);
         if number(self.shown) != number(shown) {
-            self.keep(Vec::new());
+            self.clear();
         }
         if self.shown != shown {
             // Means of images are shown in other colours.
             self.stamp = None;
-            self.blocks.iter_mut().for_each(|block| block.stamp = 0);
+            self.blocks.iter_mut().flatten().for_each(|block| block.stamp = 0);
         }
         self.shown = shown;
     }
 
-    /// Draws these blocks from now on, and gives back what those before had in the pool.
-    fn keep(&mut self, blocks: Vec<Block>) {
+    /// Draws nothing, and gives back what the blocks had in the pool.
+    fn clear(&mut self) {
+        let places = std::mem::take(&mut self.blocks).into_iter().flatten().filter_map(|block| block.place);
+        places.for_each(|place| self.pool.free(place));
         (self.stamp, self.made) = (None, Made::default());
-        for block in std::mem::replace(&mut self.blocks, blocks) {
-            self.drop_block(block);
-        }
+        self.free.clear();
+        self.order.clear();
+        self.waiting.clear();
     }
 
-    fn drop_block(&mut self, block: Block) {
-        if let Triangles::Pooled(Some(place)) = block.triangles {
-            self.pool.free(place);
-        }
+    /// The blocks in the order in which they are drawn, with their slots.
+    fn drawn(&self) -> impl Iterator<Item = (u32, &Block)> {
+        self.order.iter().filter_map(|&(_, slot)| Some((slot, self.blocks[slot as usize].as_ref()?)))
     }
 
-    /// Draws these surfaces from now on. Uploads only what is new.
+    /// Draws these surfaces from now on. Looks only at what has changed, and uploads only what is new.
     pub fn update(&mut self, surfaces: &Surfaces) {
-        if self.stamp == Some(surfaces.stamp()) {
+        if self.stamp == Some(surfaces.stamp()) && self.waiting.is_empty() {
             return;
         }
         self.made = Made::default();
-        let (mut images_left, mut is_whole) = (self.images_per_frame, true);
-        // Both lists are sorted, so one walk finds what is there already.
-        let mut before = std::mem::take(&mut self.blocks).into_iter().peekable();
-        let mut blocks = Vec::with_capacity(surfaces.roots().len());
-        for drawn in surfaces.roots() {
-            let root = drawn.surface.root;
-            while let Some(gone) = before.next_if(|block| block.root < root) {
-                self.drop_block(gone);
+        let mut changed = std::mem::take(&mut self.waiting);
+        match self.stamp.and_then(|stamp| surfaces.changed_since(stamp)) {
+            Some(roots) => changed.extend(roots),
+            None => {
+                changed.extend(self.order.iter().map(|(root, _)| root));
+                changed.extend(surfaces.roots().map(|drawn| drawn.surface.root));
             }
-            let known = before.next_if(|block| block.root == root);
+        }
+        changed.sort_unstable();
+        changed.dedup();
+        let mut images_left = self.images_per_frame;
+        let mut before = std::mem::take(&mut self.order).into_iter().peekable();
+        let mut order = Vec::with_capacity(surfaces.roots().len());
+        for root in changed {
+            order.extend(std::iter::from_fn(|| before.next_if(|(other, _)| *other < root)));
+            let slot = before.next_if(|(other, _)| *other == root).map(|(_, slot)| slot);
+            let known = slot.and_then(|slot| self.blocks[slot as usize].take());
+            let Some(drawn) = surfaces.root(root) else {
+                self.pool.give_back(known.and_then(|block| block.place));
+                self.free.extend(slot);
+                continue;
+            };
             let block = match known {
                 Some(same) if same.stamp == drawn.stamp() => same,
                 known => self.updated(drawn, known, &mut images_left),
             };
-            is_whole &= block.stamp != 0;
-            blocks.push(block);
+            self.waiting.extend((block.stamp == 0).then_some(root));
+            let slot = slot.unwrap_or_else(|| self.free_slot());
+            self.set(slot, block);
+            order.push((root, slot));
         }
-        before.for_each(|gone| self.drop_block(gone));
-        self.stamp = is_whole.then(|| surfaces.stamp());
-        self.blocks = blocks;
+        order.extend(before);
+        self.order = order;
+        self.stamp = Some(surfaces.stamp());
+        self.upload_infos();
+    }
+
+    fn free_slot(&mut self) -> u32 {
+        self.free.pop().unwrap_or_else(|| {
+            self.blocks.push(None);
+            self.blocks.len() as u32 - 1
+        })
+    }
+
+    fn set(&mut self, slot: u32, block: Block) {
+        self.blocks[slot as usize] = Some(block);
+        self.infos.changed.push(slot);
+    }
+
+    /// Gives the device what the shader has to know of roots that have changed.
+    fn upload_infos(&mut self) {
+        let bytes = |count: usize| (count * size_of::<RootInfo>()) as u64;
+        let info = |block: &Option<Block>| block.as_ref().map(|block| block.info).unwrap_or_default();
+        let mut changed = std::mem::take(&mut self.infos.changed);
+        let mut range = match (changed.iter().min(), changed.iter().max()) {
+            (Some(&first), Some(&last)) => first as usize..last as usize + 1,
+            _ => return,
+        };
+        if bytes(self.blocks.len()) > self.infos.buffer.size() {
+            let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+            self.infos.buffer = self.gpu.empty_buffer(2 * bytes(self.blocks.len()), usage);
+            range = 0..self.blocks.len();
+        }
+        let infos: Vec<RootInfo> = self.blocks[range.clone()].iter().map(info).collect();
+        self.gpu.queue.write_buffer(&self.infos.buffer, bytes(range.start), bytemuck::cast_slice(&infos));
+        changed.clear();
+        self.infos.changed = changed;
     }
 
     /// A root's data, of which perhaps some are there.
@@ -250,10 +315,9 @@ impl Renderer {
             Some(before) if before.has_triangles_of(drawn) && (has_image || waits) => {
                 return Block { info, stamp, ..before };
             }
-            Some(mut before) => {
-                let texels = before.texels.take().filter(|_| has_image);
-                self.drop_block(before);
-                texels
+            Some(before) => {
+                self.pool.give_back(before.place);
+                before.own.and_then(|own| own.texels).filter(|_| has_image)
             }
             None => None,
         };
@@ -279,27 +343,24 @@ impl Renderer {
     fn block(&mut self, info: RootInfo, drawn: &DrawnRoot, texels: Option<Texels>) -> Block {
         let gpu = Arc::clone(&self.gpu);
         let (surface, strips) = (&drawn.surface, drawn.strips.clone());
-        let root = surface.root;
         if drawn.images().is_some() {
             let (positions, triangles) = drawn.joined();
             let places: Vec<[f32; 2]> = drawn.places().collect();
             let pieces = Some(gpu.buffer(&places, BufferUsages::VERTEX));
-            let triangles = Triangles::Own(Batch::new(&gpu, &positions, &triangles));
-            return Block { texels, pieces, ..Block::new(root, info, strips, triangles) };
+            let triangles = Some(Batch::new(&gpu, &positions, &triangles));
+            return Block::new(info, strips, Some(Own { triangles, texels, pieces, pulled: None }));
         }
         if self.way == Way::Stitched {
-            let (triangles, pieces) = match texels.as_ref().and_then(|_| drawn.by_piece()) {
-                Some(ByPiece { positions, triangles, pieces }) => {
-                    let pieces = gpu.buffer(&pieces, BufferUsages::VERTEX);
-                    (Triangles::Own(Batch::new(&gpu, &positions, &triangles)), Some(pieces))
-                }
-                None => {
-                    let (positions, triangles) = drawn.joined();
-                    let vertices: Vec<Pair> = positions.into_iter().map(pair).collect();
-                    (Triangles::Pooled(self.pool.place(&vertices, &triangles)), None)
-                }
-            };
-            return Block { texels, pieces, ..Block::new(root, info, strips, triangles) };
+            if let Some(ByPiece { positions, triangles, pieces }) = texels.as_ref().and_then(|_| drawn.by_piece()) {
+                let pieces = Some(gpu.buffer(&pieces, BufferUsages::VERTEX));
+                let triangles = Some(Batch::new(&gpu, &positions, &triangles));
+                return Block::new(info, strips, Some(Own { triangles, texels, pieces, pulled: None }));
+            }
+            let (positions, triangles) = drawn.joined();
+            let vertices: Vec<Pair> = positions.into_iter().map(pair).collect();
+            let place = self.pool.place(&vertices, &triangles);
+            let own = texels.map(|texels| Own { texels: Some(texels), ..Own::default() });
+            return Block { place, ..Block::new(info, strips, own) };
         }
         let records = border_records(surface);
         let batch = Batch::new(&gpu, &surface.positions, &surface.triangles);
@@ -308,8 +369,7 @@ impl Renderer {
         let [records, table] = [records, table].map(|words| gpu.buffer(&words, BufferUsages::STORAGE));
         let group = gpu.bind(&gpu.pipelines.block_layout, &[&batch.vertices, &batch.indices, &records, &table]);
         let pulled = Some((group, border_count));
-        let triangles = Triangles::Own(batch);
-        Block { pulled, texels, ..Block::new(root, info, strips, triangles) }
+        Block::new(info, strips, Some(Own { triangles: Some(batch), pulled, texels, pieces: None }))
     }
 
     fn planted(&self, drawn: &DrawnRoot) -> DrawnRoot {
@@ -324,8 +384,12 @@ impl Renderer {
 
     /// Draws a mesh instead, as root 0 of level 0.
     pub fn set_mesh(&mut self, positions: &[[f64; 3]], triangles: &[[u32; 3]]) {
-        let triangles = Triangles::Own(Batch::new(&self.gpu, positions, triangles));
-        self.keep(vec![Block::new(MESH, RootInfo::default(), Vec::new(), triangles)]);
+        self.clear();
+        let triangles = Some(Batch::new(&self.gpu, positions, triangles));
+        let slot = self.free_slot();
+        self.set(slot, Block::new(RootInfo::default(), Vec::new(), Some(Own { triangles, ..Own::default() })));
+        self.order.push((MESH, slot));
+        self.upload_infos();
     }
 
     /// The shader's settings for one pass.
@@ -353,11 +417,7 @@ impl Renderer {
             }),
         ];
         let globals = self.gpu.buffer(&globals, BufferUsages::UNIFORM);
-        let infos = self.made.infos.get_or_init(|| {
-            let infos: Vec<RootInfo> = self.blocks.iter().map(|block| block.info).collect();
-            self.gpu.buffer(&infos, BufferUsages::STORAGE)
-        });
-        self.gpu.bind(&self.gpu.pipelines.globals_layout, &[&globals, infos])
+        self.gpu.bind(&self.gpu.pipelines.globals_layout, &[&globals, &self.infos.buffer])
     }
 
     pub fn draw(&self, targets: &Targets, view: &View) {
@@ -399,9 +459,7 @@ impl Renderer {
         let pipelines = &self.gpu.pipelines;
         // Where colours mean something else, images are not seen.
         let draws_images = !counts && !self.overlays.iter().any(|overlay| COLOURINGS.contains(overlay));
-        let blocks = || (0..).zip(&self.blocks);
-        let is_own = |block: &Block| matches!(block.triangles, Triangles::Own(_));
-        let is_pooled = *self.made.is_pooled.get_or_init(|| !self.blocks.iter().any(is_own));
+        let is_pooled = *self.made.is_pooled.get_or_init(|| !self.drawn().any(|(_, block)| block.is_own()));
         // The programs for images belong to passes that draw images.
         let kinds = if draws_images { &[false, true][..] } else { &[false] };
         for &is_textured in kinds {
@@ -409,18 +467,19 @@ impl Renderer {
                 false => &pipelines.programs[number][usize::from(counts)],
                 true => &pipelines.textured[number],
             };
-            let own = || blocks().filter(move |(_, block)| is_textured == (draws_images && block.texels.is_some()));
+            let of_kind = || self.drawn().filter(move |(_, block)| is_textured == (draws_images && block.has_texels()));
+            let own = || of_kind().filter_map(|(slot, block)| Some((slot, block.own.as_ref()?, &block.images)));
             pass.set_pipeline(program(0));
             if !is_textured {
-                let list = || self.pool.list(own().filter_map(|(slot, block)| Some((slot, block.place()?))));
+                let list = || self.pool.list(of_kind().filter_map(|(slot, block)| Some((slot, block.place.as_ref()?))));
                 self.pool.draw(pass, self.made.lists[usize::from(!draws_images)].get_or_init(list));
             }
             if is_pooled {
                 continue;
             }
             let mut is_for_tiles = false;
-            for (slot, block) in own().filter(|(_, block)| block.pulled.is_none()) {
-                let Block { triangles: Triangles::Own(batch), texels, pieces, images, .. } = block else { continue };
+            for (slot, own, images) in own().filter(|(_, own, _)| own.pulled.is_none()) {
+                let Own { triangles: Some(batch), texels, pieces, .. } = &**own else { continue };
                 // All roots of a picture are tiles of heights, or none is.
                 if is_textured && images.is_some() && !std::mem::replace(&mut is_for_tiles, true) {
                     pass.set_pipeline(&pipelines.tile);
@@ -435,10 +494,8 @@ impl Renderer {
             }
             for (number, is_border) in [(1, false), (2, true)] {
                 pass.set_pipeline(program(number));
-                for (slot, block) in own() {
-                    let Block { triangles: Triangles::Own(batch), pulled: Some((group, border_count)), texels, .. } =
-                        block
-                    else {
+                for (slot, own, _) in own() {
+                    let Own { triangles: Some(batch), pulled: Some((group, border_count)), texels, .. } = &**own else {
                         continue;
                     };
                     pass.set_bind_group(1, group, &[]);

@@ -17,6 +17,12 @@ pub(crate) const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 /// The counter for the check for cracks.
 pub(crate) const STENCIL: TextureFormat = TextureFormat::Stencil8;
 
+/// What gives out devices. Lists of draws are not checked on the device: the pool writes them, and knows where its roots lie.
+pub(crate) fn instance(mut descriptor: wgpu::InstanceDescriptor) -> wgpu::Instance {
+    descriptor.flags.remove(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
+    wgpu::Instance::new(descriptor)
+}
+
 /// A device for drawing.
 pub struct Gpu {
     pub(crate) adapter: wgpu::Adapter,
@@ -31,7 +37,7 @@ pub struct Gpu {
 impl Gpu {
     /// A device without a window; an error if there is no adapter.
     pub fn headless() -> Result<Self> {
-        Self::new(&wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env()), None)
+        Self::new(&instance(wgpu::InstanceDescriptor::new_without_display_handle_from_env()), None)
     }
 
     /// A device that can draw into a window surface.

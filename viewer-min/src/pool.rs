@@ -98,6 +98,13 @@ impl Pool {
         Some(Place { buffer, vertices, indices })
     }
 
+    /// Gives room back, if there is any.
+    pub fn give_back(&mut self, place: Option<Place>) {
+        if let Some(place) = place {
+            self.free(place);
+        }
+    }
+
     /// Gives room back. A buffer in which nothing is left is dropped.
     pub fn free(&mut self, place: Place) {
         let slot = &mut self.buffers[place.buffer];

@@ -10,7 +10,7 @@ use winit::{event_loop::ActiveEventLoop, window::Window};
 use crate::{
     args::Way,
     draw::Renderer,
-    gpu::{COLOUR, Gpu, Targets},
+    gpu::{self, COLOUR, Gpu, Targets},
 };
 
 /// Everything that is lost with the device.
@@ -36,7 +36,7 @@ fn renderer(gpu: &Arc<Gpu>, way: Way) -> Renderer {
 impl Present {
     pub fn new(event_loop: &ActiveEventLoop, window: &Arc<Window>, way: Way) -> Result<Self> {
         let handle = Box::new(event_loop.owned_display_handle());
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_with_display_handle_from_env(handle));
+        let instance = gpu::instance(wgpu::InstanceDescriptor::new_with_display_handle_from_env(handle));
         let surface = instance.create_surface(window.clone()).context("the window cannot be drawn into")?;
         let gpu = Arc::new(Gpu::new(&instance, Some(&surface))?);
         let size: [u32; 2] = window.inner_size().into();

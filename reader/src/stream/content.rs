@@ -81,11 +81,6 @@ impl FileContent {
         &self.coarsest
     }
 
-    /// Whether any root has children.
-    pub fn has_tree(&self) -> bool {
-        self.index.top_count() < self.index.root_count()
-    }
-
     /// The root that a root is a child of.
     pub fn parent(&self, root: u32) -> Option<u32> {
         self.index.parent(root).ok().flatten()

@@ -26,6 +26,8 @@ pub struct DrawnSurface {
     pub root: u32,
     /// The level of its block.
     pub level: u8,
+    /// A box around it, world coordinates.
+    pub bounds: [[f64; 3]; 2],
     /// World positions: the border, loop after loop, then the inside.
     pub positions: Vec<[f64; 3]>,
     /// Of a tile of heights the place of each vertex in its images: index column and index row. Empty for other roots.
@@ -132,6 +134,7 @@ impl DrawnSurface {
         let mut surface = Self {
             root,
             level,
+            bounds: entry.bounds.map(|point| lattice.world(point)),
             positions: points.map(|point| lattice.world(point)).collect(),
             places: Vec::new(),
             triangles: Vec::new(),
@@ -165,9 +168,15 @@ impl DrawnSurface {
     ) -> Self {
         let (origins, sides, sides_by_arc, raised_corners, border) = Default::default();
         let border_deviation = 0.0;
+        let ends = |axis: usize| {
+            let along = positions.iter().map(|position| position[axis]);
+            along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+        };
+        let ends = [0, 1, 2].map(ends);
         Self {
             root,
             level,
+            bounds: [0, 1].map(|end| ends.map(|axis| axis[end])),
             positions,
             places,
             triangles,

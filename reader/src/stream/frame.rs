@@ -132,11 +132,59 @@ struct Slot {
     settled: Option<Unit>,
     /// Of the root itself, or of one above it, which takes the place of everything below it.
     surface: Option<Arc<DrawnSurface>>,
+    shown: Option<Shown>,
 }
 
 impl Slot {
     fn new(node: Node) -> Self {
-        Self { node, settled: None, surface: None }
+        Self { node, settled: None, surface: None, shown: None }
+    }
+}
+
+/// Which surface is drawn, without a look at it: 10,000 surfaces lie all over the memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Shown {
+    root: u32,
+    level: u8,
+    address: usize,
+}
+
+impl Shown {
+    fn of(surface: &Arc<DrawnSurface>) -> Self {
+        Self { root: surface.root, level: surface.level, address: Arc::as_ptr(surface).addr() }
+    }
+
+    fn node(self) -> (u32, u8) {
+        (self.root, self.level)
+    }
+}
+
+/// What is drawn otherwise than before.
+#[derive(Debug, Default)]
+pub(crate) struct Difference {
+    /// Roots that are no longer drawn.
+    pub removed: Vec<u32>,
+    /// Surfaces of roots that are new, are drawn at another level, or have been decoded again.
+    pub surfaces: Vec<Arc<DrawnSurface>>,
+}
+
+impl Difference {
+    /// Between two lists by root. Makes the first one the second.
+    fn take<'s>(before: &mut Vec<Shown>, now: impl Iterator<Item = (Shown, &'s Arc<DrawnSurface>)>) -> Self {
+        let (mut difference, mut after) = (Self::default(), Vec::with_capacity(before.len()));
+        let mut drawn = before.iter().peekable();
+        for (shown, surface) in now {
+            while let Some(gone) = drawn.next_if(|other| other.root < shown.root) {
+                difference.removed.push(gone.root);
+            }
+            if drawn.next_if(|other| other.root == shown.root) != Some(&shown) {
+                difference.surfaces.push(Arc::clone(surface));
+            }
+            after.push(shown);
+        }
+        difference.removed.extend(drawn.map(|gone| gone.root));
+        *before = after;
+        difference
     }
 }
 
@@ -150,6 +198,8 @@ impl Slot {
 pub(crate) struct WantedCut {
     /// Sorted by root.
     slots: Vec<Slot>,
+    /// Empty: room for the slots of the next frame.
+    spare: Vec<Slot>,
     /// Places of the slots that are not settled, ascending.
     open: Vec<usize>,
     /// Roots below those of open slots that stay instead.
@@ -158,6 +208,8 @@ pub(crate) struct WantedCut {
     holds: SortedMap<Unit, u32>,
     /// Whether surfaces came or went since they were last asked for.
     is_changed: bool,
+    /// What was drawn then, by root.
+    shown: Vec<Shown>,
     /// Whether blocks that had been given up may be had again.
     is_stale: bool,
 }
@@ -174,27 +226,28 @@ impl WantedCut {
         if !is_stale && self.is(wanted) {
             return;
         }
-        let mut before = std::mem::take(&mut self.slots).into_iter().peekable();
-        let mut slots = Vec::with_capacity(wanted.len());
+        let mut before = std::mem::take(&mut self.slots);
+        let mut slots = std::mem::take(&mut self.spare);
+        let mut before_here = before.drain(..).peekable();
         let mut released = Vec::new();
         let mut has_gone = false;
         for &node in wanted {
-            while let Some(slot) = before.next_if(|slot| slot.node.root < node.root) {
+            while let Some(slot) = before_here.next_if(|slot| slot.node.root < node.root) {
                 released.extend(slot.settled);
                 has_gone = true;
             }
-            let mut slot = before.next_if(|slot| slot.node.root == node.root).unwrap_or_else(|| Slot::new(node));
+            let mut slot = before_here.next_if(|slot| slot.node.root == node.root).unwrap_or_else(|| Slot::new(node));
             if is_stale || slot.node != node {
                 slot.node = node;
                 released.extend(slot.settled.take());
             }
             slots.push(slot);
         }
-        for slot in before {
+        for slot in before_here {
             released.extend(slot.settled);
             has_gone = true;
         }
-        self.slots = slots;
+        (self.slots, self.spare) = (slots, before);
         self.is_changed |= has_gone;
         let numbered = self.slots.iter().enumerate();
         self.open = numbered.filter(|(_, slot)| slot.settled.is_none()).map(|(at, _)| at).collect();
@@ -272,9 +325,9 @@ impl WantedCut {
             let place = surfaces.binary_search_by_key(&root, |surface| surface.root).ok()?;
             surfaces.get(place).cloned()
         });
-        let node = |surface: &Arc<DrawnSurface>| (surface.root, surface.level);
-        self.is_changed |= slot.surface.as_ref().map(node) != surface.as_ref().map(node);
-        slot.surface = surface;
+        let shown = surface.as_ref().map(Shown::of);
+        self.is_changed |= slot.shown.map(Shown::node) != shown.map(Shown::node);
+        (slot.surface, slot.shown) = (surface, shown);
         slot.settled = target.filter(|_| drawn == target && slot.surface.is_some()).map(|block| block.unit);
         let is_fine = slot.surface.is_some() || stays || target.is_none();
         match slot.settled {
@@ -295,22 +348,29 @@ impl WantedCut {
         self.open.len()
     }
 
-    /// All surfaces to draw, by root, where any came or went since the last call.
-    pub fn take_changed(&mut self, content: &FileContent) -> Option<Vec<Arc<DrawnSurface>>> {
+    /// What has changed since the last call.
+    pub fn take_changed(&mut self, content: &FileContent) -> Option<Difference> {
         if !std::mem::take(&mut self.is_changed) {
             return None;
         }
+        let is_own = |slot: &Slot| slot.shown.is_none_or(|shown| shown.root == slot.node.root);
+        if self.staying.is_empty() && self.slots.iter().all(is_own) {
+            let now = self.slots.iter().filter_map(|slot| Some((slot.shown?, slot.surface.as_ref()?)));
+            return Some(Difference::take(&mut self.shown, now));
+        }
+        let surfaces = self.surfaces(content);
+        let now = surfaces.iter().map(|surface| (Shown::of(surface), surface));
+        Some(Difference::take(&mut self.shown, now))
+    }
+
+    /// All surfaces to draw, by root, where some are drawn in place of others.
+    fn surfaces(&self, content: &FileContent) -> Vec<Arc<DrawnSurface>> {
         // Roots that are drawn in place of what is wanted below them.
         let mut above: HashMap<u32, &Arc<DrawnSurface>> = HashMap::new();
         let surfaces = || self.slots.iter().filter_map(|slot| Some((slot.node.root, slot.surface.as_ref()?)));
-        if content.has_tree() {
-            for (_, surface) in surfaces().filter(|(root, surface)| surface.root != *root) {
-                let finest = above.entry(surface.root).or_insert(surface);
-                *finest = if surface.level > finest.level { surface } else { finest };
-            }
-        }
-        if above.is_empty() && self.staying.is_empty() {
-            return Some(surfaces().map(|(_, surface)| surface.clone()).collect());
+        for (_, surface) in surfaces().filter(|(root, surface)| surface.root != *root) {
+            let finest = above.entry(surface.root).or_insert(surface);
+            *finest = if surface.level > finest.level { surface } else { finest };
         }
         // Roots that are drawn in place of others, or below such: roots with an ancestor in common share most of the way up.
         let mut hides: HashMap<u32, bool> = above.keys().map(|&root| (root, true)).collect();
@@ -328,7 +388,7 @@ impl WantedCut {
         let all = own.chain(&self.staying).chain(above.values().copied());
         let all: Vec<Arc<DrawnSurface>> = all.filter(|surface| is_drawn(surface)).cloned().collect();
         let order = in_order(all.iter().map(|surface| surface.root));
-        Some(order.into_iter().map(|at| Arc::clone(&all[at as usize])).collect())
+        order.into_iter().map(|at| Arc::clone(&all[at as usize])).collect()
     }
 
     /// Asks for what the predicted cut will need.

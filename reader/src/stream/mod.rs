@@ -52,6 +52,7 @@ mod drawn_surface;
 mod follower;
 mod frame;
 mod heights;
+mod history;
 mod index_reads;
 mod job;
 mod loader;

@@ -10,13 +10,16 @@ use std::{
 
 use super::{
     drawn_surface::{Beside, DrawnSurface, Strip},
+    frame::Difference,
     heights::TileImages,
+    history::History,
     texel_content::DrawnTexture,
     users::Users,
 };
 use crate::{
     decode::{BorderKey, Mesh},
-    select::Node,
+    error::Result,
+    select::{Node, Projection, View},
     sorted::{SortedMap, SortedSet},
 };
 
@@ -33,13 +36,20 @@ pub struct DrawnRoot {
     images: Option<Arc<TileImages>>,
     /// For each half-arc how it is drawn.
     sides: Vec<DrawnSide>,
+    error: f64,
     stamp: u64,
 }
 
-/// A number that no other state of a root or picture has had, in any picture of this process.
-fn new_stamp() -> u64 {
+/// A number that no other state of a root or picture has had, in any picture of this process. They ascend.
+pub(super) fn new_stamp() -> u64 {
     static COUNT: AtomicU64 = AtomicU64::new(1);
     COUNT.fetch_add(1, Ordering::Relaxed)
+}
+
+/// The error of a root that is drawn with these strips.
+fn error_of(surface: &DrawnSurface, strips: &[Arc<Strip>]) -> f64 {
+    let is_beside_finer = strips.iter().any(|strip| !strip.positions.is_empty());
+    surface.error + if is_beside_finer { surface.border_deviation } else { 0.0 }
 }
 
 /// How a half-arc is drawn. With its levels, what a strip takes from the roots beside it is known.
@@ -71,8 +81,24 @@ impl<'s> Beside<'s> for Around<'s> {
 impl DrawnRoot {
     /// A tile of heights, whose border is one strip.
     pub(crate) fn of_tile(surface: Arc<DrawnSurface>, strip: Strip, images: Arc<TileImages>) -> Self {
-        let (strips, images) = (vec![Arc::new(strip)], Some(images));
-        Self { surface, strips, texture: None, images, sides: Vec::new(), stamp: new_stamp() }
+        Self { images: Some(images), ..Self::of(surface, vec![Arc::new(strip)]) }
+    }
+
+    fn of(surface: Arc<DrawnSurface>, strips: Vec<Arc<Strip>>) -> Self {
+        let error = error_of(&surface, &strips);
+        Self { surface, strips, texture: None, images: None, sides: Vec::new(), error, stamp: new_stamp() }
+    }
+
+    /// Gives it another border.
+    fn set_strips(&mut self, strips: Vec<Arc<Strip>>, sides: Vec<DrawnSide>, counts: &mut Counts) {
+        let before = self.counts();
+        self.error = error_of(&self.surface, &strips);
+        (self.strips, self.sides, self.stamp) = (strips, sides, new_stamp());
+        counts.replace(Some(before), Some(self.counts()));
+    }
+
+    fn counts(&self) -> Counts {
+        Counts { triangles: self.triangle_count() as u64, strips: self.strips.len() as u64 }
     }
 
     /// A number that another state of this root does not have: where it is the same as in an earlier frame, nothing of the root has changed.
@@ -83,8 +109,7 @@ impl DrawnRoot {
     /// Bound of the two-sided distance between the drawn root and the input, world units: the block's error and, where a neighbour is
     /// finer, its border deviation.
     pub fn error(&self) -> f64 {
-        let is_beside_finer = self.strips.iter().any(|strip| !strip.positions.is_empty());
-        self.surface.error + if is_beside_finer { self.surface.border_deviation } else { 0.0 }
+        self.error
     }
 
     /// Its images, once they are there: of the channels that the session shows.
@@ -150,8 +175,24 @@ pub struct Changes {
 pub struct Picture {
     roots: SortedMap<u32, DrawnRoot>,
     users: Users,
-    triangle_count: u64,
-    stamp: u64,
+    counts: Counts,
+    history: History,
+}
+
+/// Of a picture or a root.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    triangles: u64,
+    strips: u64,
+}
+
+impl Counts {
+    /// Counts a root as it is now instead of as it was before.
+    fn replace(&mut self, before: Option<Self>, after: Option<Self>) {
+        let [before, after] = [before, after].map(Option::unwrap_or_default);
+        self.triangles = self.triangles + after.triangles - before.triangles;
+        self.strips = self.strips + after.strips - before.strips;
+    }
 }
 
 impl Picture {
@@ -168,7 +209,23 @@ impl Picture {
     /// A number that another state of the picture does not have: where it is the same as in an earlier frame, no root has changed, come or
     /// gone.
     pub fn stamp(&self) -> u64 {
-        self.stamp
+        self.history.stamp()
+    }
+
+    /// The roots that have changed, come or gone since the picture had a stamp, some of them more than once. None where that is not known, because
+    /// the picture never had that stamp, or thousands of changes ago.
+    pub fn changed_since(&self, stamp: u64) -> Option<impl Iterator<Item = u32> + '_> {
+        self.history.since(stamp)
+    }
+
+    /// The largest error on the screen in a view, pixels.
+    ///
+    /// # Errors
+    /// [`crate::Error::Query`] if something in the view is not finite or makes no sense.
+    pub fn error_px(&self, view: &View) -> Result<f64> {
+        let projection = Projection::new(view)?;
+        let error = |drawn: &DrawnRoot| projection.look(drawn.surface.bounds).factor * drawn.error;
+        Ok(self.roots().map(error).fold(0.0, f64::max))
     }
 
     /// The cut that is drawn.
@@ -178,12 +235,12 @@ impl Picture {
 
     /// The number of triangles.
     pub fn triangle_count(&self) -> u64 {
-        self.triangle_count
+        self.counts.triangles
     }
 
     /// The number of strips.
     pub(crate) fn strip_count(&self) -> u64 {
-        self.roots().map(|drawn| drawn.strips.len() as u64).sum()
+        self.counts.strips
     }
 
     /// All triangles as one mesh, with shared vertices once: for saving a picture, and for checks.
@@ -219,89 +276,82 @@ impl Picture {
     /// Gives a root images, or those of another block that stand for them.
     pub(crate) fn set_texture(&mut self, root: u32, texture: Option<Arc<DrawnTexture>>) {
         if let Some(drawn) = self.roots.get_mut(&root) {
-            drawn.texture = texture;
-            (drawn.stamp, self.stamp) = (new_stamp(), new_stamp());
+            (drawn.texture, drawn.stamp) = (texture, new_stamp());
+            self.history.note([root]);
         }
     }
 
     /// Gives a tile of heights other images.
     pub(crate) fn set_images(&mut self, root: u32, images: Arc<TileImages>) {
         if let Some(drawn) = self.roots.get_mut(&root) {
-            drawn.images = Some(images);
-            (drawn.stamp, self.stamp) = (new_stamp(), new_stamp());
+            (drawn.images, drawn.stamp) = (Some(images), new_stamp());
+            self.history.note([root]);
         }
     }
 
     /// Draws a root whose neighbours somebody else looks after.
     pub(crate) fn show(&mut self, drawn: DrawnRoot) {
-        self.stamp = new_stamp();
-        self.triangle_count += drawn.triangle_count() as u64;
-        let before = self.roots.insert(drawn.surface.root, drawn);
-        self.triangle_count -= before.map_or(0, |before| before.triangle_count() as u64);
+        self.history.note([drawn.surface.root]);
+        self.put(drawn);
+    }
+
+    /// Returns whether the root is new.
+    fn put(&mut self, drawn: DrawnRoot) -> bool {
+        let after = drawn.counts();
+        let before = self.roots.insert(drawn.surface.root, drawn).map(|before| before.counts());
+        self.counts.replace(before, Some(after));
+        before.is_none()
+    }
+
+    fn take(&mut self, root: u32) -> Option<DrawnRoot> {
+        let drawn = self.roots.remove(&root)?;
+        self.counts.replace(Some(drawn.counts()), None);
+        Some(drawn)
     }
 
     /// Draws such a root no longer.
     pub(crate) fn hide(&mut self, root: u32) {
-        self.stamp = new_stamp();
-        self.triangle_count -= self.roots.remove(&root).map_or(0, |before| before.triangle_count() as u64);
+        self.history.note([root]);
+        self.take(root);
     }
 
     /// Gives such a root another border.
     pub(crate) fn set_strip(&mut self, root: u32, strip: Strip) {
         if let Some(drawn) = self.roots.get_mut(&root) {
-            self.triangle_count -= drawn.triangle_count() as u64;
-            drawn.strips = vec![Arc::new(strip)];
-            (drawn.stamp, self.stamp) = (new_stamp(), new_stamp());
-            self.triangle_count += drawn.triangle_count() as u64;
+            self.history.note([root]);
+            drawn.set_strips(vec![Arc::new(strip)], Vec::new(), &mut self.counts);
         }
     }
 
-    /// Draws these surfaces, sorted by root.
-    pub(crate) fn update(&mut self, surfaces: Vec<Arc<DrawnSurface>>) -> Changes {
-        let mut changes = Changes::default();
-        // Both lists are sorted, so one walk finds removed and new roots.
+    /// Draws what is drawn otherwise. What stays as it is takes no time.
+    pub(crate) fn update(&mut self, Difference { removed, surfaces }: Difference) -> Changes {
+        let mut changes = Changes { removed, ..Changes::default() };
         let mut new = Vec::new();
-        let mut drawn = self.roots.iter_mut().peekable();
         for surface in surfaces {
-            while let Some((&root, _)) = drawn.next_if(|(root, _)| **root < surface.root) {
-                changes.removed.push(root);
-            }
-            match drawn.next_if(|(root, _)| **root == surface.root) {
+            match self.roots.get_mut(&surface.root) {
                 // It was decoded again, with the same result.
-                Some((_, drawn)) if drawn.surface.level == surface.level => drawn.surface = surface,
+                Some(drawn) if drawn.surface.level == surface.level => drawn.surface = surface,
                 _ => new.push(surface),
             }
         }
-        changes.removed.extend(drawn.map(|(&root, _)| root));
         let mut affected = SortedSet::new();
         for root in &changes.removed {
-            if let Some(drawn) = self.roots.remove(root) {
-                self.triangle_count -= drawn.triangle_count() as u64;
+            if let Some(drawn) = self.take(*root) {
                 self.users.remove(&drawn.surface);
                 self.add_neighbours(&drawn.surface, &mut affected);
             }
         }
         for surface in &new {
             changes.surfaces.push(surface.root);
-            let drawn = DrawnRoot {
-                surface: surface.clone(),
-                strips: Vec::new(),
-                sides: Vec::new(),
-                texture: None,
-                images: None,
-                stamp: new_stamp(),
-            };
-            self.triangle_count += drawn.triangle_count() as u64;
-            match self.roots.insert(surface.root, drawn) {
-                Some(before) => self.triangle_count -= before.triangle_count() as u64,
-                None => self.users.add(surface),
+            if self.put(DrawnRoot::of(surface.clone(), Vec::new())) {
+                self.users.add(surface);
             }
         }
         for surface in &new {
             self.add_neighbours(surface, &mut affected);
         }
         affected.extend(&changes.surfaces);
-        for root in affected {
+        for &root in affected.iter() {
             let Some(drawn) = self.roots.get(&root) else { continue };
             let (surface, around) = (&drawn.surface, self.around(&drawn.surface));
             let is_new = drawn.strips.is_empty();
@@ -319,14 +369,11 @@ impl Picture {
             }
             let sides = around.sides;
             if let Some(drawn) = self.roots.get_mut(&root) {
-                self.triangle_count -= drawn.triangle_count() as u64;
-                (drawn.strips, drawn.sides, drawn.stamp) = (strips, sides, new_stamp());
-                self.triangle_count += drawn.triangle_count() as u64;
+                drawn.set_strips(strips, sides, &mut self.counts);
             }
         }
-        if changes != Changes::default() {
-            self.stamp = new_stamp();
-        }
+        let changed = changes.removed.iter().chain(affected.iter()).copied();
+        self.history.note(changed);
         changes
     }
 

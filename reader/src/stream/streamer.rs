@@ -12,7 +12,7 @@ use super::{
 use crate::{
     decode::Mesh,
     error::Result,
-    select::{Coherence, Hierarchy, Limiter, Node, Projection, Query, View},
+    select::{Coherence, Hierarchy, Limiter, Node, Query, View},
     source::ReadAt,
 };
 
@@ -180,11 +180,7 @@ impl Streamer {
     /// # Errors
     /// [`crate::Error::Query`] if something in the view is not finite or makes no sense.
     pub fn error_px(&self, view: &View) -> Result<f64> {
-        let (index, projection) = (self.session.index(), Projection::new(view)?);
-        self.picture().roots().try_fold(0.0_f64, |most, drawn| {
-            let bounds = index.root_bounds(drawn.surface.root)?;
-            Ok(most.max(projection.look(bounds).factor * drawn.error()))
-        })
+        self.picture().error_px(view)
     }
 
     /// The size of the largest texel of the picture in a view, pixels; 0 without texels. Above 1 images are blurred there.

@@ -38,8 +38,6 @@ pub struct Session {
     wanted: WantedCut,
     antichain: Antichain,
     drawable: Drawable,
-    /// The number of strips in the picture.
-    strip_count: u64,
     begun: Duration,
     has_stalled: bool,
     textures: Textures,
@@ -87,7 +85,6 @@ impl Session {
             wanted: WantedCut::default(),
             antichain: Antichain::default(),
             drawable: Drawable::default(),
-            strip_count: 0,
             begun: Duration::ZERO,
             has_stalled: false,
             textures: Textures::default(),
@@ -223,16 +220,15 @@ impl Session {
         };
         let mut changes = Changes::default();
         if shows == Shows::Picture
-            && let Some(surfaces) = self.wanted.take_changed(&self.content)
+            && let Some(difference) = self.wanted.take_changed(&self.content)
         {
-            changes = self.picture.update(surfaces);
-            self.strip_count = self.picture.strip_count();
+            changes = self.picture.update(difference);
         }
         let counters = &mut loader.counters;
         counters.late_roots += u64::from(late_roots);
         let strips_of = |root: &u32| self.picture.root(*root).map_or(0, |root| root.strips.len() as u64);
         counters.borders_rebuilt += changes.strips.len() as u64 + changes.surfaces.iter().map(strips_of).sum::<u64>();
-        counters.borders_drawn += self.strip_count;
+        counters.borders_drawn += self.picture.strip_count();
         if let Some(texels) = &mut loading.texels {
             self.textures.follow(&mut texels.loader, &self.content, &mut self.picture, &changes);
         }

@@ -126,7 +126,7 @@ impl Stream {
                 let error_px = match query.view {
                     // The cut knows. Asking every root takes a third of a frame.
                     Some(_) if is_as_wanted => wanted.pixel_error,
-                    Some(view) => drawn_error_px(session, &view)?,
+                    Some(view) => session.picture().error_px(&view)?,
                     None => 0.0,
                 };
                 let exceeded = wanted.exceeded.map_or(0, limiter);
@@ -272,12 +272,4 @@ impl Stream {
             Following::Heights(heights, _) => heights.1.retry_failed(),
         }
     }
-}
-
-/// The largest error on the screen of what is drawn.
-fn drawn_error_px(session: &Session, view: &View) -> Result<f64> {
-    let index = session.index();
-    session.picture().roots().try_fold(0.0, |most: f64, drawn| {
-        Ok(view.error_px(index.root_bounds(drawn.surface.root)?, drawn.error())?.max(most))
-    })
 }

@@ -49,7 +49,7 @@ fn only_strips_beside_a_change_are_made_anew_and_no_other_vertex_moves() {
         // What was kept is what would be made now.
         let mut fresh = Picture::default();
         let surfaces = after.roots().map(|root| root.surface.clone()).collect();
-        fresh.update(surfaces);
+        fresh.update(Difference { surfaces, ..Difference::default() });
         for (kept, made) in after.roots().zip(fresh.roots()) {
             assert_eq!(kept.strips, made.strips);
         }

@@ -19,7 +19,7 @@ use std::{
     time::Duration,
 };
 
-use super::{Options, Session};
+use super::{Options, Session, frame::Difference};
 use crate::{
     Cut, File, Limits, Mesh, Node,
     source::ReadAt,
