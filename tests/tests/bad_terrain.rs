@@ -247,10 +247,63 @@ fn a_raster_larger_than_its_file_takes_no_memory() {
 }
 
 #[test]
+fn grids_that_are_no_geoid_of_the_heights_are_refused() {
+    let folder = Folder::new();
+    let here = Grid { size: [4, 3], place: Some([150.0, 30.0, 5.0, 5.0]), ..Grid::globe([4, 3]) };
+    let here = folder.grid("here.tif", &here, |i| i as f32);
+    let with = |heights: &Path, geoid: PathBuf, words: &[&str]| {
+        let options = RasterOptions { surface: SurfaceKind::Wgs84, geoid: Some(geoid), ..RasterOptions::default() };
+        let message = import_shape(&[heights.to_owned()], &options, &Silent).expect_err("refused").to_string();
+        assert!(words.iter().all(|word| message.contains(word)), "{message}");
+    };
+    let geoid = crate::terrain::gtx([0, 0], [18, 10]);
+    with(
+        &here,
+        folder.write("elsewhere.gtx", &crate::terrain::gtx([2, 2], [4, 4])),
+        &["elsewhere.gtx", "does not cover"],
+    );
+    with(&here, folder.write("short.gtx", &geoid[..geoid.len() - 1]), &["short.gtx", "18 x 10 samples"]);
+    with(&here, folder.write("tiny.gtx", &geoid[..30]), &["tiny.gtx", "40 bytes"]);
+    with(&here, folder.0.path().join("none.gtx"), &["none.gtx"]);
+    with(&here, folder.write("text.gtx", &[b'x'; 400]), &["text.gtx"]);
+    let metres = folder.grid("metres.tif", &Grid::utm([18, 10]), |i| i as f32);
+    with(&here, metres.clone(), &["metres.tif", "no grid of a geoid"]);
+    let flat = RasterOptions { geoid: Some(folder.write("geoid.gtx", &geoid)), ..RasterOptions::default() };
+    assert!(refused(&[metres], &flat).contains("not in degrees"));
+    // A geoid without a value is an error only where there is a height.
+    let mut holes = geoid.clone();
+    for value in holes[40..].chunks_exact_mut(4) {
+        value.copy_from_slice(&(-88.8888_f32).to_be_bytes());
+    }
+    with(&here, folder.write("holes.gtx", &holes), &["holes.gtx", "says nothing of the geoid at 152.5"]);
+}
+
+#[test]
+fn damaged_blobs_of_lerc_are_refused() {
+    let folder = Folder::new();
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/terrain");
+    let blob = std::fs::read(data.join("holes.lerc")).expect("readable");
+    refused_with(folder.write("short.lerc", &blob[..blob.len() / 2]), &["LERC is damaged"]);
+    refused_with(folder.write("twice.lerc", &[&*blob, &*blob].concat()), &["several bands", "gdal_translate"]);
+    refused_with(folder.write("none.lerc", b"nothing"), &["LERC is damaged"]);
+    for (name, count) in [("lerc.tif", 64), ("lerc-zstd.tif", 512), ("lerc-deflate.tif", 512)] {
+        let good = std::fs::read(data.join(name)).expect("readable");
+        let header = good.len() - 1000;
+        for at in (0..count).map(|i| 8 + i * (header - 8) / count) {
+            let mut bytes = good.clone();
+            bytes[at] ^= 0x55;
+            // Whatever is said, nothing panics and nothing large is allocated.
+            let path = folder.write(name, &bytes);
+            let _ = import_shape(&[path], &RasterOptions::default(), &Silent);
+        }
+        refused(&[folder.write(name, &good[..good.len() / 2])], &RasterOptions::default());
+    }
+}
+
+#[test]
 fn pictures_and_compressions_that_are_no_heights_say_what_to_do() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/terrain");
     refused_with(data.join("rgb.tif"), &["no single band of heights", "--drape"]);
-    refused_with(data.join("lerc.tif"), &["not supported", "gdal_translate"]);
     let folder = Folder::new();
     let picture = image::RgbImage::new(4, 4);
     let path = folder.0.path().join("picture.png");

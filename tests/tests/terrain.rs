@@ -62,6 +62,9 @@ fn files_of_gdal_in_every_layout_have_the_same_heights() {
         ("int-deflate.tif", 0.0, 0.5),
         ("uint32.tif", 0.0, 0.5),
         ("byte.tif", 8.0, 8.0),
+        ("lerc.tif", 0.0, 1e-9),
+        ("lerc-deflate.tif", 0.0, 0.251),
+        ("lerc-zstd.tif", 0.0, 1.0),
     ] {
         let mesh = read(&[data(name)], &RasterOptions::default());
         assert_eq!((mesh.positions.len(), mesh.triangles.len()), (53 * 37, 2 * 52 * 36), "{name}");
@@ -78,6 +81,21 @@ fn files_of_gdal_in_every_layout_have_the_same_heights() {
     // Tiles without bytes have no data, and nothing is drawn there.
     let sparse = read(&[data("sparse.tif")], &RasterOptions::default());
     assert_eq!(sparse.positions.len(), 53 * 37 - 16 * 16 - 16 * 32);
+}
+
+#[test]
+fn samples_that_a_mask_of_lerc_leaves_out_have_no_data() {
+    let expected = expected();
+    let tiled = read(&[data("lerc-holes.tif")], &RasterOptions::default());
+    assert_eq!(tiled.positions.len(), 53 * 37 - 6 * 7);
+    // A blob by itself does not say where it is.
+    let bounds = Some([600_000.0, 5_099_075.0, 601_325.0, 5_100_000.0]);
+    let blob = read(&[data("holes.lerc")], &RasterOptions { bounds, ..RasterOptions::default() });
+    assert!(blob == tiled);
+    for p in &blob.positions {
+        let [column, row] = [(p.x - 600_012.5) / 25.0, (5_099_987.5 - p.y) / 25.0].map(|at| at.round() as usize);
+        assert!((p.z - expected[row * 53 + column]).abs() < 1e-9, "{p}");
+    }
 }
 
 #[test]
@@ -278,6 +296,75 @@ fn a_global_grid_is_closed_over_the_date_line_and_both_poles() {
     let across = [tile("last.tif", [62, 10], [10, 10]), tile("first.tif", [0, 10], [10, 10])];
     let mesh = read(&across, &options);
     assert_eq!((mesh.triangles.len(), boundary_edges(&mesh)), (2 * 19 * 9, 2 * (19 + 9)));
+}
+
+/// The height of a made-up geoid at the samples of a grid of 18 x 10, 20 degrees apart, over the whole globe: multiples of 8 metres.
+fn undulation(column: u32, row: u32) -> f32 {
+    8.0 * ((row * 7 + column % 18 * 5) % 11) as f32 - 40.0
+}
+
+/// Such a grid from some column and row on, as a `.gtx`.
+pub fn gtx(first: [u32; 2], size: [u32; 2]) -> Vec<u8> {
+    let [columns, rows] = size;
+    let (west, south) = (-180.0 + 20.0 * f64::from(first[0]), 90.0 - 20.0 * f64::from(first[1] + rows - 1));
+    let mut bytes: Vec<u8> = [south, west, 20.0, 20.0].iter().flat_map(|number| number.to_be_bytes()).collect();
+    bytes.extend([rows, columns].iter().flat_map(|count| count.to_be_bytes()));
+    for row in (0..rows).rev() {
+        bytes.extend((0..columns).flat_map(|column| undulation(first[0] + column, first[1] + row).to_be_bytes()));
+    }
+    bytes
+}
+
+#[test]
+fn heights_above_a_geoid_become_heights_above_the_ellipsoid() {
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let at = |name: &str| dir.path().join(name);
+    // Samples lie at eighths of the geoid's, so that all sums are exact.
+    let height = |column: u32, row: u32| ((column * 31 + row * 17) % 500) as f32;
+    let above = |column: u32, row: u32| {
+        let [x, y] = [column, row].map(|number| 2 * number + 1);
+        let [[column, right], [row, down]] = [x, y].map(|at| [at / 8, at % 8]);
+        let [right, down] = [right, down].map(|part| part as f32 / 8.0);
+        let mean = |row| undulation(column, row) * (1.0 - right) + undulation(column + 1, row) * right;
+        mean(row) * (1.0 - down) + mean(row + 1) * down
+    };
+    let grid = Grid::globe([72, 36]);
+    let write = |name: &str, grid: &Grid, with: &dyn Fn(u32, u32) -> f32| {
+        let mut out = std::fs::File::create(at(name)).expect("writable");
+        let row = |row, into: &mut [f32]| (0..).zip(into).for_each(|(column, height)| *height = with(column, row));
+        grid.write(&mut out, row).expect("writable");
+        at(name)
+    };
+    let plain = write("plain.tif", &grid, &height);
+    let added = write("added.tif", &grid, &|column, row| height(column, row) + above(column, row));
+    std::fs::write(at("geoid.gtx"), gtx([0, 0], [18, 10])).expect("writable");
+    let geoid_tif = Grid { size: [18, 10], place: Some([-180.0, 90.0, 20.0, 20.0]), is_point: true, ..grid.clone() };
+    let geoid_tif = write("geoid.tif", &geoid_tif, &undulation);
+    for surface in [SurfaceKind::Wgs84, SurfaceKind::Sphere] {
+        let plainly = RasterOptions { surface, ..RasterOptions::default() };
+        let expected = read(std::slice::from_ref(&added), &plainly);
+        for geoid in [at("geoid.gtx"), geoid_tif.clone()] {
+            let options = RasterOptions { geoid: Some(geoid), ..plainly.clone() };
+            assert!(read(std::slice::from_ref(&plain), &options) == expected, "{surface}");
+        }
+    }
+    // A part of the globe, over the date line, by a part of the geoid.
+    let options = RasterOptions { surface: SurfaceKind::Wgs84, ..RasterOptions::default() };
+    std::fs::write(at("part.gtx"), gtx([16, 2], [4, 4])).expect("writable");
+    let window = Grid { place: Some([150.0, 30.0, 5.0, 5.0]), size: [10, 8], ..grid.clone() };
+    let plain = write("part.tif", &window, &height);
+    let added = write("partly.tif", &window, &|column, row| height(column, row) + above(66 + column, 12 + row));
+    let with = RasterOptions { geoid: Some(at("part.gtx")), ..options.clone() };
+    assert!(read(&[plain], &with) == read(&[added], &options));
+    // The files of heights are those of the heights that are above the ellipsoid, too.
+    let build = |input: &str, geoid: &[&str]| {
+        let [input, output] = [input, "out.lodpack"].map(|name| at(name).to_string_lossy().into_owned());
+        let fixed = ["build", &input, "--heights", "--surface", "wgs84", "--tolerance", "1m", "-o", &output, "--force"];
+        lodpack(&[&fixed[..], geoid].concat()).success();
+        std::fs::read(&output).expect("it was built")
+    };
+    let geoid = at("geoid.gtx").to_string_lossy().into_owned();
+    assert!(build("plain.tif", &["--geoid", &geoid]) == build("added.tif", &[]));
 }
 
 #[test]

@@ -34,7 +34,7 @@ impl fmt::Display for Location {
 pub enum ImportError {
     /// The list of inputs was empty.
     #[error(
-        "no input given; name at least one OBJ, OFF, PLY, STL, glTF or GLB file, or a raster of heights (GeoTIFF, HGT, ASC, BIL, PNG)"
+        "no input given; name at least one OBJ, OFF, PLY, STL, glTF or GLB file, or a raster of heights (GeoTIFF, HGT, ASC, BIL, PNG, EXR, LERC)"
     )]
     NoInput,
 

@@ -100,7 +100,8 @@ impl Manifest {
         }
         let files = options.inputs.iter().filter(|input| !input.is_dir());
         let beside = files.flat_map(|input| files_beside(input, &options.model.channels));
-        let beside = beside.chain(options.model.raster.drape.clone());
+        let raster = &options.model.raster;
+        let beside = beside.chain(raster.drape.clone()).chain(raster.geoid.clone());
         // The import names those that are missing.
         let beside = beside.filter(|path| path.is_file()).map(InputFile::of);
         let beside = beside.collect::<Result<_, _>>()?;

@@ -23,6 +23,9 @@ impl Number {
     /// That of SRTM.
     pub const HEIGHT: Self = Self { bytes: 2, is_float: false, is_signed: true, is_big_endian: true };
 
+    /// That of `.gtx`.
+    pub const BIG_FLOAT: Self = Self { bytes: 4, is_float: true, is_signed: true, is_big_endian: true };
+
     fn read(self, stored: &[u8]) -> f64 {
         let mut bytes = [0; 8];
         bytes[..self.bytes].copy_from_slice(stored);
@@ -67,6 +70,11 @@ impl FlatRows {
             buffer: vec![],
             columns,
         }
+    }
+
+    /// The same, behind a header.
+    pub fn after(self, first_byte: u64) -> Self {
+        Self { first_byte, at: u64::MAX, ..self }
     }
 }
 

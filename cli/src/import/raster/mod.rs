@@ -1,19 +1,23 @@
 //! Rasters: grids of heights become triangles. Rows are read from north to south and handed on, so memory holds a few of them whatever
 //! the size of the grid.
 //!
-//! `header` says what a file tells about its grid; a file a format (`tiff`, `hgt`, `asc`, `bil`, `png`, `exr`) reads headers and
-//! rows. `mosaic` joins files whose grids agree, `surface` knows where a sample is on a plane, a sphere or the ellipsoid, and
-//! `triangulate` makes vertices and triangles. `drape` adds colours.
+//! `header` says what a file tells about its grid; a file a format (`tiff`, `hgt`, `asc`, `bil`, `png`, `exr`, `lerc`, `gtx`) reads
+//! headers and rows. `mosaic` joins files whose grids agree, `surface` knows where a sample is on a plane, a sphere or the ellipsoid, and
+//! `triangulate` makes vertices and triangles. `drape` adds colours,
+//! and `geoid` the height of the geoid.
 
 mod asc;
 mod bil;
 mod crs;
 mod drape;
 mod exr;
+mod geoid;
 mod geokeys;
+mod gtx;
 mod header;
 mod heights;
 mod hgt;
+mod lerc;
 mod lines;
 mod mosaic;
 mod options;
@@ -51,6 +55,8 @@ pub(super) enum RasterFormat {
     Bil,
     Png,
     Exr,
+    Lerc,
+    Gtx,
 }
 
 /// What a raster says about the coordinates that it becomes.
@@ -69,12 +75,15 @@ pub(super) fn detect(path: &Path, bytes: &[u8]) -> Option<RasterFormat> {
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => return Some(RasterFormat::Tiff),
         [0x89, b'P', b'N', b'G', b'\r', b'\n', 0x1a, b'\n', ..] => return Some(RasterFormat::Png),
         [0x76, 0x2f, 0x31, 1, ..] => return Some(RasterFormat::Exr),
+        _ if lerc::MAGICS.iter().any(|magic| bytes.starts_with(magic)) => return Some(RasterFormat::Lerc),
         _ => {}
     }
     match extension.as_str() {
         "tif" | "tiff" => Some(RasterFormat::Tiff),
         "png" => Some(RasterFormat::Png),
         "exr" => Some(RasterFormat::Exr),
+        "lerc" | "lerc1" | "lerc2" | "lrc" => Some(RasterFormat::Lerc),
+        "gtx" => Some(RasterFormat::Gtx),
         "hgt" => Some(RasterFormat::Hgt),
         "asc" => Some(RasterFormat::Asc),
         "bil" | "flt" | "dem" | "raw" => Some(RasterFormat::Bil),
@@ -114,6 +123,8 @@ fn open(path: &Path, options: &RasterOptions) -> Parsed<(Header, Box<dyn HeightR
         RasterFormat::Bil => bil::open(path)?,
         RasterFormat::Png => png::open(path, options.height_code)?,
         RasterFormat::Exr => exr::open(path)?,
+        RasterFormat::Lerc => lerc::open(path)?,
+        RasterFormat::Gtx => gtx::open(path)?,
     };
     header.complete(path, options)?;
     Ok((header, rows))

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 use super::crs::{Crs, CrsKind};
+use super::geoid::Geoid;
 use super::header::{Georeference, Header, HeightRows, MAX_COLUMNS};
 use super::options::{RasterOptions, SurfaceKind};
 use super::{ImportError, Parsed, grid_error, open};
@@ -46,6 +47,8 @@ pub(super) struct Mosaic {
     pub vertical: Option<f64>,
     /// Whether the last column is followed by the first one: the grid goes around the globe.
     pub is_closed: bool,
+    /// The grid of the geoid that heights are above.
+    pub geoid: Option<PathBuf>,
 }
 
 /// Samples of a mosaic that have no heights, by reason.
@@ -132,7 +135,10 @@ impl Mosaic {
         let mut tiles: Vec<Tile> = tiles.collect();
         tiles.sort_by_key(|tile| tile.at[1]);
         let place = Georeference { first: begin, spacing };
-        Ok(Self { tiles, size, place, is_placed, is_local, crs, vertical, is_closed: columns.is_some() })
+        let (is_closed, geoid) = (columns.is_some(), options.geoid.clone());
+        let mosaic = Self { tiles, size, place, is_placed, is_local, crs, vertical, is_closed, geoid };
+        mosaic.open_geoid()?;
+        Ok(mosaic)
     }
 
     /// The first file, for messages.
@@ -140,9 +146,13 @@ impl Mosaic {
         self.tiles.first().map_or(Path::new(""), |tile| &tile.path)
     }
 
+    fn open_geoid(&self) -> Parsed<Option<Geoid>> {
+        self.geoid.as_ref().map(|path| Geoid::open(path, self)).transpose()
+    }
+
     /// Whether all heights are integers.
     pub fn is_integer(&self) -> bool {
-        self.tiles.iter().all(|tile| tile.header.is_integer && tile.header.scale == [1.0, 0.0])
+        self.geoid.is_none() && self.tiles.iter().all(|tile| tile.header.is_integer && tile.header.scale == [1.0, 0.0])
     }
 
     /// Hands on the rows from north to south, with NaN where there are no heights. Runs of rows without a file are handed on as one row of
@@ -158,6 +168,7 @@ impl Mosaic {
         let mut waiting: VecDeque<usize> = (0..self.tiles.len()).collect();
         let mut current: Vec<OpenTile> = vec![];
         let mut absent = Absent::default();
+        let mut geoid = self.open_geoid()?;
         let mut row = 0;
         while row < self.size[1] {
             current.retain(|tile| row < self.end_of(tile.number));
@@ -186,6 +197,9 @@ impl Mosaic {
             let uncovered = covered.iter().filter(|&&is_covered| !is_covered).count() as u64;
             absent.uncovered += uncovered;
             absent.nodata += all.iter().filter(|height| height.is_nan()).count() as u64 - uncovered;
+            if let Some(geoid) = &mut geoid {
+                geoid.add(row, &mut all)?;
+            }
             with(row, &mut all)?;
             row += 1;
         }
@@ -344,7 +358,7 @@ fn check_alike([path, other]: [&Path; 2], [first, header]: [&Header; 2]) -> Pars
 }
 
 /// Puts NaN where there is no height, and scales the others.
-fn clean(header: &Header, heights: &mut [f64]) {
+pub(super) fn clean(header: &Header, heights: &mut [f64]) {
     let nodata = header.nodata.unwrap_or(f64::NAN);
     for height in heights.iter_mut() {
         *height = if *height == nodata || !height.is_finite() { f64::NAN } else { *height };

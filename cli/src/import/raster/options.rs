@@ -35,6 +35,8 @@ pub struct RasterOptions {
     pub height_code: HeightCode,
     /// An image over the surface.
     pub drape: Option<PathBuf>,
+    /// A grid of how far the geoid, which heights are above, lies above the ellipsoid.
+    pub geoid: Option<PathBuf>,
     /// Colours by height.
     pub ramp: Option<Ramp>,
     /// Whether the inputs are rasters. A build finds out; nobody has to say it.

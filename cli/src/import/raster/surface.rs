@@ -79,12 +79,20 @@ impl Surface {
         if options.surface != SurfaceKind::Sphere && options.radius.is_some() {
             return Err(grid_error(mosaic.path(), "gets a --radius, which only --surface sphere has"));
         }
+        if let Some(geoid) = &mosaic.geoid {
+            note(&format!("its heights above the geoid become heights above the ellipsoid, by {}", geoid.display()));
+        }
         match options.surface {
             SurfaceKind::Plane if mosaic.crs.kind == CrsKind::Geographic => Self::of_degrees(mosaic, options, note),
             SurfaceKind::Plane => Self::plane(mosaic, options),
             SurfaceKind::Sphere => Self::globe(mosaic, options, [options.radius.unwrap_or(MEAN_RADIUS), 0.0]),
             SurfaceKind::Wgs84 => {
-                note("its heights are taken as above the ellipsoid of WGS 84: no geoid is applied");
+                match &mosaic.geoid {
+                    Some(_) => {}
+                    None => note(
+                        "its heights are taken as above the ellipsoid of WGS 84; if they are above the geoid, pass a grid of it as --geoid",
+                    ),
+                }
                 Self::globe(mosaic, options, [WGS84_A, WGS84_E2])
             }
         }

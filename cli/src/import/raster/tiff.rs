@@ -2,7 +2,7 @@
 //! overviews and masks.
 
 use std::fs::File;
-use std::io::{BufReader, Read, Seek};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use ::tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
@@ -12,6 +12,7 @@ use ::tiff::{ColorType, TiffError};
 use super::crs::Crs;
 use super::geokeys::GeoTags;
 use super::header::{Header, HeightRows};
+use super::lerc::{Packing, decode_piece};
 use super::{ImportError, Parsed, RasterFormat, grid_error};
 use crate::import::error::Location;
 
@@ -21,11 +22,17 @@ const MODEL_TRANSFORMATION: u16 = 34264;
 const GEO_KEY_DIRECTORY: u16 = 34735;
 const GDAL_METADATA: u16 = 42112;
 const GDAL_NODATA: u16 = 42113;
+const LERC_PARAMETERS: u16 = 50674;
+/// The number of LERC among compressions.
+const LERC: u16 = 34887;
 
 /// The most bytes of a strip or tile once it is decoded.
 const MAX_CHUNK_BYTES: u64 = 256 << 20;
 /// The most bytes of a band of strips or tiles that lie beside each other.
 const MAX_BAND_BYTES: u64 = 1 << 30;
+
+/// What to do about pieces that cannot be read.
+const REMEDY: &str = "convert it first, with `gdal_translate -co COMPRESS=DEFLATE`";
 
 /// The rows of a TIFF, a band of strips or tiles at a time.
 struct TiffRows {
@@ -43,6 +50,17 @@ struct TiffRows {
     current: Option<u32>,
     /// What stands where nothing is stored.
     empty: f64,
+    lerc: Option<Lerc>,
+}
+
+/// Of strips or tiles in LERC, which the crate does not decode.
+struct Lerc {
+    /// Where each is in the file.
+    offsets: Vec<u64>,
+    packing: Packing,
+    /// Columns and rows of each. The last strip has fewer rows; tiles are whole.
+    size: [u32; 2],
+    are_tiles: bool,
 }
 
 pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
@@ -105,6 +123,7 @@ pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
         ChunkType::Tile => Tag::TileByteCounts,
     };
     let stored = decoder.get_tag_u64_vec(counts).map_err(fault)?;
+    let lerc = lerc_of(path, &mut decoder)?;
     let rows = TiffRows {
         path: path.to_owned(),
         decoder,
@@ -114,8 +133,27 @@ pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
         band: vec![],
         current: None,
         empty: header.nodata.unwrap_or(f64::NAN),
+        lerc,
     };
     Ok((header, Box::new(rows)))
+}
+
+/// How strips or tiles in LERC are stored, if they are.
+fn lerc_of(path: &Path, decoder: &mut Decoder<BufReader<File>>) -> Parsed<Option<Lerc>> {
+    if decoder.get_tag_unsigned::<u16>(Tag::Compression).ok() != Some(LERC) {
+        return Ok(None);
+    }
+    let are_tiles = matches!(decoder.get_chunk_type(), ChunkType::Tile);
+    let tag = if are_tiles { Tag::TileOffsets } else { Tag::StripOffsets };
+    let (columns, rows) = decoder.chunk_dimensions();
+    let offsets = decoder.get_tag_u64_vec(tag).map_err(|error| damaged(path, Location::Byte(0), error))?;
+    let parameters = decoder.get_tag_u32_vec(Tag::Unknown(LERC_PARAMETERS)).unwrap_or_default();
+    let unknown = || {
+        let feature = format!("LERC packed by method {:?}", parameters.get(1));
+        ImportError::Unsupported { path: path.to_owned(), feature, remedy: REMEDY }
+    };
+    let packing = Packing::from_tag(&parameters).ok_or_else(unknown)?;
+    Ok(Some(Lerc { offsets, packing, size: [columns, rows], are_tiles }))
 }
 
 /// Where the pixels of an image are, if it is a GeoTIFF. Its kind of pixels does not matter.
@@ -171,6 +209,25 @@ impl HeightRows for TiffRows {
     }
 }
 
+impl Lerc {
+    /// The heights of a strip or tile of a number of bytes, in a band of a number of rows.
+    fn read(&self, file: &mut BufReader<File>, number: usize, bytes: u64, rows: usize) -> Result<Vec<f64>, TiffError> {
+        let offset = self.offsets.get(number).copied().unwrap_or(u64::MAX);
+        let length = file.seek(SeekFrom::End(0))?;
+        if bytes > length.saturating_sub(offset).min(MAX_CHUNK_BYTES) {
+            return Err(io::Error::from(io::ErrorKind::UnexpectedEof).into());
+        }
+        file.seek(SeekFrom::Start(offset))?;
+        let mut blob = vec![0; bytes as usize];
+        file.read_exact(&mut blob)?;
+        let size = if self.are_tiles { self.size } else { [self.size[0], rows as u32] };
+        let mut heights = vec![f64::NAN; size[0] as usize * size[1] as usize];
+        decode_piece(blob, self.packing, size, &mut heights)
+            .map_err(|problem| io::Error::new(io::ErrorKind::InvalidData, problem))?;
+        Ok(heights)
+    }
+}
+
 impl TiffRows {
     fn read_band(&mut self, band: u32) -> Parsed<()> {
         let [columns, rows] = self.size.map(|size| size as usize);
@@ -186,9 +243,18 @@ impl TiffRows {
                 continue;
             }
             let location = Location::Item("piece", chunk as u64);
+            let width = across.min(columns - number * across);
+            if let Some(lerc) = &self.lerc {
+                let file = self.decoder.inner();
+                let bytes = self.stored.get(chunk).copied().unwrap_or(u64::MAX);
+                let heights = lerc.read(file, chunk, bytes, band_rows);
+                let heights = heights.map_err(|error| damaged(&self.path, location, error))?;
+                let rows = self.band.chunks_exact_mut(columns).zip(heights.chunks_exact(across));
+                rows.for_each(|(row, own)| row[number * across..][..width].copy_from_slice(&own[..width]));
+                continue;
+            }
             let decoded =
                 self.decoder.read_chunk(chunk as u32).map_err(|error| damaged(&self.path, location, error))?;
-            let width = across.min(columns - number * across);
             let mut place = Band { band: &mut self.band, columns, first: number * across, width };
             let is_whole = match decoded {
                 DecodingResult::U8(values) => place.put(&values, f64::from),
@@ -243,11 +309,9 @@ fn damaged(path: &Path, location: Location, error: TiffError) -> Box<ImportError
             ImportError::Truncated { path, location, missing: "the TIFF names bytes behind the end of the file".into() }
         }
         TiffError::IoError(source) if source.raw_os_error().is_some() => ImportError::Io { path, source },
-        TiffError::UnsupportedError(what) => ImportError::Unsupported {
-            path,
-            feature: what.to_string(),
-            remedy: "convert it first, with `gdal_translate -co COMPRESS=DEFLATE`",
-        },
+        TiffError::UnsupportedError(what) => {
+            ImportError::Unsupported { path, feature: what.to_string(), remedy: REMEDY }
+        }
         other => {
             let problem = format!("{other}; the TIFF is damaged: copy or export it again");
             ImportError::Syntax { path, location, problem }

@@ -57,6 +57,9 @@ pub struct ModelArgs {
     /// Most triangles in a region, for tests.
     #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
     pub region_triangles: u64,
+    /// Triangles of the input in a chart, for measurements: many small charts make many nodes.
+    #[arg(long, value_name = "N", hide = true, value_parser = clap::value_parser!(u32).range(1..))]
+    pub chart_triangles: Option<u32>,
     #[command(flatten)]
     pub raster: RasterArgs,
 }
@@ -64,7 +67,8 @@ pub struct ModelArgs {
 impl ModelArgs {
     /// The options that the bytes of a file depend on.
     pub fn options(&self) -> ModelOptions {
-        let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles, .. } = self;
+        let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles, chart_triangles, .. } =
+            self;
         let channels = self.channels.clone();
         let (chart_triangles, placement) = (None, self.placement());
         ModelOptions {
@@ -76,6 +80,7 @@ impl ModelArgs {
             fillings,
             chart_triangles,
             region_triangles,
+            chart_triangles,
             extensible,
             channels,
             colour_quality: self.color_quality,
@@ -139,7 +144,7 @@ pub struct BuildArgs {
     #[arg(long)]
     pub resume: bool,
     /// Build a part of this job, which `lodpack plan` has prepared, into the job's directory or to -o.
-    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "crs", "origin", "up", "effort", "levels", "extensible", "channels", "surface", "radius", "vertical_unit", "nodata", "spacing", "bounds", "height_code", "drape", "ramp", "temp", "resume"])]
+    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "crs", "origin", "up", "effort", "levels", "extensible", "channels", "surface", "radius", "vertical_unit", "nodata", "spacing", "bounds", "height_code", "drape", "geoid", "ramp", "temp", "resume"])]
     pub job: Option<PathBuf>,
     /// Number of the part, from 0; or the first and the last of several, as 0-15, built one after the other.
     #[arg(long, value_name = "K", requires = "job")]

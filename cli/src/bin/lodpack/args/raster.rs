@@ -35,6 +35,10 @@ pub struct RasterArgs {
     /// An image over the grid, which becomes its colour: a GeoTIFF where it says it is, another image over the whole grid.
     #[arg(long, value_name = "IMAGE", conflicts_with = "ramp")]
     pub drape: Option<PathBuf>,
+    /// A grid of how far the geoid lies above the ellipsoid (.gtx or GeoTIFF, as egm96_15.gtx), for heights above the sea: they become
+    /// heights above the ellipsoid.
+    #[arg(long, value_name = "GRID")]
+    pub geoid: Option<PathBuf>,
     /// Colours by height: earth (seas blue, lowlands green, mountains brown and white, with the shore at height 0), grey (black to white) or
     /// viridis (violet to yellow); or a file of lines 'height red green blue', as gdaldem color-relief takes it.
     #[arg(long, value_name = "NAME|FILE")]
@@ -45,7 +49,8 @@ impl RasterArgs {
     /// What was typed.
     pub fn options(&self) -> RasterOptions {
         let &Self { surface, radius, vertical_unit, nodata, spacing, height_code, .. } = self;
-        let (bounds, drape, ramp) = (self.bounds.map(|bounds| bounds.0), self.drape.clone(), self.ramp.clone());
+        let (bounds, ramp) = (self.bounds.map(|bounds| bounds.0), self.ramp.clone());
+        let (drape, geoid) = (self.drape.clone(), self.geoid.clone());
         RasterOptions {
             surface,
             radius,
@@ -55,6 +60,7 @@ impl RasterArgs {
             bounds,
             height_code,
             drape,
+            geoid,
             ramp,
             ..RasterOptions::default()
         }
