@@ -1486,7 +1486,7 @@ FILLINGS.update({0: IrregularBlock, 1: GridBlock})
 # ---- 20.1 Section CHANNELS ------------------------------------------------------------------------------------------------
 
 Channel = namedtuple("Channel", "name kind components low step bound")
-KINDS = {1: "colour", 2: "scalar", 3: "normal", 4: "label", 5: "factor"}
+KINDS = {1: "colour", 2: "scalar", 3: "normal", 4: "label", 5: "factor", 6: "drawing"}
 CODED_AS_COLOURS = (1, 3, 5)
 
 
@@ -1508,6 +1508,9 @@ class Channels:
             must(1 <= channel.components <= 4, "a channel does not have 1 to 4 components")
             must(channel.kind != 1 or channel.components >= 3, "a colour does not have 3 or 4 components")
             must(channel.kind != 3 or channel.components == 2, "a normal does not have two components")
+            must(channel.kind != 6 or channel.components == 1, "a drawing does not have one component")
+            must(channel.kind != 6 or (channel.low, channel.step) == (0, 1), "drawings do not count from 0 in steps of 1")
+            must(channel.kind != 6 or 6 not in [c.kind for c in self.channels], "two channels say how the surface is drawn")
             must(channel.step > 0, "the step of a channel is not above 0")
             must(channel.bound >= 0, "the bound of a channel is negative")
             self.channels.append(channel)

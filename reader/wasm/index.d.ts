@@ -182,7 +182,7 @@ export interface Mesh {
 }
 
 /** What the values of a channel mean: sRGB colours, measured numbers, directions of the surface's normal, numbers of classes. */
-export type ChannelKind = 'colour' | 'scalar' | 'normal' | 'label' | 'factor' | 'unknown';
+export type ChannelKind = 'colour' | 'scalar' | 'normal' | 'label' | 'factor' | 'drawing' | 'unknown';
 
 /** Something that the surface carries besides positions. */
 export interface Channel {

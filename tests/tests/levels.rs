@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The document of a GLB.
-fn document(path: &Path) -> Value {
+pub(crate) fn document(path: &Path) -> Value {
     let bytes = std::fs::read(path).expect("a readable file");
     let length = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
     serde_json::from_slice(&bytes[20..20 + length]).expect("a document")
@@ -28,7 +28,7 @@ fn export(file: &Path, output: &Path, options: &str) -> Value {
 }
 
 /// Khronos' validator finds nothing, where it is installed.
-fn validate(path: &Path) {
+pub(crate) fn validate(path: &Path) {
     let tools = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tiles");
     if !tools.join("node_modules/gltf-validator").is_dir() {
         assert!(

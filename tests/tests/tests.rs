@@ -14,6 +14,7 @@
 //! - [`stages`]: jobs whose planning is divided into tasks: workers, kills in every stage
 //! - [`slurm`]: parts on a compute cluster whose tasks fail and whose nodes die
 //! - [`channels`]: colours and numbers of the input come through builds of every kind, and out again
+//! - [`drawings`]: alpha modes, double-sided and unlit materials come through builds of every kind, and out again
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
 //! - [`inputs`]: folders, patterns and lodpack files as inputs, and meshes that say where they are
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
@@ -42,6 +43,7 @@ mod commands;
 mod compiled;
 mod damage;
 mod determinism;
+mod drawings;
 mod heights;
 mod heights_jobs;
 mod house;

@@ -365,7 +365,7 @@ fn an_export_is_the_same_on_any_number_of_threads_and_replaces_only_an_export() 
 }
 
 /// What `npm ci` in `tests/tiles` installs; fails if it has to be there.
-fn has_tools(more: &str) -> bool {
+pub(crate) fn has_tools(more: &str) -> bool {
     let there = tools().join("node_modules/gltf-validator").is_dir();
     let runs = |program: &str| Command::new(program).arg("--version").output().is_ok_and(|out| out.status.success());
     let has = there && runs("node") && (more.is_empty() || runs(more));
@@ -382,7 +382,7 @@ fn tools() -> PathBuf {
 }
 
 /// Runs a script of `tests/tiles`, which prints JSON.
-fn node(script: &str, args: &[&str]) -> Value {
+pub(crate) fn node(script: &str, args: &[&str]) -> Value {
     let out = Command::new("node").arg(tools().join(script)).args(args).output().expect("node runs");
     let said = String::from_utf8_lossy(&[out.stdout.clone(), out.stderr].concat()).into_owned();
     assert!(out.status.success(), "{said}");

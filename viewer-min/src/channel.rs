@@ -58,6 +58,13 @@ pub(crate) fn normals(channels: &[ChannelInfo]) -> Option<u8> {
     channels.iter().position(|channel| channel.kind == ChannelKind::Normal).map(|number| number as u8)
 }
 
+/// The number of the channel that says how the surface is drawn, if colours are shown and there is one.
+pub(crate) fn drawing(channels: &[ChannelInfo], shown: u8) -> Option<u8> {
+    let is_colour = channels.get(usize::from(shown)).is_some_and(|channel| channel.kind == ChannelKind::Colour);
+    let number = channels.iter().position(|channel| channel.kind == ChannelKind::Drawing)?;
+    is_colour.then_some(number as u8)
+}
+
 /// The number of the channel of this name, or the first one of colours, or that of normals; none if `name` is "none", or if there is none.
 pub(crate) fn find(channels: &[ChannelInfo], name: Option<&str>) -> Result<Option<u8>> {
     let number = |is_it: &dyn Fn(&ChannelInfo) -> bool| channels.iter().position(is_it).map(|number| number as u8);

@@ -15,7 +15,7 @@ use lodpack::{
 use crate::{
     args::{Args, Tile},
     camera::{Bounds, Extent},
-    channel::{ShownChannel, after, channels_of_heights, find, normals},
+    channel::{ShownChannel, after, channels_of_heights, drawing, find, normals},
 };
 
 /// The bytes of a file.
@@ -350,7 +350,9 @@ impl Scene {
         self.channel = number.map(|number| ShownChannel::new(&mesh.file, number)).transpose()?;
         // Normals light whatever is shown.
         let normals = normals(mesh.file.channels()).filter(|_| number.is_some());
-        let numbers: Vec<u8> = number.into_iter().chain(normals.filter(|&normals| number != Some(normals))).collect();
+        let drawing = number.and_then(|number| drawing(mesh.file.channels(), number));
+        let beside = normals.filter(|&normals| number != Some(normals)).into_iter().chain(drawing);
+        let numbers: Vec<u8> = number.into_iter().chain(beside).collect();
         Ok(mesh.streamer.session_mut().show_channels(&numbers)?)
     }
 

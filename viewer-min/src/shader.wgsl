@@ -278,7 +278,7 @@ fn shade(vertex: Vertex, @builtin(front_facing) is_front: bool) -> Pixel {
     let mean = unpack4x8unorm(roots[vertex.slot].mean);
     let is_number = globals.channel.x == 2.0;
     let colour = colour_of(vec4f(select(linear_of(mean.rgb), mean.rgb, is_number), 1.0));
-    return finished(vertex, is_front, vec4f(colour, mean.a), vec3f(0.0));
+    return finished(vertex, is_front, vec4f(colour, mean.a), vec3f(0.0), globals.channel.y == 1.0);
 }
 
 @fragment
@@ -286,7 +286,8 @@ fn shade_textured(vertex: TexturedVertex, @builtin(front_facing) is_front: bool)
     let along_x = dpdx(vertex.place);
     let along_y = dpdy(vertex.place);
     let range = pieces.items[vertex.piece].range;
-    var texel = textureLoad(texels, vec2u(clamp(vertex.place, range.xy, range.zw)), 0);
+    let nearest = textureLoad(texels, vec2u(clamp(vertex.place, range.xy, range.zw)), 0);
+    var texel = nearest;
     if (globals.channel.x != 3.0) { texel = mean_at(texels, vertex.place, along_x, along_y, range); }
     var normal = vec3f(0.0);
     if (all(textureDimensions(normals) == textureDimensions(texels))) {
@@ -295,11 +296,25 @@ fn shade_textured(vertex: TexturedVertex, @builtin(front_facing) is_front: bool)
         normal = vec3f(dot(globals.right.xyz, n), dot(globals.up.xyz, n), dot(globals.forward.xyz, n));
     }
     let plain = Vertex(vertex.clip, vertex.view, vertex.corner, vertex.slot, vertex.borders);
-    return finished(plain, is_front, vec4f(colour_of(texel), 1.0), normal);
+    // The lowest bits of a texel's coverage say how it is meant: they are not interpolated.
+    var bits = 3u;
+    if (globals.channel.x == 1.0) { bits = u32(nearest.a * 255.0 + 0.5); }
+    let is_unlit = globals.channel.y == 1.0 || (bits & 2u) == 0u;
+    let pixel = finished(plain, is_front, vec4f(colour_of(texel), 1.0), normal, is_unlit);
+    // What stops a share of the light is there in this share of the pixels.
+    let least = select(scattered(vertex.clip.xy), 0.5, (bits & 1u) != 0u);
+    if (globals.channel.x == 1.0 && globals.mode.x == 0.0 && texel.a < least) { discard; }
+    return pixel;
+}
+
+// A number from 0 to 1 for a pixel, so that those of neighbours are spread evenly (Jimenez 2014, "Next generation post processing in Call of
+// Duty: Advanced Warfare", interleaved gradient noise).
+fn scattered(pixel: vec2f) -> f32 {
+    return fract(52.9829189 * fract(dot(floor(pixel), vec2f(0.06711056, 0.00583715))));
 }
 
 // A pixel of a surface of this linear colour, or of none if it has no opacity; and with this normal, or that of its triangle if it has no length.
-fn finished(vertex: Vertex, is_front: bool, channel: vec4f, stored: vec3f) -> Pixel {
+fn finished(vertex: Vertex, is_front: bool, channel: vec4f, stored: vec3f, is_unlit: bool) -> Pixel {
     let root = roots[vertex.slot];
     let along_x = dpdx(vertex.view);
     let along_y = dpdy(vertex.view);
@@ -329,7 +344,7 @@ fn finished(vertex: Vertex, is_front: bool, channel: vec4f, stored: vec3f) -> Pi
     var colour = sqrt(clamp(base * base * light, vec3f(0.0), vec3f(1.0)));
     let is_clay = globals.channel.x == 4.0 && globals.channel.y == 0.0;
     if (channel.a > 0.0 && globals.mode.x == 0.0 && !is_clay) {
-        colour = shown_of(channel.rgb * select(light, 1.0, globals.channel.y == 1.0));
+        colour = shown_of(channel.rgb * select(light, 1.0, is_unlit));
     }
     let width = fwidth(vertex.corner);
     let line = vec3f(1.0) - smoothstep(vec3f(0.2) * width, vec3f(1.2) * width, vertex.corner);

@@ -5,7 +5,7 @@
 
 use lodpack::{
     Lattice,
-    decode::{Appearance, ChannelImage, Look, texels::Piece},
+    decode::{Appearance, ChannelImage, Look, coverages, texels::Piece},
     heights::{CELLS, SIDE},
     stream::{DrawnRoot, TileImages},
 };
@@ -16,7 +16,8 @@ use crate::{
     gpu::{Gpu, Resource},
 };
 
-/// Four bytes of a texel: red, green, blue; or a number, the higher byte first. The last one says that it is there.
+/// Four bytes of a texel: red, green, blue; or a number, the higher byte first. The last one is its coverage
+/// (`Drawing::coverage`): all of it, where no channel says how the surface is drawn.
 type Texel = [u8; 4];
 
 /// A texel of the values of a channel.
@@ -84,7 +85,11 @@ impl Texels {
         let (Some(map), Some(Some(image))) = (&texture.texture.map, texture.texture.images.first()) else {
             return Ok(None);
         };
-        let (size, texels) = texels(shown, image);
+        let (size, mut texels) = texels(shown, image);
+        let others = texture.texture.images.iter().skip(1).flatten();
+        if let Some(covered) = others.filter_map(|drawings| coverages(image, drawings)).next() {
+            texels.iter_mut().zip(covered).for_each(|(texel, coverage)| texel[3] = coverage);
+        }
         let most = gpu.device.limits().max_texture_dimension_2d;
         let root = drawn.surface.root;
         if size.iter().any(|&length| length > most) {

@@ -59,9 +59,9 @@ vec4 mean_at(sampler2D image) {
   }
   return sum / (count * count);
 }
-vec4 texel_at() {
-  if (channel.x == 2.0) return texelFetch(texels, ivec2(clamp(at, bounds.xy, bounds.zw)), 0);
-  return mean_at(texels);
+// A number from 0 to 1 for a pixel, so that those of neighbours are spread evenly (Jimenez 2014, interleaved gradient noise).
+float scattered(vec2 pixel) {
+  return fract(52.9829189 * fract(dot(floor(pixel), vec2(0.06711056, 0.00583715))));
 }
 void main() {
   if (mode.w == 1.0) { result = vec4(0.05, 0.1, 0.2, 0.55); return; }
@@ -90,11 +90,19 @@ void main() {
     base = mix(vec3(1.0), hue(clamp(0.333 - 0.167 * pixels / mode.z, 0.0, 0.333)), 0.6);
   }
   vec3 colour = sqrt(clamp(base * base * light, 0.0, 1.0));
-  vec4 texel = channel.x > 0.0 ? texel_at() : vec4(0.0);
+  vec4 nearest = channel.x > 0.0 ? texelFetch(texels, ivec2(clamp(at, bounds.xy, bounds.zw)), 0) : vec4(0.0);
+  vec4 texel = channel.x == 2.0 || channel.x == 0.0 ? nearest : mean_at(texels);
+  // The lowest bits of a texel's coverage say how it is meant: they are not interpolated.
+  int bits = channel.x == 1.0 ? int(nearest.a * 255.0 + 0.5) : 3;
   // Without opacity there is no image yet, nor a mean.
   // Light shows directions better than colours do.
   if (channel.x == 3.0 && channel.y == 0.0) texel.a = 0.0;
-  if (texel.a > 0.5 && mode.x == 0.0) colour = shown_of(texel.rgb * (channel.y == 1.0 ? 1.0 : light));
+  if (texel.a > 0.002 && mode.x == 0.0) {
+    colour = shown_of(texel.rgb * (channel.y == 1.0 || (bits & 2) == 0 ? 1.0 : light));
+    // What stops a share of the light is there in this share of the pixels.
+    float least = (bits & 1) == 1 ? 0.5 : scattered(gl_FragCoord.xy);
+    if (channel.x == 1.0 && texel.a < least) discard;
+  }
   result = vec4(colour, 1.0);
 }`;
 

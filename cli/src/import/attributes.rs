@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use crate::mesh::appearance::{
-    Appearance, COLOUR, Channels, EMISSIVE, ImageSource, METALLIC, Material, MaterialMaps, NORMAL, OCCLUSION,
-    ROUGHNESS, ScalarRange,
+    AlphaMode, Appearance, COLOUR, Channels, DRAWING, EMISSIVE, ImageSource, METALLIC, Material, MaterialMaps, NORMAL,
+    OCCLUSION, ROUGHNESS, ScalarRange,
 };
 use crate::mesh::attributes::{AttributeLayout, Attributes, FileAttributes, MaterialRun};
 
@@ -56,7 +56,7 @@ impl AttributeSink {
 
     /// Whether something of materials is wanted, so that they are worth reading.
     pub(super) fn wants_materials(&self) -> bool {
-        [COLOUR, NORMAL, EMISSIVE, OCCLUSION, METALLIC, ROUGHNESS].iter().any(|name| self.channels.wants(name))
+        [COLOUR, NORMAL, EMISSIVE, OCCLUSION, METALLIC, ROUGHNESS, DRAWING].iter().any(|name| self.channels.wants(name))
     }
 
     /// Whether normals of vertices are wanted: `is_mapped` says that some material has a map of them.
@@ -191,6 +191,7 @@ impl AttributeSink {
             (all.occlusion, OCCLUSION, "materials"),
             (all.metallic, METALLIC, "materials"),
             (all.roughness, ROUGHNESS, "materials"),
+            (self.used_materials().iter().any(|material| material.states_drawing()), DRAWING, "materials"),
         ];
         found.into_iter().filter(|(is_there, ..)| *is_there).for_each(|(_, name, source)| {
             self.finds(name, source);
@@ -218,10 +219,17 @@ impl AttributeSink {
         let has_colour = self.appearance.layout.colour.is_some() || used.iter().any(|material| !is_white(material));
         let mut maps = maps(&used, &self.channels);
         maps.normal |= self.has_smooth_normals;
-        let has_alpha = used.iter().any(|material| has_alpha(material));
+        let is_transparent = used.iter().any(|material| has_alpha(material));
+        let has_drawings = self.channels.wants(DRAWING) && used.iter().any(|material| material.states_drawing());
         let appearance = &mut self.appearance;
+        if has_drawings && !appearance.has_alpha {
+            // Colours of vertices are opaque, and so is what has no other.
+            let unstated = appearance.materials.iter_mut().filter(|material| material.alpha == AlphaMode::Unstated);
+            unstated.filter(|material| !has_alpha(material)).for_each(|material| material.alpha = AlphaMode::Opaque);
+        }
+        appearance.has_drawings = has_drawings;
         appearance.has_colour = has_colour && self.channels.wants(COLOUR);
-        appearance.has_alpha |= has_alpha;
+        appearance.has_alpha |= is_transparent;
         appearance.maps = maps;
         if appearance.is_empty() { Default::default() } else { (self.collected, self.appearance) }
     }
@@ -316,6 +324,5 @@ fn maps(used: &[&Material], channels: &Channels) -> MaterialMaps {
 }
 
 fn has_alpha(material: &Material) -> bool {
-    use crate::mesh::appearance::AlphaMode;
     material.alpha != AlphaMode::Opaque && (material.base_colour[3] < 1.0 || material.base_texture.is_some())
 }

@@ -4,7 +4,7 @@
 use std::fs::File;
 
 use glam::DVec3;
-use lodpack::decode::TexturedMesh;
+use lodpack::decode::{self, TexturedMesh};
 use lodpack::index::{ChannelInfo, ChannelKind};
 use lodpack::{Cut, Limits, Query};
 
@@ -16,7 +16,7 @@ use crate::mesh::appearance::{
 };
 use crate::mesh::attributes::AttributeLayout;
 use crate::mesh::layers::{Layer, Look};
-use crate::mesh::pages::PagedMesh;
+use crate::mesh::pages::{PagedMesh, Part};
 use crate::mesh::textured::png;
 
 /// Bytes that decoding and joining take for a triangle, at most, without images.
@@ -68,7 +68,7 @@ fn wanted(channels: &[ChannelInfo], sink: &mut MeshSink) -> (Look, Vec<u8>) {
             ChannelKind::Colour => [COLOUR, EMISSIVE].contains(&channel.name.as_str()),
             ChannelKind::Factor => [OCCLUSION, METALLIC, ROUGHNESS].contains(&channel.name.as_str()),
             ChannelKind::Normal => channel.name == NORMAL && sink.attributes.wants_normals(true),
-            ChannelKind::Scalar | ChannelKind::Label => true,
+            ChannelKind::Scalar | ChannelKind::Label | ChannelKind::Drawing => true,
             _ => false,
         };
         let is_wanted = is_known && sink.attributes.finds(&channel.name, "lodpack file");
@@ -143,8 +143,11 @@ fn push_textured(
 ) -> Parsed<()> {
     let has_records = records.layout.stride > 0;
     let paged = PagedMesh::new(textured, look, PAGE_SIDE);
-    let first = if look.layers.is_empty() { None } else { Some(add_pages(source, &paged, sink)?) };
-    if first.is_some() {
+    let parts = paged.parts();
+    let has_images = !look.layers.is_empty();
+    let is_painted = has_images || !paged.drawings.is_empty();
+    let first = if is_painted { Some(add_materials(source, &paged, &parts, sink)?) } else { None };
+    if has_images {
         let mut layout = AttributeLayout::default();
         layout.add_uv(1);
         sink.set_corner_layout(layout);
@@ -156,13 +159,13 @@ fn push_textured(
             sink.attributes.push_vertex(records.of(vertex));
         }
     }
-    for (page, triangles) in paged.triangles.iter().enumerate() {
+    for (number, part) in parts.iter().enumerate() {
         if let Some(first) = first {
             // The last list has no texels.
-            sink.set_material(if page < paged.pages.len() { first + page } else { 0 });
+            sink.set_material(if part.page < paged.pages.len() { first + number } else { 0 });
         }
-        for &triangle in triangles {
-            if first.is_some() {
+        for &triangle in part.triangles.iter() {
+            if has_images {
                 triangle.iter().for_each(|&vertex| sink.attributes.push_corner(&paged.places[vertex as usize]));
             }
             sink.push_triangle(triangle)?;
@@ -171,8 +174,26 @@ fn push_textured(
     Ok(())
 }
 
-/// Makes a material of each page; returns the number of the first.
-fn add_pages(source: &Source, paged: &PagedMesh, sink: &mut MeshSink) -> Parsed<usize> {
+/// Adds a material for each part; returns the number of the first.
+fn add_materials(source: &Source, paged: &PagedMesh, parts: &[Part], sink: &mut MeshSink) -> Parsed<usize> {
+    let of_pages = materials_of_pages(source, paged, sink)?;
+    let of_part = |part: &Part| {
+        let mut material = of_pages.get(part.page).cloned().unwrap_or_default();
+        if let Some(drawing) = part.drawing {
+            (material.double_sided, material.unlit) = (drawing.is_double_sided, drawing.is_unlit);
+            material.alpha = match drawing.alpha {
+                decode::AlphaMode::Opaque => AlphaMode::Opaque,
+                decode::AlphaMode::Mask(cutoff) => AlphaMode::Mask(cutoff as f32),
+                decode::AlphaMode::Blend => AlphaMode::Blend,
+            };
+        }
+        material
+    };
+    sink.attributes.add_materials(parts.iter().map(of_part).collect())
+}
+
+/// A material for each page.
+fn materials_of_pages(source: &Source, paged: &PagedMesh, sink: &mut MeshSink) -> Parsed<Vec<Material>> {
     let mut materials = vec![];
     for (number, page) in paged.pages.iter().enumerate() {
         let mut material = Material { name: format!("page {number}"), alpha: AlphaMode::Opaque, ..Material::default() };
@@ -185,7 +206,7 @@ fn add_pages(source: &Source, paged: &PagedMesh, sink: &mut MeshSink) -> Parsed<
                 Layer::Colour => {
                     material.base_texture = Some(texture);
                     if image.components == 4 {
-                        material.alpha = AlphaMode::Blend;
+                        material.alpha = AlphaMode::Unstated;
                     }
                 }
                 Layer::Emissive => (material.emissive, material.emissive_texture) = ([1.0; 3], Some(texture)),
@@ -199,5 +220,5 @@ fn add_pages(source: &Source, paged: &PagedMesh, sink: &mut MeshSink) -> Parsed<
         }
         materials.push(material);
     }
-    sink.attributes.add_materials(materials)
+    Ok(materials)
 }

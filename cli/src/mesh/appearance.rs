@@ -9,6 +9,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, ImageReader};
+use lodpack::decode::{self, Drawing};
 use serde::{Deserialize, Serialize};
 
 use super::attributes::AttributeLayout;
@@ -25,6 +26,9 @@ pub const OCCLUSION: &str = "occlusion";
 pub const METALLIC: &str = "metallic";
 /// 0 for mirrors, 1 for matt surfaces.
 pub const ROUGHNESS: &str = "roughness";
+
+/// How the surface is drawn: alpha modes, double-sided and unlit surfaces.
+pub const DRAWING: &str = "drawing";
 
 /// Which channels of the input a build keeps.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -109,6 +113,8 @@ pub struct Appearance {
     pub has_alpha: bool,
     /// Which channels besides there are, of those that every material has.
     pub maps: MaterialMaps,
+    /// Whether some of it is drawn in another way than files are drawn that do not say how.
+    pub has_drawings: bool,
     /// The values of each scalar of the layout.
     pub scalars: Vec<ScalarRange>,
     /// The materials that triangles name. The first is that of triangles without one.
@@ -120,12 +126,17 @@ pub struct Appearance {
 impl Appearance {
     /// Whether there is nothing to keep beside the shape.
     pub fn is_empty(&self) -> bool {
-        !self.has_colour && self.maps == MaterialMaps::default() && self.scalars.is_empty()
+        !self.has_colour && !self.has_materials() && self.scalars.is_empty()
+    }
+
+    /// Whether there is something that only materials have: maps, or drawings.
+    pub fn has_materials(&self) -> bool {
+        self.maps != MaterialMaps::default() || self.has_drawings
     }
 
     /// Whether records, materials and images that are numbered by `earlier` have the same numbers here.
     pub fn continues(&self, earlier: &Self) -> bool {
-        let flags = |of: &Self| (of.has_colour, of.has_alpha, of.maps);
+        let flags = |of: &Self| (of.has_colour, of.has_alpha, of.maps, of.has_drawings);
         self.layout == earlier.layout
             && flags(self) == flags(earlier)
             && self.scalars == earlier.scalars
@@ -260,7 +271,7 @@ impl Default for Material {
             roughness: 1.0,
             double_sided: false,
             // Vertex colours without a material may have alpha.
-            alpha: AlphaMode::Blend,
+            alpha: AlphaMode::Unstated,
             unlit: false,
             hides_vertex_colour: false,
         }
@@ -276,6 +287,28 @@ pub enum AlphaMode {
     Mask(f32),
     /// The share of light that the surface stops.
     Blend,
+    /// The same, but nobody said so: it alone is no reason to keep how the surface is drawn.
+    Unstated,
+}
+
+impl Material {
+    /// How it is drawn.
+    pub fn drawing(&self) -> Drawing {
+        Drawing {
+            alpha: match self.alpha {
+                AlphaMode::Opaque => decode::AlphaMode::Opaque,
+                AlphaMode::Mask(least) => decode::AlphaMode::Mask(f64::from(least)),
+                AlphaMode::Blend | AlphaMode::Unstated => decode::AlphaMode::Blend,
+            },
+            is_double_sided: self.double_sided,
+            is_unlit: self.unlit,
+        }
+    }
+
+    /// Whether it says that it is drawn in another way than files are drawn that do not say how.
+    pub fn states_drawing(&self) -> bool {
+        self.double_sided || self.unlit || matches!(self.alpha, AlphaMode::Mask(_) | AlphaMode::Blend)
+    }
 }
 
 /// An image on a surface. Its first row of texels is at v = 0.

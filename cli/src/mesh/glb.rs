@@ -5,8 +5,8 @@ use std::io::{self, Write};
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use super::pages::PagedMesh;
-use super::textured::{Binary, material, png};
+use super::pages::{PagedMesh, Part};
+use super::textured::{Binary, UNLIT, draw, material, png};
 
 const ARRAY_BUFFER: Option<u32> = Some(34962);
 const ELEMENT_ARRAY_BUFFER: Option<u32> = Some(34963);
@@ -124,13 +124,13 @@ impl Scene {
         let bare = json!({"POSITION": self.accessors.len()});
         let mut attributes = bare.clone();
         self.accessors.push(accessor);
-        if !mesh.pages.is_empty() {
+        if mesh.pages.iter().any(|page| !page.is_empty()) {
             let places = mesh.places.iter().flatten().copied().flat_map(f32::to_le_bytes);
             attributes["TEXCOORD_0"] = self.accessors.len().into();
             let view = self.binary.add(places, ARRAY_BUFFER);
             self.accessors.push(float(view, "VEC2"));
         }
-        let first_material = self.materials.len();
+        let mut of_pages = vec![];
         for page in &mesh.pages {
             let mut of_layers = vec![];
             for (layer, image) in page {
@@ -139,7 +139,7 @@ impl Scene {
                 self.textures.push(json!({"sampler": 0, "source": self.images.len() - 1}));
                 of_layers.push((*layer, self.textures.len() - 1, image.components == 4));
             }
-            self.materials.push(material(&of_layers));
+            of_pages.push(material(&of_layers));
         }
         if !mesh.frames.is_empty() {
             let normals = mesh.frames.iter().flat_map(|frame| frame[1]).flat_map(f32::to_le_bytes);
@@ -154,15 +154,18 @@ impl Scene {
             self.accessors.extend([float(views[0], "VEC3"), float(views[1], "VEC4")]);
         }
         let mut primitives = vec![];
-        for (page, triangles) in mesh.triangles.iter().enumerate().filter(|(_, triangles)| !triangles.is_empty()) {
+        for Part { page, drawing, triangles } in mesh.parts() {
             let view = self.binary.add(triangles.iter().flatten().flat_map(|v| v.to_le_bytes()), ELEMENT_ARRAY_BUFFER);
             let mut primitive = json!({"attributes": bare, "indices": self.accessors.len()});
             self.accessors.push(
                 json!({"bufferView": view, "componentType": 5125, "count": triangles.len() * 3, "type": "SCALAR"}),
             );
-            if page < mesh.pages.len() {
+            if let Some(of_page) = of_pages.get(page) {
                 primitive["attributes"] = attributes.clone();
-                primitive["material"] = (first_material + page).into();
+                primitive["material"] = self.materials.len().into();
+                let mut own = of_page.clone();
+                drawing.into_iter().for_each(|drawing| draw(&mut own, drawing));
+                self.materials.push(own);
             }
             primitives.push(primitive);
         }
@@ -181,14 +184,20 @@ impl Scene {
             "bufferViews": self.binary.views,
             "accessors": self.accessors,
         });
+        let mut extensions: Vec<&str> = extension.into_iter().collect();
         if !self.materials.is_empty() {
+            if self.materials.iter().any(|material| material["extensions"][UNLIT].is_object()) {
+                extensions.push(UNLIT);
+            }
             document["materials"] = self.materials.into();
+        }
+        if !self.images.is_empty() {
             document["textures"] = self.textures.into();
             document["images"] = self.images.into();
             document["samplers"] = json!([{"magFilter": 9729, "minFilter": 9729, "wrapS": 33071, "wrapT": 33071}]);
         }
-        if let Some(extension) = extension {
-            document["extensionsUsed"] = json!([extension]);
+        if !extensions.is_empty() {
+            document["extensionsUsed"] = json!(extensions);
         }
         super::export::write_glb_chunks(out, &document, &self.binary.bytes)
     }

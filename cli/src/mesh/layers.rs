@@ -1,7 +1,7 @@
 //! Which channels of a file make up the look of a mesh, and the images of a node as other programs want them.
 
 use lodpack::decode::texels::{Image, Map, Piece};
-use lodpack::decode::{ChannelImage, Texture};
+use lodpack::decode::{ChannelImage, Drawing, Texture, TexturedMesh};
 use lodpack::index::{ChannelInfo, ChannelKind};
 
 use super::appearance::{EMISSIVE, METALLIC, NORMAL, OCCLUSION, ROUGHNESS};
@@ -29,6 +29,7 @@ pub struct Look {
     emissive: Option<usize>,
     /// Occlusion, roughness and metallic.
     factors: [Option<usize>; 3],
+    drawing: Option<usize>,
 }
 
 impl Look {
@@ -48,6 +49,7 @@ impl Look {
             normal: find(&named(NORMAL, ChannelKind::Normal)),
             emissive: find(&named(EMISSIVE, ChannelKind::Colour)),
             factors: [OCCLUSION, ROUGHNESS, METALLIC].map(|name| find(&named(name, ChannelKind::Factor))),
+            drawing: find(&|channel| with_all && channel.kind == ChannelKind::Drawing),
             layers: vec![],
         };
         let layers = [
@@ -63,6 +65,11 @@ impl Look {
     /// The place of the colours.
     pub fn colour(&self) -> Option<usize> {
         self.colour
+    }
+
+    /// How each triangle is drawn; nothing if the file does not say.
+    pub(super) fn drawings(&self, textured: &TexturedMesh) -> Vec<Drawing> {
+        self.drawing.map_or(vec![], |channel| textured.drawings(channel))
     }
 
     /// An image of a node; none if the node has no such texels.

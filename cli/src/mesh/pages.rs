@@ -1,7 +1,10 @@
 //! A mesh with the pages of its look.
 
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
 use lodpack::decode::texels::{Image, Map, Piece};
-use lodpack::decode::{self, TexturedMesh};
+use lodpack::decode::{self, AlphaMode, Drawing, TexturedMesh};
 
 use super::layers::{Layer, Look, frame};
 
@@ -14,12 +17,50 @@ pub struct PagedMesh {
     pub places: Vec<[f32; 2]>,
     /// Triangles by page; after those of all pages those without texels.
     pub triangles: Vec<Vec<[u32; 3]>>,
+    /// How each of these triangles is drawn; empty if the file does not say.
+    pub drawings: Vec<Vec<Drawing>>,
     /// For each vertex a triangle of the textured mesh and one of its corners, 0 to 2, that lie at its place.
     pub corners: Vec<(u32, u8)>,
     /// Tangent and normal of each vertex, in which the layer of normals is; empty without it.
     pub frames: Vec<[[f32; 3]; 2]>,
     /// The images of each page, all of one size: one for each layer of the look.
     pub pages: Vec<Page>,
+}
+
+/// Triangles that one material draws.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part<'a> {
+    /// The number of their page; that behind the last one for triangles without texels.
+    pub page: usize,
+    /// How they are drawn; none if the file does not say.
+    pub drawing: Option<Drawing>,
+    /// The triangles.
+    pub triangles: Cow<'a, [[u32; 3]]>,
+}
+
+/// The drawings of all triangles of a mesh in the order of the pages.
+fn by_page(drawings: &[Drawing], textured: &TexturedMesh, paged: &decode::PagedMesh) -> Vec<Vec<Drawing>> {
+    if drawings.is_empty() {
+        return vec![];
+    }
+    let mut page_of = vec![paged.page_sizes.len(); textured.textures.len()];
+    for (page, nodes) in paged.triangle_nodes.iter().enumerate() {
+        nodes.iter().for_each(|&node| page_of[node as usize] = page);
+    }
+    let mut result = vec![vec![]; paged.triangles.len()];
+    for (&drawing, &node) in drawings.iter().zip(&textured.mesh.triangle_nodes) {
+        result[page_of[node as usize]].push(drawing);
+    }
+    result
+}
+
+/// The colours of an image.
+fn without_alpha(image: Image<u8>) -> Image<u8> {
+    if image.components != 4 {
+        return image;
+    }
+    let data = image.data.chunks_exact(4).flat_map(|texel| [texel[0], texel[1], texel[2]]).collect();
+    Image { components: 3, data, ..image }
 }
 
 /// The images of a page.
@@ -30,13 +71,17 @@ impl PagedMesh {
     pub fn new(textured: &TexturedMesh, look: &Look, side: u32) -> Self {
         let paged = decode::PagedMesh::new(textured, side);
         let mut pages: Vec<Page> = vec![vec![]; paged.page_sizes.len()];
+        let drawings = by_page(&look.drawings(textured), textured, &paged);
         for &layer in &look.layers {
             let images: Vec<Option<Image<u8>>> =
                 textured.textures.iter().map(|texture| look.image(texture, layer)).collect();
             let images: Vec<Option<&Image<u8>>> = images.iter().map(Option::as_ref).collect();
             let [red, green, blue] = layer.blank();
-            for (page, image) in pages.iter_mut().zip(paged.filled(&images, 3, &[red, green, blue, 255])) {
-                page.push((layer, image));
+            let filled = paged.filled(&images, 3, &[red, green, blue, 255]);
+            for (number, (page, image)) in pages.iter_mut().zip(filled).enumerate() {
+                let is_opaque =
+                    drawings.get(number).is_some_and(|all| all.iter().all(|one| one.alpha == AlphaMode::Opaque));
+                page.push((layer, if is_opaque { without_alpha(image) } else { image }));
             }
         }
         let frame_of = |&(triangle, corner): &(u32, u8)| {
@@ -49,7 +94,31 @@ impl PagedMesh {
         let has_frames = look.layers.contains(&Layer::Normal);
         let frames = if has_frames { paged.corners.iter().map(frame_of).collect() } else { vec![] };
         let decode::PagedMesh { positions, places, triangles, corners, .. } = paged;
-        Self { positions, places, triangles, corners, frames, pages }
+        Self { positions, places, triangles, drawings, corners, frames, pages }
+    }
+
+    /// The triangles page by page, and those of a page by how they are drawn: the page, the drawing if the file says one, and the triangles.
+    /// After those of all pages come those without texels.
+    pub fn parts(&self) -> Vec<Part<'_>> {
+        let mut parts = vec![];
+        for (page, triangles) in self.triangles.iter().enumerate() {
+            let Some(drawings) = self.drawings.get(page).filter(|_| page < self.pages.len()) else {
+                parts.push(Part { page, drawing: None, triangles: triangles.into() });
+                continue;
+            };
+            let mut of_drawings: BTreeMap<u16, Vec<[u32; 3]>> = BTreeMap::new();
+            for (&triangle, drawing) in triangles.iter().zip(drawings) {
+                of_drawings.entry(drawing.number()).or_default().push(triangle);
+            }
+            let part = |(number, triangles): (u16, Vec<[u32; 3]>)| Part {
+                page,
+                drawing: Some(Drawing::of_number(number)),
+                triangles: triangles.into(),
+            };
+            parts.extend(of_drawings.into_iter().map(part));
+        }
+        parts.retain(|part| !part.triangles.is_empty());
+        parts
     }
 
     /// The image of a layer on a page.

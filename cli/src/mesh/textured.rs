@@ -3,8 +3,8 @@
 use std::io::{self, BufWriter, Cursor, Write};
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-use lodpack::decode::TexturedMesh;
 use lodpack::decode::texels::Image;
+use lodpack::decode::{AlphaMode, Drawing, TexturedMesh};
 use lodpack::index::{ChannelInfo, ChannelKind};
 use serde_json::{Value, json};
 
@@ -119,6 +119,29 @@ pub fn material_file(mesh: &PagedMesh, page_file: impl Fn(usize) -> String) -> S
         }
     }
     text
+}
+
+/// The extension of materials that are shown without light.
+pub(crate) const UNLIT: &str = "KHR_materials_unlit";
+
+/// Has a material drawn in this way.
+pub(crate) fn draw(material: &mut Value, drawing: Drawing) {
+    if let Some(known) = material.as_object_mut() {
+        ["alphaMode", "alphaCutoff", "doubleSided"].iter().for_each(|&name| drop(known.remove(name)));
+    }
+    match drawing.alpha {
+        AlphaMode::Opaque => {}
+        AlphaMode::Mask(cutoff) => {
+            (material["alphaMode"], material["alphaCutoff"]) = ("MASK".into(), cutoff.into());
+        }
+        AlphaMode::Blend => material["alphaMode"] = "BLEND".into(),
+    }
+    if drawing.is_double_sided {
+        material["doubleSided"] = true.into();
+    }
+    if drawing.is_unlit {
+        material["extensions"] = json!({UNLIT: {}});
+    }
 }
 
 /// The material of a page, given the texture of each layer, and whether it has alpha.

@@ -58,6 +58,7 @@ fn storage(channels: &[&ChannelInfo]) -> Option<Storage> {
         ChannelKind::Label if channel.components == 1 && channel.step == 1.0 => {
             Some(Stored::Label { low: channel.low })
         }
+        ChannelKind::Drawing => Some(Stored::Label { low: 0.0 }),
         ChannelKind::Scalar if channel.components == 1 => Some(Stored::Scalar { low: channel.low, step: channel.step }),
         _ => None,
     };

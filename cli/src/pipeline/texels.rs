@@ -13,7 +13,7 @@ use super::{ChartedMesh, Scale};
 use crate::machine::thread_cpu_time;
 use crate::mesh::NONE;
 use crate::mesh::appearance::{
-    Appearance, COLOUR, EMISSIVE, METALLIC, MaterialMaps, NORMAL, OCCLUSION, ROUGHNESS, ScalarRange,
+    Appearance, COLOUR, DRAWING, EMISSIVE, METALLIC, MaterialMaps, NORMAL, OCCLUSION, ROUGHNESS, ScalarRange,
 };
 use crate::mesh::attributes::RegionAttributes;
 use crate::stage::areas::{Areas, Jumps};
@@ -52,6 +52,7 @@ pub(super) fn channels(appearance: &Appearance) -> Vec<ChannelInfo> {
         (maps.occlusion, factor(OCCLUSION)),
         (maps.metallic, factor(METALLIC)),
         (maps.roughness, factor(ROUGHNESS)),
+        (appearance.has_drawings, of(DRAWING, ChannelKind::Drawing, 1, 0.0, 1.0, 0.0)),
     ];
     let mut all: Vec<ChannelInfo> =
         of_materials.into_iter().filter(|(is_there, _)| *is_there).map(|(_, channel)| channel).collect();
@@ -94,6 +95,7 @@ pub(super) fn storage(appearance: &Appearance, step: u8) -> Storage {
         (maps.occlusion, factor),
         (maps.metallic, factor),
         (maps.roughness, factor),
+        (appearance.has_drawings, Stored::Label { low: 0.0 }),
     ];
     let scalars = appearance.scalars.iter().map(|range| {
         let [low, step] = numbers(range);
@@ -345,7 +347,7 @@ impl InputSource<'_> {
             let points = self.points(triangle);
             let area = (points[1] - points[0]).cross(points[2] - points[0]).length();
             let face = self.painter.face(self.own[triangle] as usize, points);
-            let has_others = self.appearance.has_colour || self.appearance.maps != MaterialMaps::default();
+            let has_others = self.appearance.has_colour || self.appearance.has_materials();
             let density = if has_others { face.material_density() } else { face.scalar_density() };
             sum += area * f64::from(density);
             areas += area;
@@ -390,7 +392,7 @@ impl Source for InputSource<'_> {
         let face = self.painter.face(self.own[triangle] as usize, self.points(triangle));
         let footprint = footprint * self.scale.step() as f32;
         let maps = self.appearance.maps;
-        let is_colour_all = maps == MaterialMaps::default() && self.appearance.scalars.is_empty();
+        let is_colour_all = !self.appearance.has_materials() && self.appearance.scalars.is_empty();
         if self.appearance.has_colour && is_colour_all {
             return face.base_colours(weights, footprint, values);
         }
@@ -407,6 +409,7 @@ impl Source for InputSource<'_> {
                 values.extend(maps.metallic.then_some(metallic));
                 values.extend(maps.roughness.then_some(roughness));
             }
+            values.extend(self.appearance.has_drawings.then(|| f32::from(face.drawing())));
             values.extend((0..).zip(&self.is_label).map(|(number, &is_label)| {
                 if is_label { face.label(number, weights) } else { face.scalar(number, weights) }
             }));

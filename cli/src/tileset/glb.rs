@@ -7,6 +7,7 @@
 
 use super::material::{Encoded, Paint, plain};
 use crate::mesh::shaded::{Shading, linear};
+use crate::mesh::textured::UNLIT;
 use lodpack::{Lattice, LatticePoint};
 use serde_json::{Value, json};
 use std::io;
@@ -54,8 +55,12 @@ impl Content {
         positions: &Positions,
     ) -> io::Result<Self> {
         let (used, indices) = in_order_of_use(points.len(), triangles.as_flattened());
+        // What one material draws is a primitive.
+        let counts = paint.map_or(vec![triangles.len()], |paint| paint.parts.iter().map(|(_, count)| *count).collect());
+        let mut rest = indices.as_slice();
+        let parts = counts.iter().map(|count| rest.split_off(..3 * count).unwrap_or_default());
         // Strips compress best.
-        let indices = meshopt::optimize_vertex_cache_strip(&indices, used.len());
+        let indices: Vec<u32> = parts.flat_map(|part| meshopt::optimize_vertex_cache_strip(part, used.len())).collect();
         let (order, indices) = in_order_of_use(used.len(), &indices);
         let order: Vec<usize> = order.iter().map(|&number| used[number as usize] as usize).collect();
         let points: Vec<LatticePoint> = order.iter().map(|&number| points[number]).collect();
@@ -69,24 +74,25 @@ impl Content {
         let high: [f64; 3] = [0, 1, 2].map(|k| corners[0][k].max(corners[1][k]));
         let vertices = positions.stream(&points);
         let (index_type, stride) = if points.len() <= 1 << 16 { (UNSIGNED_SHORT, 2) } else { (UNSIGNED_INT, 4) };
-        // Both encoders fail only without memory.
-        let compressed = meshopt::encode_index_buffer(&indices, points.len()).unwrap_or_default();
-        let triangles = Stream {
-            compressed,
-            stride,
-            count: indices.len(),
-            mode: "TRIANGLES",
-            filter: None,
-            target: ELEMENT_ARRAY_BUFFER,
-        };
         let translation = positions.translation;
-        let mut content = Glb { streams: vec![vertices, triangles], translation, ..Glb::default() };
+        let mut content = Glb { streams: vec![vertices], translation, ..Glb::default() };
         content.accessors = vec![
             json!({"bufferView": 0, "componentType": FLOAT, "count": points.len(), "type": "VEC3", "min": low, "max": high}),
-            json!({"bufferView": 1, "componentType": index_type, "count": indices.len(), "type": "SCALAR"}),
         ];
+        let mut rest = indices.as_slice();
+        for count in counts {
+            let part = rest.split_off(..3 * count).unwrap_or_default();
+            // Both encoders fail only without memory.
+            let compressed = meshopt::encode_index_buffer(part, points.len()).unwrap_or_default();
+            let (mode, target) = ("TRIANGLES", ELEMENT_ARRAY_BUFFER);
+            content.accessors.push(
+                json!({"bufferView": content.streams.len(), "componentType": index_type, "count": part.len(), "type": "SCALAR"}),
+            );
+            content.streams.push(Stream { compressed, stride, count: part.len(), mode, filter: None, target });
+            content.primitive_count += 1;
+        }
         content.attributes = json!({"POSITION": 0});
-        content.material = plain();
+        content.materials = vec![plain()];
         if let Some(paint) = paint {
             content.add(paint, &order)?;
         }
@@ -201,7 +207,10 @@ struct Glb {
     streams: Vec<Stream>,
     accessors: Vec<Value>,
     attributes: Value,
-    material: Value,
+    /// One for each primitive.
+    materials: Vec<Value>,
+    /// Their indices are accessors 1, 2, ...
+    primitive_count: usize,
     images: Vec<Encoded>,
     translation: [f64; 3],
 }
@@ -209,6 +218,10 @@ struct Glb {
 impl Glb {
     /// Adds what points look like, which stand in this order.
     fn add(&mut self, paint: &Paint, order: &[usize]) -> io::Result<()> {
+        if !paint.has_images() {
+            (_, self.materials) = paint.encode()?;
+            return Ok(());
+        }
         // Shares of 65535 of the image: a sixteenth of a texel in one of 4096.
         let share = |x: f32| (x.clamp(0.0, 1.0) * 65535.0).round() as u16;
         let words: Vec<[u16; 2]> = order.iter().map(|&number| paint.places[number].map(share)).collect();
@@ -226,7 +239,7 @@ impl Glb {
                 "VEC4",
             );
         }
-        (self.images, self.material) = paint.encode()?;
+        (self.images, self.materials) = paint.encode()?;
         Ok(())
     }
 
@@ -240,8 +253,9 @@ impl Glb {
         let (mode, target) = ("ATTRIBUTES", ARRAY_BUFFER);
         let colours = Stream { compressed, stride: 8, count: words.len(), mode, filter: None, target };
         self.add_attribute("COLOR_0", colours, UNSIGNED_SHORT, "VEC4");
-        self.material = plain();
-        self.material["pbrMetallicRoughness"]["baseColorFactor"] = json!([1.0, 1.0, 1.0, 1.0]);
+        let mut material = plain();
+        material["pbrMetallicRoughness"]["baseColorFactor"] = json!([1.0, 1.0, 1.0, 1.0]);
+        self.materials = vec![material];
     }
 
     fn add_attribute(&mut self, name: &str, stream: Stream, component_type: u32, kind: &str) {
@@ -285,14 +299,20 @@ impl Glb {
             binary.extend_from_slice(bytes);
             binary.resize(binary.len().next_multiple_of(4), 0);
         }
-        let extensions = ["EXT_meshopt_compression"];
+        let required = ["EXT_meshopt_compression"];
+        let is_unlit = |material: &Value| material["extensions"][UNLIT].is_object();
+        let used: Vec<&str> =
+            required.into_iter().chain(self.materials.iter().any(is_unlit).then_some(UNLIT)).collect();
+        let primitive =
+            |number: usize| json!({"attributes": self.attributes, "indices": 1 + number, "material": number});
+        let primitives: Vec<Value> = (0..self.primitive_count).map(primitive).collect();
         let mut document = json!({
             "asset": {"version": "2.0", "generator": concat!("lodpack ", env!("CARGO_PKG_VERSION"))},
-            "extensionsUsed": extensions, "extensionsRequired": extensions,
+            "extensionsUsed": used, "extensionsRequired": required,
             "scene": 0, "scenes": [{"nodes": [0]}],
             "nodes": [{"mesh": 0}],
-            "meshes": [{"primitives": [{"attributes": self.attributes, "indices": 1, "material": 0}]}],
-            "materials": [self.material],
+            "meshes": [{"primitives": primitives}],
+            "materials": self.materials,
             "buffers": [
                 {"byteLength": binary.len()},
                 {"byteLength": plain_bytes, "extensions": {"EXT_meshopt_compression": {"fallback": true}}}],

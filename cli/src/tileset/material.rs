@@ -4,7 +4,7 @@ use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 use lodpack::LatticePoint;
 use lodpack::decode::texels::Image;
-use lodpack::decode::{Texture, TexturedMesh};
+use lodpack::decode::{Drawing, Texture, TexturedMesh};
 use serde_json::{Value, json};
 use std::io;
 
@@ -38,6 +38,8 @@ pub struct Paint {
     pub frames: Vec<[[f32; 3]; 2]>,
     /// The images.
     page: Page,
+    /// How the triangles are drawn, if the file says it, and how many follow each other that are drawn so.
+    pub parts: Vec<(Option<Drawing>, usize)>,
 }
 
 impl Surface {
@@ -65,28 +67,41 @@ impl Surface {
         // One image is one page.
         let paged = PagedMesh::new(&own, look, u32::MAX);
         let points = paged.positions.iter().map(|&position| positions.on_lattice(position)).collect();
+        let parts = paged.parts();
+        let triangles = parts.iter().flat_map(|part| part.triangles.iter().copied()).collect();
+        let parts = parts.iter().map(|part| (part.drawing, part.triangles.len())).collect();
         let page = paged.pages.into_iter().next();
-        let paint = page.map(|page| Paint { places: paged.places, frames: paged.frames, page });
-        Self { points, triangles: paged.triangles.concat(), paint }
+        let paint = page.map(|page| Paint { places: paged.places, frames: paged.frames, page, parts });
+        Self { points, triangles, paint }
     }
 }
 
 impl Paint {
-    /// The encoded images with their media types, and the material that shows them as textures 0, 1, ...
+    /// Whether there is an image.
+    pub fn has_images(&self) -> bool {
+        !self.page.is_empty()
+    }
+
+    /// The encoded images with their media types, and the materials that show them as textures 0, 1, ...: one for each part.
     ///
     /// # Errors
     /// If an image is too large for its format.
-    pub fn encode(&self) -> io::Result<(Vec<Encoded>, Value)> {
+    pub fn encode(&self) -> io::Result<(Vec<Encoded>, Vec<Value>)> {
         let mut images = vec![];
         let mut layers = vec![];
         for (layer, image) in &self.page {
             layers.push((*layer, images.len(), image.components == 4));
             images.push(encoded(*layer, image)?);
         }
-        let mut material = textured::material(&layers);
-        // Surfaces with boundaries are seen from behind, too.
+        let mut material = if layers.is_empty() { plain() } else { textured::material(&layers) };
+        // Surfaces with boundaries are seen from behind, too, unless the file says that they are not.
         material["doubleSided"] = true.into();
-        Ok((images, material))
+        let of_part = |&(drawing, _): &(Option<Drawing>, usize)| {
+            let mut own = material.clone();
+            drawing.into_iter().for_each(|drawing| textured::draw(&mut own, drawing));
+            own
+        };
+        Ok((images, self.parts.iter().map(of_part).collect()))
     }
 }
 

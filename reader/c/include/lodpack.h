@@ -91,6 +91,8 @@ typedef enum {
   LODPACK_MEANING_LABEL = 4,
   // Numbers from 0 to 1, such as the roughness of a material.
   LODPACK_MEANING_FACTOR = 5,
+  // How the surface is drawn: double-sided, unlit and alpha modes, as bits (SPEC.md, 21.6).
+  LODPACK_MEANING_DRAWING = 6,
 } lodpack_meaning;
 
 // What heights stand on.

@@ -32,6 +32,8 @@ pub enum Meaning {
     Label = 4,
     /// Numbers from 0 to 1, such as the roughness of a material.
     Factor = 5,
+    /// How the surface is drawn: double-sided, unlit and alpha modes, as bits (SPEC.md, 21.6).
+    Drawing = 6,
 }
 
 /// What the surface carries besides positions. A value is `low + number * step` of a stored number.
@@ -96,6 +98,7 @@ pub extern "C" fn lodpack_get_channel(file: *const File, number: u32, channel: *
             ChannelKind::Normal => Meaning::Normal,
             ChannelKind::Label => Meaning::Label,
             ChannelKind::Factor => Meaning::Factor,
+            ChannelKind::Drawing => Meaning::Drawing,
             _ => Meaning::Unknown,
         };
         let value = Channel {

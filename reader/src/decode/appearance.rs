@@ -46,7 +46,7 @@ impl Appearance {
         match self.kind {
             ChannelKind::Colour | ChannelKind::Factor => Look::Colours,
             ChannelKind::Normal => Look::Directions,
-            ChannelKind::Label => Look::Classes,
+            ChannelKind::Label | ChannelKind::Drawing => Look::Classes,
             _ => Look::Ramp,
         }
     }
@@ -84,7 +84,7 @@ impl Appearance {
                 let byte = |k: usize| numbers.get(k).copied().unwrap_or(first).round() as u8;
                 [byte(0), byte(1), byte(2), 255]
             }
-            ChannelKind::Label => class_colour(first as u16),
+            ChannelKind::Label | ChannelKind::Drawing => class_colour(first as u16),
             _ => self.ramp(first),
         }
     }

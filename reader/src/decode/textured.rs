@@ -1,6 +1,6 @@
 //! Cuts with what the surface carries: images, and where each triangle lies in them.
 
-use super::{Mesh, cut::joined};
+use super::{Drawing, Mesh, cut::joined};
 use crate::{
     codec::{
         patch::{LatticePoint, Patch},
@@ -94,7 +94,7 @@ impl TexturedMesh {
             let Some(image) = image else { continue };
             for (&corner, place) in corners.iter().zip(places) {
                 let Some((sum, count)) = sums.get_mut(corner as usize) else { continue };
-                if kind == ChannelKind::Label && *count > 0.0 {
+                if kind.is_of_numbers() && *count > 0.0 {
                     continue;
                 }
                 let values = image.at(place.map(f64::from), kind);
@@ -104,12 +104,25 @@ impl TexturedMesh {
         }
         sums.into_iter().map(|(sum, count)| (count > 0.0).then(|| sum.map(|x| x / count))).collect()
     }
+
+    /// How each triangle is drawn: what its middle shows of a channel of kind [`ChannelKind::Drawing`] that was asked for as number `channel`.
+    /// The usual way where nothing is known.
+    pub fn drawings(&self, channel: usize) -> Vec<Drawing> {
+        let of = |(places, &node): (&[[f32; 2]; 3], &u32)| {
+            let image = self.textures.get(node as usize).and_then(|texture| texture.images.get(channel)?.as_ref());
+            image.map_or(Drawing::default(), |image| {
+                let middle = [0, 1].map(|axis| places.iter().map(|place| f64::from(place[axis])).sum::<f64>() / 3.0);
+                Drawing::of_number(image.at(middle, ChannelKind::Drawing)[0] as u16)
+            })
+        };
+        self.places.iter().zip(&self.mesh.triangle_nodes).map(of).collect()
+    }
 }
 
 impl ChannelImage {
-    /// The values at a place in texels: interpolated, or of the texel there if they are labels. NaN beyond its components.
+    /// The values at a place in texels: interpolated, or of the texel there if nothing lies between them. NaN beyond its components.
     fn at(&self, place: [f64; 2], kind: ChannelKind) -> [f64; 4] {
-        let place = if kind == ChannelKind::Label { place.map(|x| x.floor() + 0.5) } else { place };
+        let place = if kind.is_of_numbers() { place.map(|x| x.floor() + 0.5) } else { place };
         let (mut values, components) = match self {
             Self::Colours(image) | Self::Normals(image) | Self::Factors(image) => {
                 (image.interpolated(place), image.components)

@@ -27,6 +27,8 @@ pub enum ChannelKind {
     Label,
     /// Numbers from 0 to 1, such as the roughness of a material.
     Factor,
+    /// How the surface is drawn: numbers of [`crate::decode::Drawing`], between which nothing lies.
+    Drawing,
     /// A kind that this version of the crate does not know, by its code. Files cannot be written with it.
     Unknown(u8),
 }
@@ -40,8 +42,14 @@ impl ChannelKind {
             Self::Normal => "normal",
             Self::Label => "label",
             Self::Factor => "factor",
+            Self::Drawing => "drawing",
             Self::Unknown(_) => "unknown",
         }
+    }
+
+    /// Whether the values are numbers of something, so that nothing may be interpolated between them.
+    pub fn is_of_numbers(self) -> bool {
+        matches!(self, Self::Label | Self::Drawing)
     }
 
     fn code(self) -> u8 {
@@ -51,6 +59,7 @@ impl ChannelKind {
             Self::Normal => 3,
             Self::Label => 4,
             Self::Factor => 5,
+            Self::Drawing => 6,
             Self::Unknown(code) => code,
         }
     }
@@ -62,6 +71,7 @@ impl ChannelKind {
             3 => Self::Normal,
             4 => Self::Label,
             5 => Self::Factor,
+            6 => Self::Drawing,
             other => Self::Unknown(other),
         }
     }
@@ -108,6 +118,10 @@ impl ChannelInfo {
             Some("a colour does not have three or four components")
         } else if self.kind == ChannelKind::Normal && self.components != 2 {
             Some("a normal does not have two components")
+        } else if self.kind == ChannelKind::Drawing && self.components != 1 {
+            Some("a drawing does not have one component")
+        } else if self.kind == ChannelKind::Drawing && [self.low, self.step] != [0.0, 1.0] {
+            Some("drawings do not count from 0 in steps of 1")
         } else if !(self.low.is_finite() && self.step > 0.0 && self.step.is_finite()) {
             Some("a channel's step is not above 0, or a value is not finite")
         } else if !(self.bound >= 0.0 && self.bound.is_finite()) {
@@ -128,6 +142,9 @@ pub(crate) fn broken_rule(channels: &[ChannelInfo]) -> Option<&'static str> {
     };
     if channels.iter().enumerate().any(is_repeated) {
         return Some("two channels have the same name");
+    }
+    if channels.iter().filter(|channel| channel.kind == ChannelKind::Drawing).count() > 1 {
+        return Some("two channels say how the surface is drawn");
     }
     channels.iter().find_map(ChannelInfo::broken_rule)
 }
@@ -209,17 +226,24 @@ mod tests {
         Channels { channels, stream_bytes: vec![1000, 1 << 40, 0, 7] }
     }
 
+    fn drawing(components: u8) -> ChannelInfo {
+        let name = "drawing".into();
+        ChannelInfo { name, kind: ChannelKind::Drawing, components, low: 0.0, step: 1.0, bound: 0.0 }
+    }
+
     #[test]
     fn channels_survive_and_prefixes_are_refused() {
         let bytes = channels().write();
         assert_eq!(Channels::parse(&bytes).unwrap(), channels());
         assert!((0..bytes.len()).all(|end| Channels::parse(&bytes[..end]).is_err()));
         assert!(Channels::parse(&[bytes, vec![0]].concat()).is_err());
+        let drawn = Channels { channels: vec![drawing(1)], stream_bytes: vec![7, 9] };
+        assert_eq!(Channels::parse(&drawn.write()).unwrap(), drawn);
     }
 
     #[test]
     fn channels_that_break_a_rule_are_refused() {
-        let changes: [&dyn Fn(&mut Channels); 13] = [
+        let changes: [&dyn Fn(&mut Channels); 16] = [
             &|all| all.channels.clear(),
             &|all| all.channels[1].name = "colour".into(),
             &|all| all.channels[1].name.clear(),
@@ -232,6 +256,12 @@ mod tests {
             &|all| all.channels[1].step = f64::NAN,
             &|all| all.channels[1].low = f64::INFINITY,
             &|all| all.channels[1].bound = -0.5,
+            &|all| all.channels[1].kind = ChannelKind::Drawing,
+            &|all| all.channels[2] = drawing(2),
+            &|all| {
+                let twice = [drawing(1), ChannelInfo { name: "again".into(), ..drawing(1) }];
+                all.channels.splice(1.., twice);
+            },
             &|all| {
                 all.channels =
                     (0..65).map(|k| ChannelInfo { name: k.to_string(), ..all.channels[1].clone() }).collect();

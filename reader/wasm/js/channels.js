@@ -2,7 +2,7 @@
 
 import { LodpackError } from './errors.js';
 
-const KINDS = ['unknown', 'colour', 'scalar', 'normal', 'label', 'factor'];
+const KINDS = ['unknown', 'colour', 'scalar', 'normal', 'label', 'factor', 'drawing'];
 /** Whether texels of a kind come as red, green, blue and opacity. */
 export const isOfBytes = (kind) => ['colour', 'normal', 'factor'].includes(kind);
 /** The number of no channel. */

@@ -114,7 +114,7 @@ export class Core {
   /** Makes a stream show a channel. Returns the values of the ends of its ramp, or null. */
   async show({ stream, channel, range, beside }, signal) {
     const isNone = channel === NO_CHANNEL;
-    const hasRamp = !isNone && !['colour', 'normal', 'label', 'factor'].includes(this.#channels[channel].kind);
+    const hasRamp = !isNone && !['colour', 'normal', 'label', 'factor', 'drawing'].includes(this.#channels[channel].kind);
     const values = hasRamp ? range ?? (await this.channelRange({ channel }, signal)) : null;
     this.#stream(stream).show(channel, values ?? [0, 1], beside);
     return values;

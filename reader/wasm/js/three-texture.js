@@ -30,9 +30,10 @@ export class SlabTexture {
     this.look(look);
   }
 
-  /** Whether something lies between two texels of colours, and whether these are the directions of normals, which light shows better. */
-  look({ isBlended, hasDirections }) {
-    this.hasDirections = hasDirections;
+  /** Whether something lies between two texels of colours, and whether these are the directions of normals, which light shows better; and whether opacity
+   * is how much of a texel is there. */
+  look({ isBlended, hasDirections, isCovered }) {
+    Object.assign(this, { hasDirections, isCovered });
     if (this.#material) this.#material.needsUpdate = true;
     for (const plane of this.#planes) plane.blend(isBlended || plane.name !== 'data');
   }
@@ -62,6 +63,7 @@ export class SlabTexture {
       for (const map of maps) this.#material[map] = texture;
       fit?.(this.#material);
     }
+    if (this.isCovered) this.#material.alphaHash = true;
     return Object.assign(this.#material, { onBeforeCompile, customProgramCacheKey });
   }
 

@@ -1,7 +1,7 @@
 // An object for three.js that streams by itself: LodpackMesh.
 
 import {
-  Box3, BufferAttribute, BufferGeometry, DynamicDrawUsage, Frustum, Matrix4, Mesh, MeshBasicMaterial, MeshStandardMaterial, Object3D, Ray,
+  Box3, BufferAttribute, BufferGeometry, DoubleSide, DynamicDrawUsage, Frustum, Matrix4, Mesh, MeshBasicMaterial, MeshStandardMaterial, Object3D, Ray,
   Sphere, Vector2, Vector3,
 } from 'three';
 import { open } from './file.js';
@@ -20,6 +20,7 @@ export class LodpackMesh extends Object3D {
   #textures = new Map(); // By slab, where they have images.
   #ownsFile = false;
   #ownsMaterial;
+  #isCovered; // Whether texels of colours have a coverage.
   #beside; // What the stream shows beside a channel.
   #query; // What was asked for last, as text.
   #isAsking = false;
@@ -60,6 +61,9 @@ export class LodpackMesh extends Object3D {
       ? new MeshStandardMaterial({ flatShading: true, vertexColors: Boolean(colorOf) })
       : new MeshBasicMaterial({ vertexColors: Boolean(colorOf) }));
     this.#ownsMaterial = !material;
+    // Texels have a coverage where the file says how it is drawn: a share of the pixels shows them, so that nothing has to be sorted.
+    this.#isCovered = file.channels.some(({ kind }) => kind === 'drawing');
+    if (this.#isCovered && this.#ownsMaterial) this.material.side = DoubleSide;
     this.#beside = takesLight(options) ? { normals: true, materials: true } : {};
     /** The last frame, with its counters; null before the first. */
     this.frame = null;
@@ -103,7 +107,8 @@ export class LodpackMesh extends Object3D {
 
   get #look() {
     // Between classes there is nothing.
-    return { isBlended: this.channel?.kind !== 'label', hasDirections: this.channel?.kind === 'normal' };
+    const isCovered = this.#isCovered && this.channel?.kind === 'colour' && this.#ownsMaterial;
+    return { isCovered, isBlended: !['label', 'drawing'].includes(this.channel?.kind), hasDirections: this.channel?.kind === 'normal' };
   }
 
   /** Texels that roots use, and texels that textures have. */

@@ -38,6 +38,7 @@ impl State {
                 ChannelKind::Normal => 3,
                 ChannelKind::Label => 4,
                 ChannelKind::Factor => 5,
+                ChannelKind::Drawing => 6,
                 _ => 0,
             };
             self.output.put_floats([kind.into(), channel.value_count() as f64, *low, *step, *bound, bytes as f64]);
@@ -129,7 +130,10 @@ fn channels_beside(channels: &[ChannelInfo], shown: u8, beside: u32) -> (Vec<u8>
     let material = [factor("occlusion"), factor("roughness"), factor("metallic")];
     let emissive = place(has_material, &|channel| channel.kind == ChannelKind::Colour && channel.name == "emissive");
     let material = material.iter().any(Option::is_some).then_some(material);
-    (numbers, Beside { normals, material, emissive })
+    // Colours are nothing without what their opacity means.
+    let has_colour = channels.get(usize::from(shown)).is_some_and(|channel| channel.kind == ChannelKind::Colour);
+    let drawing = place(has_colour, &|channel| channel.kind == ChannelKind::Drawing);
+    (numbers, Beside { normals, material, emissive, drawing })
 }
 
 /// What a module without channels answers.

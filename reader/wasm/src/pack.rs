@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use lodpack::{
     Lattice,
-    decode::{Appearance, ChannelImage, Look, texels::Piece},
+    decode::{Appearance, ChannelImage, Look, coverages, texels::Piece},
     stream::{ByPiece, Changes, DrawnRoot, DrawnTexture, Picture, TileImages},
 };
 
@@ -35,6 +35,8 @@ pub struct Beside {
     /// Occlusion, roughness and metalness, if there is any of them.
     pub material: Option<[Option<usize>; 3]>,
     pub emissive: Option<usize>,
+    /// How the surface is drawn.
+    pub drawing: Option<usize>,
 }
 
 /// The channel that is shown, what comes with it, and the images that the page has.
@@ -93,6 +95,14 @@ impl Beside {
         Some(texels)
     }
 
+    /// Replaces the opacity of texels by how much of them is there.
+    fn cover(&self, colours: &ChannelImage, images: &[Option<ChannelImage>], texels: &mut [u8]) {
+        let drawings = self.drawing.and_then(|number| images.get(number)?.as_ref());
+        if let Some(covered) = drawings.and_then(|drawings| coverages(colours, drawings)) {
+            texels.as_chunks_mut::<4>().0.iter_mut().zip(covered).for_each(|(texel, coverage)| texel[3] = coverage);
+        }
+    }
+
     /// Emitted light.
     fn emissive(&self, images: &[Option<ChannelImage>], texel_count: usize) -> Option<Vec<u8>> {
         match images.get(self.emissive?)? {
@@ -126,6 +136,7 @@ impl Painter {
             }
             let mut texels = Vec::new();
             self.appearance.paint(image, &mut texels);
+            self.beside.cover(image, &texture.texture.images, &mut texels);
             self.sent.insert(root, Sent::Image(Arc::clone(texture)));
             let (images, count) = (&texture.texture.images[..], texels.len() / 4);
             return Some(Painted {

@@ -7,12 +7,16 @@
 use glam::DVec3;
 use lodpack::{
     File, Lattice, LatticePoint, Limits,
+    decode::{AlphaMode, Drawing, RootPatch, texels::Image},
     index::{ChannelInfo, ChannelKind, HalfArc},
     write::{ArcRecord, ArcTarget, BlockRecord, LevelInfo, ListSizes, Model, OverviewRecord, PatchTarget},
 };
 use lodpack::{
     index::SourceInfo,
-    write::{Quantisation, RootRecord, Slide, SymbolBuffer, WantedSample, quantise_arcs, write_listed},
+    write::{
+        PieceShape, Quantisation, RootRecord, Slide, SymbolBuffer, WantedSample, encode_map, encode_values,
+        quantise_arcs, write_listed,
+    },
 };
 use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::mesh::Mesh;
@@ -68,6 +72,7 @@ fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
         ("unknown_channel", HandmadeTexels::unknown().put_into(Handmade::example().container()).bytes()),
         ("channels_of_nothing", HandmadeTexels::nothing().put_into(Handmade::nothing().container()).bytes()),
         ("channels", cube_with_channels()?),
+        ("drawings", drawn_cube()?),
         ("many_clusters", cube_of_squares(3)?),
         ("lists", listed_cube()?),
         ("tree", tree()?),
@@ -309,6 +314,66 @@ fn cube_with_channels() -> Result<Vec<u8>, Failure> {
     let mut bytes = vec![];
     write_listed(&model, ListSizes::default(), &mut bytes)?;
     Ok(bytes)
+}
+
+/// A cube of six roots with a channel that says how each is drawn: the first in the usual way, and by one number. The last has two numbers, and its
+/// coarser block none.
+fn drawn_cube() -> Result<Vec<u8>, Failure> {
+    let (corners, squares) = squares(1);
+    let levels = vec![0; corners.len()];
+    let net = Net::new(corners, levels, &squares, |_| [0, 1])?;
+    let mut roots = vec![];
+    for half_arcs in &net.loops {
+        roots.push(net.fan(half_arcs, &[Some(0.5), Some(0.125)])?);
+    }
+    let mut model = net.model(&[0.5, 0.125], roots, None);
+    let (name, kind) = ("drawing".to_owned(), ChannelKind::Drawing);
+    model.channels = vec![ChannelInfo { name, kind, components: 1, low: 0.0, step: 1.0, bound: 0.0 }];
+    let mut bytes = vec![];
+    let order = write_listed(&model, ListSizes::default(), &mut bytes)?.root_order;
+    // Maps project what decodes.
+    let file = File::open(bytes.as_slice(), Limits::default())?;
+    let masked = |cutoff: f64| Drawing { alpha: AlphaMode::Mask(cutoff), ..Drawing::default() };
+    let of_roots = [
+        Drawing::default(),
+        Drawing { is_double_sided: true, is_unlit: true, ..Drawing::default() },
+        masked(0.5),
+        Drawing { is_double_sided: true, ..masked(0.25) },
+        Drawing { alpha: AlphaMode::Blend, ..Drawing::default() },
+        masked(1e9),
+    ];
+    let mut texels = vec![];
+    for (number, drawing) in of_roots.iter().enumerate() {
+        for level in 0..2 {
+            let RootPatch { patch, loops, .. } = file.decode_root(number as u32, level)?;
+            let border = loops.iter().flatten().map(|vertex| vertex.position);
+            let positions: Vec<LatticePoint> = border.chain(patch.interior.iter().copied()).collect();
+            let shapes = [PieceShape { axis: axis_of(&positions) }];
+            let labels = vec![0; patch.triangles.len()];
+            let (map, bytes) = encode_map(&positions, &patch.triangles, 10, &shapes, &labels, 1 << 20)?;
+            let [width, height] = map.size;
+            let is_second = |texel: u32| number == 5 && texel % width > width / 2;
+            let data = (0..width * height).map(|texel| if is_second(texel) { 0 } else { drawing.number() });
+            let image = Image { size: map.size, components: 1, data: data.collect() };
+            let stream = encode_values(&image, &vec![true; (width * height) as usize]);
+            texels.push((order[number], level, vec![bytes, if number == 5 && level == 0 { vec![] } else { stream }]));
+        }
+    }
+    for (root, level, streams) in texels {
+        if let Some(Some(block)) = model.roots[root as usize].blocks.get_mut(usize::from(level)) {
+            block.texels = streams;
+        }
+    }
+    let mut bytes = vec![];
+    write_listed(&model, ListSizes::default(), &mut bytes)?;
+    Ok(bytes)
+}
+
+/// The axis of a side of a cube around the origin that has these points.
+fn axis_of(points: &[LatticePoint]) -> [i8; 3] {
+    let sum = |k: usize| points.iter().map(|point| point[k]).sum::<i64>();
+    let largest = (0..3).max_by_key(|&k| sum(k).abs()).unwrap_or(0);
+    [0, 1, 2].map(|k| if k == largest { sum(k).signum() as i8 } else { 0 })
 }
 
 /// A cube with `n` by `n` roots per side, each a bulging square: more roots than a cluster can hold.

@@ -73,6 +73,14 @@ impl HandmadeTexels {
         texels
     }
 
+    /// The example whose second channel says how the surface is drawn.
+    pub fn drawn() -> Self {
+        let mut texels = Self::example();
+        texels.channels[1] =
+            HandmadeChannel { name: b"drawing".to_vec(), kind: 6, components: 1, numbers: [0.0, 1.0, 0.0] };
+        texels
+    }
+
     /// Channels of a file without clusters.
     pub fn nothing() -> Self {
         Self { streams: vec![], has_cluster: false, ..Self::example() }

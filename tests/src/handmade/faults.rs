@@ -3,8 +3,9 @@
 use super::symbols::{CONTEXT_COUNT, contexts, flat_table_numbers};
 use super::{
     BOX_SIZE, CHANNELS, CHILD_CHILDREN, CHILD_HALF_ARCS, CHILD_TRIANGLES, CHILDREN, CLUSTERS, COARSE_ERROR, Container,
-    FINE_BEGINS, FIRST_ARC, FIRST_ARC_SAMPLES, FIRST_CORNER_LEVEL, HALF_ARC_COUNT, HALF_ARCS, Handmade, HandmadeTexels,
-    INDEX, LAST_ARC, LEVEL_SET, LEVELS, PAGES, ROOT, SECOND_CORNER_LEVEL, Section, TABLES, TEXELS, pack_bits,
+    FINE_BEGINS, FIRST_ARC, FIRST_ARC_SAMPLES, FIRST_CORNER_LEVEL, HALF_ARC_COUNT, HALF_ARCS, Handmade,
+    HandmadeChannel, HandmadeTexels, INDEX, LAST_ARC, LEVEL_SET, LEVELS, PAGES, ROOT, SECOND_CORNER_LEVEL, Section,
+    TABLES, TEXELS, pack_bits,
 };
 
 /// A file that must be refused.
@@ -61,13 +62,18 @@ pub fn faults() -> Vec<Fault> {
         edit(&mut container);
         Fault { name, what, bytes: container.bytes() }
     });
+    let drawn = drawing_faults().into_iter().map(|(name, what, edit)| {
+        let mut texels = HandmadeTexels::drawn();
+        edit(&mut texels);
+        Fault { name, what, bytes: texels.put_into(Handmade::example().container()).bytes() }
+    });
     let channels = channel_faults().into_iter().map(|(name, what, edit)| {
         let mut texels = HandmadeTexels::example();
         edit(&mut texels);
         Fault { name, what, bytes: texels.put_into(Handmade::example().container()).bytes() }
     });
     let geometry = whole.chain(sections).chain(tables).chain(lists).chain(symbols).chain(trees).chain(grids);
-    geometry.chain(with_channels).chain(channels).collect()
+    geometry.chain(with_channels).chain(channels).chain(drawn).collect()
 }
 
 type Edit<T> = (&'static str, &'static str, fn(&mut T));
@@ -416,6 +422,18 @@ fn channel_section_faults() -> Vec<Edit<Container>> {
         ("texels_flags", "TEXELS is not checked by parts (5)", |c| c.section(TEXELS).flags = 0),
         ("channels_longer", "a byte follows the last channel (20.1)", |c| c.section(CHANNELS).content.push(0)),
         ("channels_short", "CHANNELS ends within a channel (20.1)", |c| c.section(CHANNELS).content.truncate(20)),
+    ]
+}
+
+fn drawing_faults() -> Vec<Edit<HandmadeTexels>> {
+    vec![
+        ("drawing_components", "a drawing has two components (20.1)", |t| t.channels[1].components = 2),
+        ("drawing_low", "drawings count from 1 (20.1)", |t| t.channels[1].numbers[0] = 1.0),
+        ("drawing_step", "drawings count in steps of a half (20.1)", |t| t.channels[1].numbers[1] = 0.5),
+        ("drawing_twice", "two channels are of kind drawing (20.1)", |t| {
+            let name = b"again".to_vec();
+            t.channels[0] = HandmadeChannel { name, ..t.channels[1].clone() };
+        }),
     ]
 }
 

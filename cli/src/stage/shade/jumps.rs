@@ -1,4 +1,4 @@
-//! Where the colours of the input jump: edges of the mesh at which charts of its textures, its materials or colours of its corners meet, and
+//! Where the colours of the input jump, or the way in which it is drawn: edges of the mesh at which charts of its textures, its materials or colours of its corners meet, and
 //! at which both sides show something else.
 //!
 //! Triangles that continue each other form an *area*. Between two areas colours jump if, over all edges at which they meet, what one side
@@ -18,6 +18,8 @@ use crate::stage::areas::{ColourAreas, Jumps};
 /// Differences below this many steps of quantisation are no jump: where one is blurred over a texel, the root mean square error there is a
 /// quarter of it, and that of quantisation up to a third of a step.
 const STEPS: f64 = 4.0;
+/// The square of the difference between two ways to draw: no colours differ more.
+const OF_DRAWINGS: f64 = 255.0 * 255.0;
 /// Areas with fewer texels of the input are left out: a piece of a map takes more for itself. With 16, the textured bunny of pymeshlab's
 /// tests had 31.1 instead of 33.7 dB; with less than 2, each square of a mesh with a colour per face would be one.
 const FEWEST_TEXELS: f64 = 2.0;
@@ -31,7 +33,7 @@ const MOST_INWARDS: f64 = 0.3;
 impl Painter<'_> {
     /// The areas of a region between which colours jump; none if they do nowhere. `step` is that of the quantisation of colours.
     pub fn colour_areas(&mut self, mesh: &Mesh, adjacency: &Adjacency, step: u8) -> Option<ColourAreas> {
-        if !self.appearance.has_colour {
+        if !self.appearance.has_colour && !self.appearance.has_drawings {
             return None;
         }
         let borders: Vec<u32> = self.borders(adjacency);
@@ -119,11 +121,22 @@ impl Painter<'_> {
 
     /// The mean square over the components of how much the colours on both sides of an edge differ, of 255, and the edge's length.
     fn jump(&mut self, mesh: &Mesh, half_edge: u32, opposite: u32) -> (f64, f64) {
-        let [one, other] = [half_edge, opposite].map(|h| self.colour_along(mesh, h));
-        let square = (0..3).map(|k| (one[k] - other[k]) * (one[k] - other[k])).sum::<f64>() / 3.0;
+        let square = if self.drawing(half_edge) == self.drawing(opposite) {
+            let [one, other] = [half_edge, opposite].map(|h| self.colour_along(mesh, h));
+            (0..3).map(|k| (one[k] - other[k]) * (one[k] - other[k])).sum::<f64>() / 3.0
+        } else {
+            OF_DRAWINGS
+        };
         let ends = [half_edge, next_half_edge(half_edge)]
             .map(|h| mesh.positions[mesh.triangles[h as usize / 3][h as usize % 3] as usize]);
         (square, ends[0].distance(ends[1]))
+    }
+
+    /// How the triangle of a half-edge is drawn.
+    fn drawing(&self, half_edge: u32) -> u16 {
+        let material = usize::from(self.region.material(half_edge as usize / 3));
+        let is_kept = self.appearance.has_drawings;
+        self.appearance.materials.get(material).filter(|_| is_kept).map_or(0, |material| material.drawing().number())
     }
 
     /// The mean colour that a triangle shows along a half-edge, of 255. The mean over an edge has little of what is in the texture.

@@ -214,10 +214,18 @@ impl Face<'_> {
         }
         match self.material.map(|material| material.alpha) {
             Some(AlphaMode::Opaque) => colour[3] = 1.0,
-            Some(AlphaMode::Mask(least)) => colour[3] = if colour[3] >= least { 1.0 } else { 0.0 },
+            // Where it is kept how the surface is drawn, alpha is compared when it is drawn: so outlines are as smooth as the input's.
+            Some(AlphaMode::Mask(least)) if !self.appearance.has_drawings => {
+                colour[3] = if colour[3] >= least { 1.0 } else { 0.0 }
+            }
             _ => {}
         }
         colour
+    }
+
+    /// The number of how it is drawn.
+    pub fn drawing(&self) -> u16 {
+        self.material.map_or(0, |material| material.drawing().number())
     }
 
     /// The value of a scalar, counted as in [`Appearance::scalars`]. NaN where no corner has one.
@@ -252,7 +260,9 @@ impl Face<'_> {
     /// Samples per unit of length that the channels of the input have here, but for scalars: texels of its textures, or about one for each
     /// vertex; 0 where all of them are the same everywhere.
     pub fn material_density(&self) -> f32 {
-        let has_vertices = self.colour.is_some() || self.appearance.maps.normal;
+        // How it is drawn needs texels even where all of them have one colour.
+        let is_bare = self.appearance.has_drawings && self.textures.iter().all(Option::is_none);
+        let has_vertices = self.colour.is_some() || self.appearance.maps.normal || is_bare;
         let of_vertices = if has_vertices { self.vertex_density } else { 0.0 };
         self.textures.iter().flatten().fold(of_vertices, |most, face| most.max(face.density))
     }

@@ -34,7 +34,8 @@ class Channel(TypedDict):
 
     name: str
     kind: str
-    """``colour`` (sRGB), ``scalar`` (measured numbers), ``normal``, ``label`` (numbers of classes), or ``unknown``."""
+    """``colour`` (sRGB), ``scalar`` (measured numbers), ``normal``, ``label`` (numbers of classes), ``factor`` (from 0
+    to 1), ``drawing`` (how the surface is drawn: SPEC.md, 21.6), or ``unknown``."""
     components: int
     """Numbers of a value, 1 to 4."""
     low: float
