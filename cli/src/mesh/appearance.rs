@@ -115,12 +115,20 @@ pub struct Appearance {
     pub materials: Vec<Material>,
     /// The images that materials name.
     pub images: Vec<ImageSource>,
+    /// Texels of all images.
+    pub texels: u64,
 }
 
 impl Appearance {
     /// Whether there is nothing to keep beside the shape.
     pub fn is_empty(&self) -> bool {
         !self.has_colour && self.maps == MaterialMaps::default() && self.scalars.is_empty()
+    }
+
+    /// Texels of images for each of so many triangles: a power of two, or 0, so that it changes rarely when more is added.
+    pub fn texels_each(&self, triangles: u64) -> u64 {
+        let texels = self.texels / triangles.max(1);
+        if texels > 0 { 1 << texels.ilog2() } else { 0 }
     }
 
     /// Whether records, materials and images that are numbered by `earlier` have the same numbers here.
