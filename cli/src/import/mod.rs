@@ -125,12 +125,17 @@ fn finish(sink: MeshSink, progress: &dyn Progress) -> Result<Imported, ImportErr
     for note in [sink.channels(), sink.left_out()].into_iter().flatten() {
         progress.note(&note);
     }
+    let room = sink.room();
     let mut imported = sink.finish()?;
-    match &mut imported {
-        Imported::Memory(surface) => textures::check_images(&mut surface.appearance, None, progress)?,
-        Imported::Spilled(mesh) => {
-            textures::check_images(&mut mesh.appearance, Some(&mesh.directory), progress)?;
-        }
+    if let Imported::Memory(surface) = &mut imported {
+        textures::check_images(&mut surface.appearance, progress)?;
+        // The mesh may fit where its texels do not.
+        imported = Imported::new(std::mem::take(surface), &room)?;
+    } else if let Imported::Spilled(mesh) = &mut imported {
+        textures::check_images(&mut mesh.appearance, progress)?;
+    }
+    if let Imported::Spilled(mesh) = &mut imported {
+        textures::keep_images(&mut mesh.appearance, &mesh.directory)?;
     }
     Ok(imported)
 }

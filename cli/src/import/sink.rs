@@ -13,7 +13,7 @@ use super::{ImportError, check_size};
 use crate::mesh::Mesh;
 use crate::mesh::appearance::{Appearance, Channels};
 use crate::mesh::attributes::{AttributeLayout, Attributes, Surface};
-use crate::storage::memory::{attribute_bytes, mesh_bytes};
+use crate::storage::memory::{attribute_bytes, mesh_bytes, texel_bytes};
 use crate::storage::{Lookup, RecordWriter, WorkDirectory, WorkError};
 
 /// File name of the positions.
@@ -100,6 +100,7 @@ impl Imported {
         let (vertices, triangles) = (mesh.positions.len() as u64, mesh.triangles.len() as u64);
         let values = [std::mem::take(&mut attributes.vertex_values), std::mem::take(&mut attributes.corner_values)];
         let others = attribute_bytes(values.iter().map(|values| values.len() as u64).sum(), triangles);
+        let others = others.saturating_add(texel_bytes(appearance.texels, room.memory));
         if room.has(vertices, triangles, others) {
             [attributes.vertex_values, attributes.corner_values] = values;
             return Ok(Self::Memory(Surface { mesh, attributes, appearance }));
@@ -375,6 +376,11 @@ impl MeshSink {
         self.lookup = None;
         self.held = 0;
         Ok(())
+    }
+
+    /// How much memory there is.
+    pub(super) fn room(&self) -> Room {
+        self.room.clone()
     }
 
     pub(super) fn finish(mut self) -> Parsed<Imported> {

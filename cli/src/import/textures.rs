@@ -47,35 +47,40 @@ pub(super) fn leaves_folder(path: &Path) -> bool {
 }
 
 /// Looks at all images that materials use. One that cannot be read is noted, and its materials keep their factor alone; the image that is
-/// too large is an error. With a work directory, all images are copied there, so that the rest of the build needs nothing else.
-pub(super) fn check_images(
-    appearance: &mut Appearance,
-    directory: Option<&WorkDirectory>,
-    progress: &dyn Progress,
-) -> Result<(), ImportError> {
+/// too large is an error.
+pub(super) fn check_images(appearance: &mut Appearance, progress: &dyn Progress) -> Result<(), ImportError> {
+    appearance.texels = 0;
     for number in 0..appearance.images.len() {
         let image = &appearance.images[number];
         let name = image.name();
         let read = image.read(None).map_err(|error| error.to_string());
-        let checked = read.and_then(|bytes| Ok((image_size(&bytes)?, bytes)));
-        let kept = match checked {
-            Ok(([width, height], bytes)) => {
-                if u64::from(width) * u64::from(height) > MAX_IMAGE_TEXELS {
+        match read.and_then(|bytes| image_size(&bytes)) {
+            Ok([width, height]) => {
+                let texels = u64::from(width) * u64::from(height);
+                if texels > MAX_IMAGE_TEXELS {
                     return Err(ImportError::Image { name, width, height, limit: MAX_IMAGE_TEXELS });
                 }
-                directory.map(|directory| keep(directory, number, name, &bytes)).transpose()?
+                appearance.texels += texels;
             }
             Err(problem) => {
                 progress.note(&format!("the image {name} cannot be used: {problem}; its material has no texture"));
                 appearance.materials.iter_mut().for_each(|material| {
                     material.base_texture.take_if(|texture| texture.image as usize == number);
                 });
-                None
             }
-        };
-        if let Some(kept) = kept {
-            appearance.images[number] = kept;
         }
+    }
+    Ok(())
+}
+
+/// Copies all images that can be used to a work directory, so that the rest of the build needs nothing else.
+pub(super) fn keep_images(appearance: &mut Appearance, directory: &WorkDirectory) -> Result<(), WorkError> {
+    for (number, image) in appearance.images.iter_mut().enumerate() {
+        let kept = match image.read(None) {
+            Ok(bytes) if image_size(&bytes).is_ok() => keep(directory, number, image.name(), &bytes)?,
+            _ => continue,
+        };
+        *image = kept;
     }
     Ok(())
 }

@@ -175,7 +175,7 @@ impl Job {
                 continue;
             }
             let head = PartHead { part: region, parts: count, regions: region..region + 1, plan: plan.clone() };
-            let (bytes, took) = write_part(&regions, job, &head, &path, false, progress)?;
+            let (bytes, took) = write_part(&regions, job, &head, &path, false, options.memory, progress)?;
             times.add(&took);
             self.directory.count(bytes);
             regions.remove_charted(region as usize);
@@ -238,7 +238,8 @@ impl Job {
                 }
             }
         };
-        Ok(DividedMesh::new(mesh, options.model.division(), job)?)
+        let division = options.model.division(mesh.triangle_count, &mesh.appearance);
+        Ok(DividedMesh::new(mesh, division, job)?)
     }
 }
 

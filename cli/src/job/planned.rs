@@ -12,10 +12,9 @@ use super::status::PartReport;
 use super::{BuildError, JobError, Manifest, PartEntry};
 use crate::machine::peak_memory_bytes;
 use crate::pipeline::summary::{Stopwatch, Times};
-use crate::pipeline::{Plan, RegionProduct, RegionSize, TEXTURE_MEMORY, build_region};
+use crate::pipeline::{Plan, RegionProduct, RegionSize, Studio, build_region};
 use crate::progress::Progress;
 use crate::region::{MEMORY_OPTION, RegionDirectory, RegionError};
-use crate::stage::shade::Shader;
 use crate::storage::{JobId, Lock, WorkDirectory, WorkError};
 
 /// A part that was built, or was there already.
@@ -138,7 +137,7 @@ impl PlannedJob {
         }
         let watch = Stopwatch::default();
         let bytes = match &self.content {
-            Content::Mesh { plan, sizes } => self.build_regions(part, entry, (plan, sizes), path, progress)?,
+            Content::Mesh { plan, sizes } => self.build_regions(part, entry, (plan, sizes), memory, path, progress)?,
             Content::Heights(plan) => {
                 let of = (part, self.parts(), entry.first_region..entry.first_region + entry.regions);
                 plan.build_part(self.directory.folder(), self.manifest.id(), of, path, progress)?
@@ -161,6 +160,7 @@ impl PlannedJob {
         part: u32,
         entry: &PartEntry,
         (plan, all_sizes): (&Plan, &[RegionSize]),
+        memory: u64,
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<Option<u64>, BuildError> {
@@ -178,7 +178,7 @@ impl PlannedJob {
         let store = RegionDirectory::charted(self.directory.clone(), id, all_sizes.len());
         // An empty part can be made again at once, so it need not reach the disk.
         let sync = !regions.is_empty();
-        let (bytes, _) = write_part(&store, of_part, &head, path, sync, progress)?;
+        let (bytes, _) = write_part(&store, of_part, &head, path, sync, memory, progress)?;
         Ok(Some(bytes))
     }
 }
@@ -191,12 +191,13 @@ pub(super) fn write_part(
     head: &PartHead,
     path: &Path,
     sync: bool,
+    memory: u64,
     progress: &dyn Progress,
 ) -> Result<(u64, Times), BuildError> {
     let mut times = Times::default();
     let mut writer = PartWriter::create(path, job, head)?;
     let note = |text: &str| progress.note(text);
-    let shader = Shader::new(&head.plan.appearance, Some(store.folder()), TEXTURE_MEMORY, &note);
+    let studio = Studio::new(&head.plan.appearance, Some(store.folder()), memory, &note);
     for region in head.regions.clone() {
         if let Some(product) = store.product::<RegionProduct>(region as usize) {
             progress.skip(product.stats.roots.total());
@@ -204,7 +205,7 @@ pub(super) fn write_part(
             continue;
         }
         let (region, seams) = store.load_charted(region as usize)?;
-        let product = build_region(&region, &seams, &head.plan, &shader, progress)?;
+        let product = build_region(&region, &seams, &head.plan, &studio, progress)?;
         drop(region);
         times.add(&product.stats.times);
         writer.put(&product)?;

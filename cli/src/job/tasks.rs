@@ -29,7 +29,7 @@ use crate::mesh::attributes::Attributes;
 use crate::pipeline::{Found, Scale, Whole, seams_of};
 use crate::progress::Progress;
 use crate::region::{
-    Agreement, BoundarySketch, CellCounts, Counts, Decomposition, DividedMesh, Matching, NumberedMesh, RegionDirectory,
+    Agreement, BoundarySketch, CellCounts, Counts, Decomposition, DividedMesh, Division, Matching, NumberedMesh, RegionDirectory,
     RegionStats, Reversed, RunFile, RunList, at_once, centroid, remove_shared, repair_regions,
 };
 use crate::storage::memory::region_bytes;
@@ -222,10 +222,11 @@ impl Task<'_> {
 
     fn count(&self) -> Result<u64, BuildError> {
         let input = self.input()?;
-        let counts = match input.triangle_count() <= self.manifest.options.region_triangles {
+        let division = self.division(&input)?;
+        let counts = match input.triangle_count() <= division.triangles {
             true => CellCounts::default(),
             false => {
-                let cutting = self.manifest.options.division().begin(self.scanned()?.0);
+                let cutting = division.begin(self.scanned()?.0);
                 let range = self.stages.range(self.task, input.triangle_count());
                 cutting.count(&mut |visit| for_each_centroid(&input, range.clone(), visit))?
             }
@@ -237,11 +238,11 @@ impl Task<'_> {
         self.note_texts(progress)?;
         let (input, (bounds, hashes)) = (self.input()?, self.scanned()?);
         Scale::check_size(bounds)?;
-        let count = input.triangle_count();
-        let tree = match count <= self.manifest.options.region_triangles {
+        let (count, division) = (input.triangle_count(), self.division(&input)?);
+        let tree = match count <= division.triangles {
             true => Decomposition::whole(),
             false => {
-                let mut cutting = self.manifest.options.division().begin(bounds);
+                let mut cutting = division.begin(bounds);
                 let mut failure = None;
                 let shares = (0..self.stages.ranges)
                     .map_while(|task| self.product(Stage::Count, task).map_err(|error| failure = Some(error)).ok());
@@ -342,8 +343,9 @@ impl Task<'_> {
         let Agreement { matching, doubled_vertices, repairs, reversed } = Agreement::of(&mut stats);
         let reversed = (0..).zip(reversed).filter(|(_, reversed)| reversed.contains(&true)).collect();
         let input_triangles = self.input_triangles()?;
-        let whole = Whole::of(&stats, input_triangles, &self.manifest.options).map_err(|error| self.named(error))?;
         let appearance = self.imported()?.appearance;
+        let whole = Whole::of(&stats, input_triangles, &appearance, &self.manifest.options);
+        let whole = whole.map_err(|error| self.named(error))?;
         let found = Found { input_triangles, doubled_vertices, repairs, appearance };
         let pairs = SealedWriter::within(self.directory, PAIRS_NAME, PAIRS_KIND, self.manifest.id());
         let bytes = pairs.and_then(|mut writer| writer.put(&Pairs { matching, found }).and(writer.finish(true)))?;
@@ -459,6 +461,10 @@ impl Task<'_> {
             Ways::Places | Ways::Lines => NumberedMesh::Ranged(self.ranged()?),
             Ways::Whole => NumberedMesh::in_directory(self.directory, self.imported()?.triangles)?,
         })
+    }
+
+    fn division(&self, input: &NumberedMesh) -> Result<Division, WorkError> {
+        Ok(self.manifest.options.division(input.triangle_count(), &self.imported()?.appearance))
     }
 
     fn input_triangles(&self) -> Result<u64, BuildError> {

@@ -121,6 +121,8 @@ pub struct Appearance {
     pub materials: Vec<Material>,
     /// The images that materials name.
     pub images: Vec<ImageSource>,
+    /// Texels of all images.
+    pub texels: u64,
 }
 
 impl Appearance {
@@ -132,6 +134,12 @@ impl Appearance {
     /// Whether there is something that only materials have: maps, or drawings.
     pub fn has_materials(&self) -> bool {
         self.maps != MaterialMaps::default() || self.has_drawings
+    }
+
+    /// Texels of images for each of so many triangles: a power of two, or 0, so that it changes rarely when more is added.
+    pub fn texels_each(&self, triangles: u64) -> u64 {
+        let texels = self.texels / triangles.max(1);
+        if texels > 0 { 1 << texels.ilog2() } else { 0 }
     }
 
     /// Whether records, materials and images that are numbered by `earlier` have the same numbers here.

@@ -26,8 +26,10 @@ use std::path::Path;
 /// Bytes of each run of pages that may wait in memory; beyond that they go to an anonymous file.
 const WAITING_BYTES: usize = 1 << 20;
 
-/// Clusters (of some ten kilobytes each) that every thread encodes before their bytes are written.
+/// Clusters (of some ten kilobytes each) that every thread encodes before their bytes are written,
 const CLUSTERS_A_THREAD: usize = 8;
+/// unless they have so many bytes before that: those with texels may be a thousand times as large.
+const CLUSTER_BYTES: usize = 16 << 20;
 
 /// The products of all regions in the order of the regions. They can be visited repeatedly.
 pub(crate) trait Products {
@@ -283,9 +285,15 @@ fn encode(
         count += 1;
     }
     above.iter().try_for_each(|piece| output.take(count, piece))?;
-    let clusters: Vec<usize> = (0..output.encoder().cluster_count()).collect();
-    for some in clusters.chunks(CLUSTERS_A_THREAD * rayon::current_num_threads()) {
-        let symbols = some.iter().map(|&cluster| output.symbols(cluster)).collect::<lodpack::Result<Vec<_>>>()?;
+    let (mut clusters, most) = (0..output.encoder().cluster_count(), CLUSTERS_A_THREAD * rayon::current_num_threads());
+    while !clusters.is_empty() {
+        let (mut symbols, mut bytes) = (vec![], 0);
+        while symbols.len() < most && bytes < CLUSTER_BYTES {
+            let Some(cluster) = clusters.next() else { break };
+            let of_cluster = output.symbols(cluster)?;
+            bytes += of_cluster.bytes();
+            symbols.push(of_cluster);
+        }
         let encoded = symbols.par_iter().map(|symbols| output.encoder().encode(symbols));
         encoded.collect::<lodpack::Result<Vec<_>>>()?.into_iter().try_for_each(|cluster| output.add(cluster))?;
     }

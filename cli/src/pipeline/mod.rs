@@ -12,6 +12,7 @@
 //! | `fill` | the table of fillings, by which all other steps know them |
 //! | `irregular`, `grid`, `choose` | the fillings of a chart, and which one it gets |
 //! | `groups` | groups of charts above them, up to one for the region |
+//! | `paint`, `texels` | blocks get images of what the input shows |
 //! | `redundant_levels` | levels that add nothing are removed |
 //! | `product` | what a region contributes to the file |
 //! | `coarse`, `manifold`, `overview` | the coarsest levels as one surface, which becomes the overview |
@@ -31,6 +32,7 @@ mod join;
 mod manifold;
 mod options;
 mod overview;
+mod paint;
 mod painted_cut;
 mod plan;
 mod product;
@@ -46,6 +48,7 @@ pub use finish::{Finished, cut_to_finish, finish, is_nearer};
 pub(crate) use join::{Arranged, Products, Sums, arrange, join, join_encoded};
 pub use options::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError};
 pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
+pub(crate) use paint::Studio;
 pub use painted_cut::painted;
 pub(crate) use plan::{Found, Plan, Prepared, RegionSize, Whole, prepare, seams_of};
 pub(crate) use product::{ProductStats, RegionProduct};
@@ -62,7 +65,6 @@ use crate::progress::Progress;
 use crate::region::{Region, RegionStore, Regions};
 use crate::stage::arcs::{Atlas, Seams, trace_arcs};
 use crate::stage::areas::{Areas, ColourAreas, Jumps};
-use crate::stage::shade::Shader;
 use groups::above_regions::tops;
 use groups::net::Net;
 use groups::{Forest, node_of_chart};
@@ -70,13 +72,13 @@ use redundant_levels::{remove_empty_levels, remove_redundant_levels};
 use roots::build_roots;
 use shared_arcs::SharedArcs;
 use summary::{BuildSummary, Fallbacks, Stopwatch, Times};
-use texels::PaintedRegion;
-pub(crate) use texels::TEXTURE_MEMORY;
+use paint::PaintedRegion;
 
-/// Builds a file from a mesh in memory. The bytes depend on the mesh and the options alone.
+/// Builds a file from a mesh in memory. The bytes depend on the mesh and the options alone; its images take a share of the memory.
 pub(crate) fn build_in_memory(
     surface: Surface,
     options: &ModelOptions,
+    memory: u64,
     scratch: &Path,
     out: &mut impl Write,
     progress: &dyn Progress,
@@ -86,7 +88,8 @@ pub(crate) fn build_in_memory(
     Scale::check_size(surface.mesh.bounds())?;
 
     progress.begin("repair", 0);
-    let regions = Regions::in_memory(surface, options.division());
+    let division = options.division(input_triangles, &surface.appearance);
+    let regions = Regions::in_memory(surface, division);
     watch.lap("repair");
     // Every edge has one or two triangles, consistently wound; every vertex has one fan. Boundary edges at which two regions meet know
     // each other.
@@ -100,8 +103,8 @@ pub(crate) fn build_in_memory(
     let RegionStore::Memory(regions) = store else { unreachable!("nothing has been written") };
     let regions = regions.into_iter().zip(&seams);
     let note = |text: &str| progress.note(text);
-    let shader = Shader::new(&plan.appearance, None, TEXTURE_MEMORY, &note);
-    let products = regions.map(|(region, seams)| build_region(&region, seams, &plan, &shader, progress));
+    let studio = Studio::new(&plan.appearance, None, memory, &note);
+    let products = regions.map(|(region, seams)| build_region(&region, seams, &plan, &studio, progress));
     let products = products.collect::<lodpack::Result<Vec<_>>>()?;
     // Neighbouring roots share their arcs bit for bit, and the stored error of every root's finest block is within the tolerance,
     // unless even the input's own triangles are farther off once they are quantised.
@@ -114,7 +117,7 @@ pub(crate) fn build_region(
     region: &Region,
     seams: &Seams,
     plan: &Plan,
-    shader: &Shader<'_>,
+    studio: &Studio<'_>,
     progress: &dyn Progress,
 ) -> lodpack::Result<RegionProduct> {
     let Region { mesh, adjacency, labels, attributes } = region;
@@ -125,7 +128,7 @@ pub(crate) fn build_region(
     let has_channels = !plan.appearance.is_empty();
     let start_of_areas = thread_cpu_time();
     let areas =
-        if has_channels { shader.painter(attributes).colour_areas(mesh, adjacency, plan.colour_step) } else { None };
+        if has_channels { studio.shader.painter(attributes).colour_areas(mesh, adjacency, plan.colour_step) } else { None };
     let areas_time = thread_cpu_time() - start_of_areas;
     let areas = areas.as_ref();
     let charted =
@@ -161,7 +164,7 @@ pub(crate) fn build_region(
     // Errors never grow from a group to its members.
 
     if has_channels {
-        let painted = PaintedRegion { charted: &charted, attributes, appearance: &plan.appearance, shader };
+        let painted = PaintedRegion { charted: &charted, attributes, appearance: &plan.appearance, studio };
         times.texels += painted.paint(&mut forest.records, &forest.drawn, plan.colour_step);
     }
     // Each block has an image of what the input shows where the block lies.

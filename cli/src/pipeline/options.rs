@@ -4,10 +4,13 @@ use lodpack::index::Placement;
 use serde::{Deserialize, Serialize};
 
 use crate::import::raster::RasterOptions;
-use crate::mesh::appearance::Channels;
+use crate::mesh::appearance::{Appearance, Channels};
 use crate::mesh::tolerance::{Tolerance, Unit};
-use crate::region::{Division, REGION_TRIANGLES, RegionError};
+use crate::region::{Division, REGION_TEXELS, REGION_TRIANGLES, RegionError};
 use crate::storage::WorkError;
+
+/// A region is not divided for its texels if it has no more triangles than this.
+const FEWEST_TEXTURED: u64 = 1 << 13;
 
 /// How much run time a build may spend to save bytes. Every error bound is certified at every effort.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -175,9 +178,12 @@ impl Default for ModelOptions {
 }
 
 impl ModelOptions {
-    /// How the input is divided into regions.
-    pub(crate) fn division(&self) -> Division {
-        Division { triangles: self.region_triangles, is_fixed: self.extensible }
+    /// How an input of so many triangles is divided into regions: those of textured inputs have fewer triangles where these have many
+    /// texels.
+    pub(crate) fn division(&self, triangles: u64, appearance: &Appearance) -> Division {
+        let texels = appearance.texels_each(triangles);
+        let most = REGION_TEXELS.checked_div(texels).map_or(u64::MAX, |most| most.max(FEWEST_TEXTURED));
+        Division { triangles: self.region_triangles.min(most), is_fixed: self.extensible }
     }
 
     /// The step of quantisation of colours, of 255: 1 for a quality of 100, 9 for 80, 21 for 50.

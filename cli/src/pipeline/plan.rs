@@ -100,7 +100,7 @@ pub(crate) fn prepare(
     progress: &dyn Progress,
 ) -> Result<Prepared, PipelineError> {
     let Regions { mut store, stats, matching, doubled_vertices, repairs, appearance } = regions;
-    let whole = Whole::of(&stats, input_triangles, options)?;
+    let whole = Whole::of(&stats, input_triangles, &appearance, options)?;
 
     // Every chart is connected; every loop of a chart has at least three arcs.
     progress.begin("segment", whole.extent.triangles);
@@ -143,12 +143,17 @@ pub(crate) struct Found {
 }
 
 impl Whole {
-    pub fn of(stats: &[RegionStats], input_triangles: u64, options: &ModelOptions) -> Result<Self, PipelineError> {
+    pub fn of(
+        stats: &[RegionStats],
+        input_triangles: u64,
+        appearance: &Appearance,
+        options: &ModelOptions,
+    ) -> Result<Self, PipelineError> {
         let extents = stats.iter().map(|stats| stats.extent.clone()).filter(|extent| extent.triangles > 0);
         let Some(extent) = extents.reduce(Extent::plus) else {
             return Err(PipelineError::Empty { dropped: input_triangles });
         };
-        let scale = Scale::new(&extent, options)?;
+        let scale = Scale::new(&extent, appearance.texels_each(input_triangles), options)?;
         Ok(Self { extent, scale, alone: stats.len() == 1 })
     }
 

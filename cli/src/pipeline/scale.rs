@@ -52,6 +52,10 @@ const TOP_SHARE: f64 = 0.02;
 /// The largest step along the normal in a file with groups, over the diagonal. However far the threshold of a coarse level would let
 /// them be, surfaces of a few hundred triangles are .002 of the diagonal off on average.
 const LARGEST_STEP: f64 = 0.0032;
+/// The most texels of images in a chart, about: the map of a chart is baked at once, and takes some 100 bytes of memory for each.
+const CHART_TEXELS: u64 = 1 << 20;
+/// A chart gets no fewer triangles for that.
+const FEWEST_TEXTURED: u64 = 512;
 /// Levels of charts that are in groups.
 const CHART_LEVELS: usize = 1;
 /// The most levels: more would only repeat patches that cannot get any coarser.
@@ -171,12 +175,12 @@ impl Scale {
         Ok(())
     }
 
-    /// Derives everything from the repaired input.
+    /// Derives everything from the repaired input, whose images have so many texels for each triangle.
     ///
     /// # Errors
     /// [`PipelineError::Tolerance`] if a metric tolerance meets an input of unknown unit, or the tolerance is too fine
     /// for the lattice.
-    pub fn new(extent: &Extent, options: &ModelOptions) -> Result<Self, PipelineError> {
+    pub fn new(extent: &Extent, texels_each: u64, options: &ModelOptions) -> Result<Self, PipelineError> {
         let &ModelOptions { tolerance, unit, effort, levels, chart_triangles, extensible, .. } = options;
         let [low, high] = extent.bounds;
         let diagonal = low.distance(high);
@@ -243,8 +247,11 @@ impl Scale {
         let at_automatic = chart_triangles.map_or_else(by_bend, f64::from);
         let [_, most] = Effort::Best.chart_size();
         // The conversion saturates.
-        let chart_triangles = (at_automatic * growth).min(most.max(at_automatic));
-        let chart_triangles = if extensible { power_of_two_near(chart_triangles, 1.0) } else { chart_triangles } as u32;
+        let mut wanted = (at_automatic * growth).min(most.max(at_automatic));
+        if let (None, Some(textured)) = (chart_triangles, CHART_TEXELS.checked_div(texels_each)) {
+            wanted = wanted.min(textured.max(FEWEST_TEXTURED) as f64);
+        }
+        let chart_triangles = if extensible { power_of_two_near(wanted, 1.0) } else { wanted } as u32;
         // The coarsest level leaves a few triangles of a chart of average size.
         let chart_size = mean_edge_length * f64::from(chart_triangles).sqrt();
         let coarsest = (TOP_SHARE * chart_size.min(diagonal)).max(finest);

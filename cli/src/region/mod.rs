@@ -22,7 +22,7 @@ mod split;
 mod store;
 mod thickness;
 
-pub use crate::storage::memory::REGION_TRIANGLES;
+pub use crate::storage::memory::{REGION_TEXELS, REGION_TRIANGLES};
 pub use boundary::{BoundaryEdge, RegionBoundary, components, reverse_components};
 pub use decompose::{CellCounts, Cutting, Decomposition, Division, ForEachCentroid};
 pub use divide::{Counts, DividedMesh, remove_shared};

@@ -1,7 +1,12 @@
-//! How much memory the machine has, and how much a build takes.
+//! How much memory the machine has, how much a build takes, and who may take some now.
+
+use std::sync::{Condvar, Mutex, PoisonError};
 
 /// The most triangles in a region by default. Files depend on it, so it must never depend on the memory of a machine.
 pub const REGION_TRIANGLES: u64 = 1 << 21;
+
+/// The most texels of images in a region, about; the same goes for them.
+pub const REGION_TEXELS: u64 = 1 << 25;
 
 /// Bytes of a mesh in memory: positions for each vertex; corners, neighbours and a chart label for each triangle.
 const VERTEX_BYTES: u64 = 24;
@@ -32,6 +37,23 @@ pub fn attribute_bytes(values: u64, triangle_count: u64) -> u64 {
     VALUE_BYTES.saturating_mul(values).saturating_add(corners)
 }
 
+/// Bytes of each texel of images while regions are built in memory, at most: half of one for what the file will have of it, twice; and for
+/// maps that are baked.
+const TEXEL_BYTES: u64 = 100;
+/// The most memory for decoded images.
+const IMAGE_BYTES: u64 = 256 << 20;
+
+/// How much of the memory of a build in memory goes to images of so many texels. Nothing where it has none.
+pub fn texel_bytes(texels: u64, memory: u64) -> u64 {
+    let [images, maps] = texel_memory(memory);
+    texels.div_ceil(2) + TEXEL_BYTES.saturating_mul(texels).min(images + maps)
+}
+
+/// How much of the memory of a build decoded images may take, and how much the maps that are baked at a time.
+pub fn texel_memory(memory: u64) -> [u64; 2] {
+    [IMAGE_BYTES.min(memory / 4), memory / 4]
+}
+
 /// The least memory for building regions that are on disk, given what the largest of them takes.
 pub fn least_bytes(largest_region_bytes: u64) -> u64 {
     BASE_BYTES + largest_region_bytes
@@ -46,4 +68,74 @@ pub fn machine_bytes() -> u64 {
     // The limit of a container.
     let limit = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|text| text.trim().parse().ok());
     limit.map_or(physical, |limit: u64| limit.min(physical))
+}
+
+/// Memory that threads share: who needs some waits until there is enough, and whoever has it gives it back.
+#[derive(Debug)]
+pub struct Pool {
+    limit: u64,
+    held: Mutex<u64>,
+    freed: Condvar,
+}
+
+impl Pool {
+    /// With so many bytes.
+    pub fn new(limit: u64) -> Self {
+        Self { limit, held: Mutex::default(), freed: Condvar::new() }
+    }
+
+    /// Waits until so many bytes are free, or nobody else holds any: what needs more than there is has to be done, too. Whoever holds some
+    /// must not wait for others who may be waiting here.
+    pub fn hold(&self, bytes: u64) -> Held<'_> {
+        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        while *held > 0 && held.saturating_add(bytes) > self.limit {
+            held = self.freed.wait(held).unwrap_or_else(PoisonError::into_inner);
+        }
+        *held = held.saturating_add(bytes);
+        Held { pool: self, bytes }
+    }
+}
+
+/// Memory that is held until this is dropped.
+#[derive(Debug)]
+pub struct Held<'a> {
+    pool: &'a Pool,
+    bytes: u64,
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        let mut held = self.pool.held.lock().unwrap_or_else(PoisonError::into_inner);
+        *held = held.saturating_sub(self.bytes);
+        self.pool.freed.notify_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    #[test]
+    fn no_more_is_held_than_there_is() {
+        let (pool, sum, most) = (Pool::new(100), AtomicU64::new(0), AtomicU64::new(0));
+        std::thread::scope(|scope| {
+            for thread in 0..8 {
+                let (pool, sum, most) = (&pool, &sum, &most);
+                scope.spawn(move || {
+                    for bytes in [20, 35, 50 + thread] {
+                        let held = pool.hold(bytes);
+                        most.fetch_max(sum.fetch_add(bytes, Ordering::SeqCst) + bytes, Ordering::SeqCst);
+                        std::thread::yield_now();
+                        sum.fetch_sub(bytes, Ordering::SeqCst);
+                        drop(held);
+                    }
+                });
+            }
+        });
+        assert!((50..=100).contains(&most.into_inner()));
+        // What is larger than all there is gets it alone.
+        drop(pool.hold(1000));
+        drop(pool.hold(100));
+    }
 }

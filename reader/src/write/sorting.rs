@@ -140,6 +140,11 @@ impl<S: Read + Write + Seek> Sorting<S> {
 }
 
 impl ClusterSymbols {
+    /// How many bytes they are.
+    pub fn bytes(&self) -> usize {
+        self.bytes.len()
+    }
+
     /// Makes room for so many blocks, runs of arcs and texel streams, all empty yet.
     #[cfg(feature = "serde")]
     pub(super) fn make_room(&mut self, blocks: usize, arcs: usize, texels: usize) {

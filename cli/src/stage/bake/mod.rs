@@ -30,6 +30,8 @@ pub use values::{Storage, Stored};
 
 /// The most texels of a patch.
 pub const MAX_TEXELS: u64 = 1 << 24;
+/// Bytes of a texel of a patch as its map shows it.
+const DRAWN_BYTES: usize = 16;
 /// How often a patch is divided further because pieces overlap themselves.
 const MAX_ROUNDS: usize = 3;
 
@@ -92,6 +94,12 @@ pub struct Baked {
     pub streams: Vec<Vec<u8>>,
     /// Its texels as points, before they were quantised: for the images of coarser patches.
     pub surfels: Vec<Surfels>,
+}
+
+/// Bytes of memory that baking a map of so many texels takes: the depth and slope of each and how it is used, sums with their weights, the
+/// image, and what is handed on.
+pub fn baking_bytes(texels: u64, storage: &Storage) -> u64 {
+    texels * (DRAWN_BYTES + 4 * (storage.count() + storage.weights()) + 2 * storage.packed_bytes()) as u64
 }
 
 /// The images of a patch, with texels of 2^(exponent / 2) lattice units. None if nothing can be projected.

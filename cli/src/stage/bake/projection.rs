@@ -80,8 +80,13 @@ impl Projection {
 
     /// The point of the patch at a place.
     pub fn point(&self, place: [f64; 2], depth: f64) -> DVec3 {
+        self.step([place[0] - self.offset[0], place[1] - self.offset[1]], depth)
+    }
+
+    /// How points differ whose places and depths do.
+    pub fn step(&self, place: [f64; 2], depth: f64) -> DVec3 {
         // The rows are at right angles, and as long as the inverse of a texel.
-        let steps = [place[0] - self.offset[0], place[1] - self.offset[1], depth];
+        let steps = [place[0], place[1], depth];
         (0..3).map(|k| self.rows[k] * (steps[k] * self.size * self.size)).sum()
     }
 

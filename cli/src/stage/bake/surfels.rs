@@ -15,22 +15,47 @@ const STEEP: f64 = 0.1;
 /// Texels along each side of a run.
 const SIDE: usize = 16;
 
-/// Texels of a piece that lie together.
-#[derive(Clone, Debug, Default)]
+/// Texels of a piece that lie together, in few bytes: the input has billions of them, and those of a group's members wait for one another.
+#[derive(Clone, Debug)]
 pub struct Surfels {
-    /// To which points are relative, lattice units.
+    /// The middle of the first texel where it is least deep, lattice units.
     origin: DVec3,
+    /// From a texel to the one beside it, to the one below it, and along the axis by one step of depth.
+    steps: [Vec3; 3],
     /// Smallest and largest point.
     bounds: [DVec3; 2],
     /// The axis of the piece.
     normal: DVec3,
     /// The area of a texel.
     area: f32,
-    points: Vec<Vec3>,
-    /// Of each point all values.
-    values: Vec<f32>,
-    /// Of each point its area; empty if colours jump nowhere.
+    /// For each row a bit for each texel that is covered.
+    rows: [u16; SIDE],
+    /// Of each covered texel how deep it is, in steps.
+    depths: Vec<u16>,
+    /// Of each all values ([`Storage::pack`]).
+    values: Vec<u8>,
+    /// Of each its area, or that of all; empty if colours jump nowhere.
     areas: Vec<u32>,
+}
+
+impl Surfels {
+    /// The area of a texel, if colours jump somewhere.
+    fn area_of(&self, number: usize) -> Option<u32> {
+        self.areas.get(if self.areas.len() == 1 { 0 } else { number }).copied()
+    }
+
+    /// How many texels.
+    pub fn count(&self) -> usize {
+        self.depths.len()
+    }
+
+    /// Columns and rows of those that are covered, in the order of their values.
+    fn places(&self) -> impl Iterator<Item = [f32; 2]> {
+        (0..).zip(self.rows).flat_map(|(y, row)| {
+            let columns = std::iter::successors(Some(row), |row| Some(row & row.wrapping_sub(1)));
+            columns.take_while(|&row| row != 0).map(move |row| [row.trailing_zeros() as f32, y as f32])
+        })
+    }
 }
 
 /// The covered texels of a patch.
@@ -48,7 +73,7 @@ pub(super) fn surfels(
         for y in (top..=bottom).step_by(SIDE) {
             for x in (left..=right).step_by(SIDE) {
                 let texels = [x, y, (x + SIDE - 1).min(right), (y + SIDE - 1).min(bottom)];
-                let run = run(&projection, texels, map.size[0] as usize, drawn, values, storage.count());
+                let run = run(&projection, texels, map.size[0] as usize, drawn, values, storage);
                 all.extend(run.map(|run| Surfels {
                     origin: run.origin + patch.origin(),
                     bounds: run.bounds.map(|corner| corner + patch.origin()),
@@ -67,30 +92,50 @@ fn run(
     width: usize,
     drawn: &Drawn,
     values: &[f32],
-    count: usize,
+    storage: &Storage,
 ) -> Option<Surfels> {
-    let area = (projection.size * projection.size) as f32;
-    let mut run = Surfels { normal: projection.normal, area, ..Surfels::default() };
-    run.bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-    for y in top..=bottom {
-        for x in left..=right {
-            let texel = y * width + x;
-            if !drawn.is_covered[texel] {
-                continue;
-            }
-            let point = projection.point([x as f64 + 0.5, y as f64 + 0.5], f64::from(drawn.depth[texel]));
-            if run.points.is_empty() {
-                run.points.reserve_exact(SIDE * SIDE);
-                run.values.reserve_exact(SIDE * SIDE * count);
-                run.origin = point;
-            }
-            run.bounds = [run.bounds[0].min(point), run.bounds[1].max(point)];
-            run.points.push((point - run.origin).as_vec3());
-            run.values.extend(&values[texel * count..][..count]);
-            run.areas.extend(drawn.areas.get(texel));
-        }
+    let texels = || (top..=bottom).flat_map(|y| (left..=right).map(move |x| (x, y, y * width + x)));
+    let covered = || texels().filter(|&(.., texel)| drawn.is_covered[texel]);
+    let (mut count, mut range, mut rows) = (0, [f32::INFINITY, f32::NEG_INFINITY], [0; SIDE]);
+    for (x, y, texel) in covered() {
+        let depth = drawn.depth[texel];
+        range = [range[0].min(depth), range[1].max(depth)];
+        rows[y - top] |= 1 << (x - left);
+        count += 1;
     }
-    (!run.points.is_empty()).then_some(run)
+    if count == 0 {
+        return None;
+    }
+    let step = (range[1] - range[0]) / f32::from(u16::MAX);
+    let point = |x: usize, y: usize, depth: f32| projection.point([x as f64 + 0.5, y as f64 + 0.5], f64::from(depth));
+    let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    let (mut depths, mut packed) = (Vec::with_capacity(count), Vec::with_capacity(count * storage.packed_bytes()));
+    let mut areas = Vec::with_capacity(if drawn.areas.is_empty() { 0 } else { count });
+    for (x, y, texel) in covered() {
+        let depth = drawn.depth[texel];
+        let point = point(x, y, depth);
+        bounds = [bounds[0].min(point), bounds[1].max(point)];
+        // The conversion saturates, and NaN becomes 0.
+        depths.push(((depth - range[0]) / step + 0.5) as u16);
+        storage.pack(&values[texel * storage.count()..][..storage.count()], &mut packed);
+        areas.extend(drawn.areas.get(texel));
+    }
+    if areas.iter().all(|area| areas.first() == Some(area)) {
+        areas.truncate(1);
+        areas.shrink_to_fit();
+    }
+    let [beside, below] = [[1.0, 0.0], [0.0, 1.0]].map(|step| projection.step(step, 0.0).as_vec3());
+    Some(Surfels {
+        origin: point(left, top, range[0]),
+        steps: [beside, below, projection.step([0.0; 2], f64::from(step)).as_vec3()],
+        bounds,
+        normal: projection.normal,
+        area: (projection.size * projection.size) as f32,
+        rows,
+        depths,
+        values: packed,
+        areas,
+    })
 }
 
 /// How deep a patch lies in each tile of its map, so that points which lie elsewhere are passed over together: of all points that are near a
@@ -160,6 +205,7 @@ pub(super) fn gather_surfels<'a>(
     let width = map.size[0] as usize;
     let tiles = Tiles::new(drawn, width);
     let strangers = Strangers::new(patch, map, &[]);
+    let mut values = Vec::with_capacity(storage.count());
     for (piece, projection) in projections(patch, map).into_iter().enumerate() {
         let low = projection.range[0].map(|x| x as f32 - 0.5);
         let high = projection.range[1].map(|x| x as f32 + 0.5);
@@ -170,13 +216,14 @@ pub(super) fn gather_surfels<'a>(
             }
             let (first, [by_x, by_y, by_z]) = projection.around(run.origin - patch.origin());
             // Known only where something may be strange.
-            let areas = if strangers.of(piece).is_empty() { &[] } else { run.areas.as_slice() };
-            let points = run.points.iter().zip(run.values.chunks_exact(storage.count()));
-            for (number, (point, values)) in points.enumerate() {
-                if areas.get(number).is_some_and(|&area| strangers.has(piece, area)) {
+            let has_strangers = !strangers.of(piece).is_empty();
+            let [beside, below, deeper] = run.steps.map(|step| by_x * step.x + by_y * step.y + by_z * step.z);
+            let points = run.places().zip(&run.depths).zip(run.values.chunks_exact(storage.packed_bytes()));
+            for (number, (([x, y], &depth), packed)) in points.enumerate() {
+                if has_strangers && run.area_of(number).is_some_and(|area| strangers.has(piece, area)) {
                     continue;
                 }
-                let at = first + by_x * point.x + by_y * point.y + by_z * point.z;
+                let at = first + beside * x + below * y + deeper * f32::from(depth);
                 let is_beside = |at: Vec3| at.x < low[0] || at.y < low[1] || at.x >= high[0] || at.y >= high[1];
                 if is_beside(at) {
                     continue;
@@ -189,7 +236,8 @@ pub(super) fn gather_surfels<'a>(
                 let texel = at.y as usize * width + at.x as usize;
                 // Comparisons with NaN are false.
                 if (drawn.depth[texel] - at.z).abs() <= projection.reach {
-                    sums.add(texel, values, run.area);
+                    storage.unpack(packed, &mut values);
+                    sums.add(texel, &values, run.area);
                 }
             }
         }

@@ -40,9 +40,13 @@ struct Level {
     texels: Texels,
 }
 
-/// Red, green, blue and straight alpha.
+/// Red, green, blue and straight alpha. What has no alpha is opaque.
 enum Texels {
-    /// Encoded as sRGB, as most images are.
+    /// Encoded as sRGB, as most images are: three bytes a texel, as they were decoded, because the largest images take most memory here.
+    Opaque(Vec<u8>),
+    /// As [`Texels::Root`].
+    OpaqueRoot(Vec<[u16; 3]>),
+    /// Encoded as sRGB.
     Encoded(Vec<[u8; 4]>),
     /// As shares of 255.
     Shares(Vec<[u8; 4]>),
@@ -71,6 +75,8 @@ impl Texture {
                 root([light(red), light(green), light(blue), if is_opaque { 1.0 } else { alpha }])
             };
             Texels::Root(image.into_rgba16().pixels().map(texel).collect())
+        } else if meaning != Meaning::Shares && (is_opaque || !image.color().has_alpha()) {
+            Texels::Opaque(image.into_rgb8().into_raw())
         } else {
             let opaque =
                 |texel: &image::Rgba<u8>| if is_opaque { [texel[0], texel[1], texel[2], 255] } else { texel.0 };
@@ -128,6 +134,8 @@ impl Filter<'_> {
 impl Level {
     fn bytes(&self) -> u64 {
         match &self.texels {
+            Texels::Opaque(texels) => texels.len() as u64,
+            Texels::OpaqueRoot(texels) => 6 * texels.len() as u64,
             Texels::Encoded(texels) | Texels::Shares(texels) => 4 * texels.len() as u64,
             Texels::Root(texels) => 8 * texels.len() as u64,
         }
@@ -138,6 +146,8 @@ impl Level {
     fn texel(&self, x: u32, y: u32) -> [f32; 4] {
         let at = y as usize * self.size[0] as usize + x as usize;
         match &self.texels {
+            Texels::Opaque(texels) => of_opaque(texels.as_chunks().0[at]),
+            Texels::OpaqueRoot(texels) => of_opaque_root(texels[at]),
             Texels::Encoded(texels) => of_encoded(texels[at]),
             Texels::Shares(texels) => of_shares(texels[at]),
             Texels::Root(texels) => of_root(texels[at]),
@@ -149,6 +159,8 @@ impl Level {
     fn sample(&self, at: [f64; 2], wrap: [Wrap; 2]) -> [f32; 4] {
         let [columns, rows] = [0, 1].map(|axis| neighbours(at[axis], self.size[axis], wrap[axis]));
         match &self.texels {
+            Texels::Opaque(texels) => blended(texels.as_chunks().0, self.size[0], columns, rows, of_opaque),
+            Texels::OpaqueRoot(texels) => blended(texels, self.size[0], columns, rows, of_opaque_root),
             Texels::Encoded(texels) => blended(texels, self.size[0], columns, rows, of_encoded),
             Texels::Shares(texels) => blended(texels, self.size[0], columns, rows, of_shares),
             Texels::Root(texels) => blended(texels, self.size[0], columns, rows, of_root),
@@ -163,7 +175,12 @@ impl Level {
         let size = self.size.map(|length| (length / 2).max(1));
         let columns = shares(self.size[0], size[0]);
         let rows = shares(self.size[1], size[1]);
-        let mut texels = Vec::with_capacity(size[0] as usize * size[1] as usize);
+        let count = size[0] as usize * size[1] as usize;
+        let is_opaque = matches!(self.texels, Texels::Opaque(_) | Texels::OpaqueRoot(_));
+        let (mut texels, mut opaque) = match is_opaque {
+            true => (vec![], Vec::with_capacity(count)),
+            false => (Vec::with_capacity(count), vec![]),
+        };
         for row in &rows {
             for column in &columns {
                 let mut sum = [0.0; 4];
@@ -173,11 +190,24 @@ impl Level {
                         (0..4).for_each(|i| sum[i] += of_row * of_column * texel[i]);
                     }
                 }
-                texels.push(root(straight(sum)));
+                let [red, green, blue, alpha] = root(straight(sum));
+                if is_opaque { opaque.push([red, green, blue]) } else { texels.push([red, green, blue, alpha]) }
             }
         }
-        Some(Self { size, texels: Texels::Root(texels) })
+        Some(Self { size, texels: if is_opaque { Texels::OpaqueRoot(opaque) } else { Texels::Root(texels) } })
     }
+}
+
+#[inline(always)]
+fn of_opaque(texel: [u8; 3]) -> [f32; 4] {
+    let [red, green, blue] = texel.map(|value| LINEAR_OF_BYTE[usize::from(value)]);
+    [red, green, blue, 1.0]
+}
+
+#[inline(always)]
+fn of_opaque_root(texel: [u16; 3]) -> [f32; 4] {
+    let [red, green, blue] = texel.map(|value| f32::from(value) / 65535.0);
+    [red * red, green * green, blue * blue, 1.0]
 }
 
 #[inline(always)]

@@ -1,0 +1,250 @@
+//! Who gets texels when: a group right after its members, so that few of them wait for one another, however large a region is.
+
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use lodpack::write::{BlockRecord, RootRecord};
+use rayon::prelude::*;
+
+use super::ChartedMesh;
+use super::chart_work::{DrawnBlocks, DrawnPatch};
+use super::texels::{DENSITY, InputSource, MAX_EXPONENT, TrianglesAround, exponent_of, storage};
+use crate::machine::thread_cpu_time;
+use crate::mesh::NONE;
+use crate::mesh::appearance::{Appearance, ScalarRange};
+use crate::mesh::attributes::RegionAttributes;
+use crate::stage::areas::{Areas, Jumps};
+use crate::stage::bake::{Baked, BakedPatch, MAX_TEXELS, Storage, Surfels, bake, bake_coarser, baking_bytes};
+use crate::stage::shade::Shader;
+use crate::storage::memory::{Pool, texel_memory};
+
+/// Texels of a map for each that the surface covers, about: pieces do not fill their image.
+const SPREAD: f64 = 1.5;
+
+/// A region whose blocks get texels.
+pub(super) struct PaintedRegion<'a> {
+    pub charted: &'a ChartedMesh<'a>,
+    pub attributes: &'a RegionAttributes,
+    pub appearance: &'a Appearance,
+    pub studio: &'a Studio<'a>,
+}
+
+/// What all regions are painted with.
+pub(crate) struct Studio<'a> {
+    pub shader: Shader<'a>,
+    /// Memory for the maps that are baked at a time.
+    baking: Pool,
+}
+
+impl<'a> Studio<'a> {
+    /// With a share of the memory of a build; otherwise as [`Shader::new`].
+    pub fn new(
+        appearance: &'a Appearance,
+        folder: Option<&'a Path>,
+        memory: u64,
+        note: &'a (dyn Fn(&str) + Sync),
+    ) -> Self {
+        let [images, maps] = texel_memory(memory);
+        Self { shader: Shader::new(appearance, folder, images, note), baking: Pool::new(maps) }
+    }
+}
+
+/// The streams of each block of a record; empty where it has none.
+type Streams = Vec<Vec<Vec<u8>>>;
+
+/// All records of a region on their way to texels.
+struct Painting<'a> {
+    region: &'a PaintedRegion<'a>,
+    records: &'a [RootRecord],
+    drawn: &'a [DrawnBlocks],
+    /// The members of each record, ascending.
+    members: Vec<Vec<u32>>,
+    around: TrianglesAround,
+    storage: Storage,
+    streams: Vec<Mutex<Streams>>,
+    nanoseconds: AtomicU64,
+}
+
+impl PaintedRegion<'_> {
+    /// Gives the blocks of all records texels; the first records are those of charts, in order. `drawn` is what their blocks decode to.
+    /// Returns the processor time that it takes.
+    pub fn paint(&self, records: &mut [RootRecord], drawn: &[DrawnBlocks], colour_step: u8) -> Duration {
+        let start = thread_cpu_time();
+        let around = TrianglesAround::new(&self.charted.mesh.triangles, self.charted.mesh.positions.len());
+        let mut members: Vec<Vec<u32>> = vec![vec![]; records.len()];
+        let mut tops = vec![];
+        for (number, record) in (0..).zip(records.iter()) {
+            // Groups follow their members.
+            match record.parent.filter(|&parent| parent > number) {
+                Some(parent) => members[parent as usize].push(number),
+                None => tops.push(number),
+            }
+        }
+        let painting = Painting {
+            region: self,
+            drawn,
+            members,
+            around,
+            storage: storage(self.appearance, colour_step),
+            streams: records.iter().map(|_| Mutex::default()).collect(),
+            records,
+            nanoseconds: AtomicU64::default(),
+        };
+        let prepared = thread_cpu_time() - start;
+        tops.par_iter().for_each(|&top| drop(painting.paint(top)));
+        let Painting { streams, nanoseconds, .. } = painting;
+        for (record, streams) in records.iter_mut().zip(streams) {
+            let streams = streams.into_inner().unwrap_or_default();
+            for (block, streams) in record.blocks.iter_mut().zip(streams) {
+                if let Some(block) = block {
+                    block.texels = streams;
+                }
+            }
+        }
+        prepared + Duration::from_nanos(nanoseconds.into_inner())
+    }
+
+    /// The triangles of a chart, and those that touch it: where images are read beside a patch, they show what lies there.
+    fn triangles(&self, chart: u32, around: &TrianglesAround) -> Vec<u32> {
+        let ChartedMesh { atlas, labels, .. } = *self.charted;
+        let this = &atlas.charts[chart as usize];
+        let arcs = this.loops.iter().flatten().map(|half_arc| &atlas.arcs[half_arc.arc as usize]);
+        let mut beside: Vec<u32> = arcs
+            .filter(|arc| arc.charts.iter().any(|&other| other != NONE && other != chart))
+            .flat_map(|arc| arc.path.iter())
+            .flat_map(|&vertex| around.of(vertex))
+            .copied()
+            .filter(|&triangle| labels[triangle as usize] != chart)
+            .collect();
+        beside.sort_unstable();
+        beside.dedup();
+        [this.triangles.as_slice(), &beside].concat()
+    }
+}
+
+impl Painting<'_> {
+    /// Gives a record texels, after all that lies below it.
+    fn paint(&self, number: u32) -> Painted {
+        let below: Vec<Painted> =
+            self.members[number as usize].par_iter().map(|&member| self.paint(member)).collect();
+        let start = thread_cpu_time();
+        let is_chart = (number as usize) < self.region.charted.atlas.charts.len();
+        let (painted, streams) = if is_chart { self.paint_chart(number) } else { self.paint_group(number, &below) };
+        drop(below);
+        let taken = thread_cpu_time() - start;
+        self.nanoseconds.fetch_add(taken.as_nanos() as u64, Ordering::Relaxed);
+        if let Ok(mut own) = self.streams[number as usize].lock() {
+            *own = streams;
+        }
+        painted
+    }
+
+    fn paint_chart(&self, chart: u32) -> (Painted, Streams) {
+        let PaintedRegion { charted, attributes, appearance, studio } = *self.region;
+        let scale = charted.scale;
+        let mut source = InputSource {
+            positions: &charted.mesh.positions,
+            all: &charted.mesh.triangles,
+            own: self.region.triangles(chart, &self.around),
+            scale,
+            appearance,
+            is_label: appearance.scalars.iter().map(ScalarRange::is_label).collect(),
+            painter: studio.shader.painter(attributes),
+            areas: charted.areas.map_or(&[], |areas| &areas.of_triangles),
+            own_count: charted.atlas.charts[chart as usize].triangles.len(),
+        };
+        let mut painted = Painted::default();
+        let mut streams = self.streams_of(chart);
+        let Some([density, area]) = source.density() else { return (painted, streams) };
+        let texels = (area * (density * DENSITY).powi(2) * SPREAD).min(MAX_TEXELS as f64);
+        let _held = studio.baking.hold(baking_bytes(texels as u64, &self.storage));
+        let exponent = exponent_of(1.0 / (density * DENSITY * scale.step()));
+        for (level, block, drawn) in self.blocks(chart) {
+            let patch = drawn.baked(block.error / scale.step(), charted.jumps());
+            // The finest block is drawn at all finer levels, too.
+            let (exponent, baked) = if painted.surfels.is_empty() {
+                (exponent, bake(&patch, &mut source, exponent, &self.storage))
+            } else {
+                let exponent = coarser(exponent, usize::from(scale.finest()) - level);
+                (exponent, bake_coarser(&patch, painted.surfels.iter(), exponent, &self.storage))
+            };
+            painted.take(&mut streams[level], baked, exponent, level);
+        }
+        (painted, streams)
+    }
+
+    /// Gives the blocks of a group texels, from those of its members.
+    fn paint_group(&self, group: u32, members: &[Painted]) -> (Painted, Streams) {
+        let PaintedRegion { charted, studio, .. } = *self.region;
+        let (scale, jumps) = (charted.scale, charted.jumps());
+        let mut painted = Painted::default();
+        let mut streams = self.streams_of(group);
+        let known = || members.iter().filter(|member| !member.surfels.is_empty());
+        // The finest of them decides.
+        let finest = known().map(|member| (member.exponent, member.level)).min();
+        let Some((base, at)) = finest else { return (painted, streams) };
+        let all: Vec<&Surfels> = known().flat_map(|member| &member.surfels).collect();
+        let texels: usize = all.iter().map(|surfels| surfels.count()).sum();
+        // Texels are twice as large at the next level.
+        let _held = studio.baking.hold(baking_bytes((texels as f64 * SPREAD) as u64 / 4, &self.storage));
+        for (level, block, drawn) in self.blocks(group) {
+            let patch = drawn.baked(block.error / scale.step(), jumps);
+            let exponent = coarser(base, at.saturating_sub(level));
+            let baked = if painted.surfels.is_empty() {
+                bake_coarser(&patch, all.iter().copied(), exponent, &self.storage)
+            } else {
+                bake_coarser(&patch, painted.surfels.iter(), exponent, &self.storage)
+            };
+            painted.take(&mut streams[level], baked, exponent, level);
+        }
+        (painted, streams)
+    }
+
+    fn streams_of(&self, record: u32) -> Streams {
+        vec![vec![]; self.records[record as usize].blocks.len()]
+    }
+
+    /// The blocks of a record and what they decode to, the finest one first.
+    fn blocks(&self, record: u32) -> impl Iterator<Item = (usize, &BlockRecord, &DrawnPatch)> {
+        let blocks = self.records[record as usize].blocks.iter().zip(&self.drawn[record as usize]);
+        let of_level = |(level, (block, drawn)): (usize, _)| {
+            let (block, drawn): (&Option<BlockRecord>, &Option<DrawnPatch>) = (block, drawn);
+            Some((level, block.as_ref()?, drawn.as_ref()?))
+        };
+        blocks.enumerate().rev().filter_map(of_level)
+    }
+}
+
+impl DrawnPatch {
+    /// As what gets images.
+    fn baked<'a>(&'a self, reach: f64, jumps: Option<&'a Jumps>) -> BakedPatch<'a> {
+        let areas = Areas::of(&self.areas, jumps);
+        BakedPatch { positions: &self.positions, triangles: &self.triangles, reach, areas }
+    }
+}
+
+/// The texels of a record's coarsest block, from which those of the group above are made.
+#[derive(Default)]
+struct Painted {
+    surfels: Vec<Surfels>,
+    /// The size of its texels, and its level.
+    exponent: u32,
+    level: usize,
+}
+
+impl Painted {
+    /// Gives a block its texels.
+    fn take(&mut self, streams: &mut Vec<Vec<u8>>, baked: Option<Baked>, exponent: u32, level: usize) {
+        if let Some(baked) = baked {
+            *streams = baked.streams;
+            *self = Self { surfels: baked.surfels, exponent, level };
+        }
+    }
+}
+
+/// Exponents of texels that are so many levels coarser: twice as large with each.
+fn coarser(exponent: u32, levels: usize) -> u32 {
+    (exponent + 2 * levels as u32).min(MAX_EXPONENT)
+}
