@@ -10,4 +10,5 @@ pub mod nginx;
 pub mod parts;
 pub mod raster;
 pub mod server;
+pub mod strips;
 pub mod terrain;

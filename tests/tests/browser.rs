@@ -106,6 +106,7 @@ fn write_reference(folder: &Path) {
     write_answers(&build_file(&scan(), "0.1edge").0, folder, "valid-scan").expect("a writable folder");
     write_answers(&crate::channels::painted_file(), folder, "valid-painted").expect("a writable folder");
     write_answers(&crate::channels::lit_file(), folder, "valid-lit").expect("a writable folder");
+    write_answers(&crate::drawings::drawn_file(), folder, "valid-drawn").expect("a writable folder");
     for (name, bytes) in crate::heights::files() {
         write_heights(&bytes, folder, name).expect("a writable folder");
     }

@@ -204,7 +204,7 @@ function frame(now) {
   $('hud').textContent = statistics();
 }
 const emptyPool = new Pool({ infoSize: 2 });
-const IMAGES = { label: 'classes', normal: 'directions' };
+const IMAGES = { label: 'classes', drawing: 'classes', normal: 'directions' };
 const imageOf = (channel) => (channel ? IMAGES[channel.kind] ?? 'colours' : undefined);
 
 let remembering;

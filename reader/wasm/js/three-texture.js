@@ -17,6 +17,24 @@ const USES = {
   emissive: { maps: ['emissiveMap'], colorSpace: SRGBColorSpace, fit: (material) => { material.emissive.setRGB(1, 1, 1); } },
 };
 
+/**
+ * Has a shader of WebGL take the fourth component of colours as their coverage (`Drawing::coverage`). Its lowest bits, which are not interpolated, say
+ * whether it is compared with one half or the share of pixels that show the surface, and whether light falls on it. Elsewhere it is compared.
+ */
+export function cover(shader) {
+  shader.fragmentShader = shader.fragmentShader.replace('#include <alphatest_fragment>', `
+    bool isUnlit = false;
+    #if defined(USE_MAP) && defined(USE_ALPHATEST)
+      int bits = int(texelFetch(map, ivec2(vMapUv * vec2(textureSize(map, 0))), 0).a * 255.0 + 0.5);
+      // Jimenez 2014, interleaved gradient noise.
+      float scattered = fract(52.9829189 * fract(dot(floor(gl_FragCoord.xy), vec2(0.06711056, 0.00583715))));
+      isUnlit = bits > 0 && (bits & 2) == 0;
+      // Where it is 0 nothing is known yet.
+      if (bits > 0 && diffuseColor.a < ((bits & 1) == 1 ? alphaTest : scattered)) discard;
+    #endif`).replace('#include <opaque_fragment>', `if (isUnlit) outgoingLight = diffuseColor.rgb;
+    #include <opaque_fragment>`);
+}
+
 /** The textures of a slab: one for each plane of its atlas. */
 export class SlabTexture {
   #atlas;
@@ -63,7 +81,7 @@ export class SlabTexture {
       for (const map of maps) this.#material[map] = texture;
       fit?.(this.#material);
     }
-    if (this.isCovered) this.#material.alphaHash = true;
+    if (this.isCovered) this.#material.alphaTest = 0.5;
     return Object.assign(this.#material, { onBeforeCompile, customProgramCacheKey });
   }
 

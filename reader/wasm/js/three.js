@@ -6,7 +6,7 @@ import {
 } from 'three';
 import { open } from './file.js';
 import { Pool } from './pool.js';
-import { SlabTexture } from './three-texture.js';
+import { SlabTexture, cover } from './three-texture.js';
 
 const nothing = () => {};
 /** Whether a mesh of these options is lit. */
@@ -61,9 +61,9 @@ export class LodpackMesh extends Object3D {
       ? new MeshStandardMaterial({ flatShading: true, vertexColors: Boolean(colorOf) })
       : new MeshBasicMaterial({ vertexColors: Boolean(colorOf) }));
     this.#ownsMaterial = !material;
-    // Texels have a coverage where the file says how it is drawn: a share of the pixels shows them, so that nothing has to be sorted.
-    this.#isCovered = file.channels.some(({ kind }) => kind === 'drawing');
-    if (this.#isCovered && this.#ownsMaterial) this.material.side = DoubleSide;
+    // Texels have a coverage where the file says how it is drawn.
+    this.#isCovered = this.#ownsMaterial && file.channels.some(({ kind }) => kind === 'drawing');
+    if (this.#isCovered) Object.assign(this.material, { side: DoubleSide, onBeforeCompile: cover });
     this.#beside = takesLight(options) ? { normals: true, materials: true } : {};
     /** The last frame, with its counters; null before the first. */
     this.frame = null;
@@ -107,7 +107,7 @@ export class LodpackMesh extends Object3D {
 
   get #look() {
     // Between classes there is nothing.
-    const isCovered = this.#isCovered && this.channel?.kind === 'colour' && this.#ownsMaterial;
+    const isCovered = this.#isCovered && this.channel?.kind === 'colour';
     return { isCovered, isBlended: !['label', 'drawing'].includes(this.channel?.kind), hasDirections: this.channel?.kind === 'normal' };
   }
 

@@ -4,10 +4,12 @@ import assert from 'node:assert/strict';
 import { after, afterEach, before, describe, test } from 'node:test';
 import { launch, mounts, newPage } from './browser.js';
 import { serve } from './server.js';
+import { checkStrips } from './strips.js';
 
 const skip = !process.env.LODPACK_REFERENCE && 'cargo test --release -p lodpack-cli runs it';
 const SCAN = '/files/valid-scan.lodpack';
 const PAINTED = '/files/valid-painted.lodpack';
+const DRAWN = '/files/valid-drawn.lodpack';
 const LIT = '/files/valid-lit.lodpack';
 const GLOBE = '/files/heights-globe.lodpack';
 
@@ -341,6 +343,25 @@ describe('the viewer page', { skip }, () => {
       }
     }
     return { error: Math.sqrt(sum / count), far: far / count, count };
+  });
+
+  test('masks are cut out at their cutoff, blended surfaces are scattered, and unlit ones take no light', async () => {
+    await visit(`/?url=${DRAWN}#camera=3,0.5,6:3,0.5,0:0,1,0`);
+    await isComplete();
+    const strips = await page.evaluate(async () => {
+      const { stripsOf } = await import('/lodpack/test/picture.js');
+      const { renderer, pick, shown, camera } = globalThis.lodpackViewer;
+      const { gl, canvas } = renderer;
+      renderer.draw(shown.pool, camera, shown.stream.origin, { colour: 'shading', levelCount: 1, tolerance: 1, wireframe: false, image: 'colours', isUnlit: false });
+      const pixels = new Uint8Array(4 * canvas.width * canvas.height);
+      gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+      const place = (x, y) => {
+        const hit = pick((2 * x + 1) / canvas.width - 1, (2 * y + 1) / canvas.height - 1);
+        return hit && hit.point[0] + shown.stream.origin[0];
+      };
+      return stripsOf(pixels, canvas, place);
+    });
+    checkStrips(strips);
   });
 
   /** How far the light of the picture is from that of the input's normals: root mean square of its shades, of 255. */

@@ -86,3 +86,25 @@ export function outwardsOfTorus([x, y, z]) {
   const outwards = [x - x / radius, y - y / radius, z];
   return outwards.map((value) => value / Math.hypot(...outwards));
 }
+
+/**
+ * What the strips of `valid-drawn` show, which lie side by side along x: of each the share of its pixels that show it and not the background, and
+ * among these the share whose red is that of the file. `place` gives the x of what a pixel shows.
+ */
+export function stripsOf(pixels, { width, height }, place) {
+  const strips = Array.from({ length: 6 }, () => ({ all: 0, shown: 0, plain: 0 }));
+  for (let y = 0; y < height; y += 1) {
+    for (let x = 0; x < width; x += 1) {
+      const at = place(x, y);
+      const strip = strips[Math.floor(at)];
+      // Not near the border of two.
+      if (!strip || Math.abs(at - Math.floor(at) - 0.5) > 0.45) continue;
+      const [red, green, blue] = pixels.subarray(4 * (y * width + x));
+      strip.all += 1;
+      if (Math.hypot(red - 232, green - 236, blue - 244) < 6) continue;
+      strip.shown += 1;
+      strip.plain += Math.abs(red - 200) < 12 ? 1 : 0;
+    }
+  }
+  return strips.map(({ all, shown, plain }) => ({ all, shown: shown / all, plain: plain / shown }));
+}

@@ -5,10 +5,12 @@ import { readFile } from 'node:fs/promises';
 import { describe, test } from 'node:test';
 import { launch, mounts, newPage } from './browser.js';
 import { serve } from './server.js';
+import { checkStrips } from './strips.js';
 
 const skip = !process.env.LODPACK_REFERENCE && 'cargo test --release -p lodpack-cli runs it';
 const SCAN = '/files/valid-scan.lodpack';
 const PAINTED = '/files/valid-painted.lodpack';
+const DRAWN = '/files/valid-drawn.lodpack';
 const LIT = '/files/valid-lit.lodpack';
 const TERRAIN = '/files/heights-flat.lodpack';
 
@@ -79,6 +81,32 @@ describe('LodpackMesh', { skip }, () => {
       assert.equal(result.kind, 'heights');
       assert.ok(result.areShaded);
       assert.ok(result.triangles > 100 && result.error >= 0 && result.level >= 0, JSON.stringify(result));
+    });
+  });
+
+  test('masks are cut out at their cutoff, blended surfaces are scattered, and unlit ones take no light', async () => {
+    await visit(`/lodpack/examples/three.html?url=${DRAWN}`, {}, async (page) => {
+      await page.waitForFunction(() => globalThis.mesh?.frame?.isComplete);
+      const strips = await page.evaluate(async () => {
+        const { stripsOf } = await import('/lodpack/test/picture.js');
+        const { Raycaster, Vector2 } = await import('three');
+        const { mesh, camera, scene, renderer } = globalThis;
+        camera.position.set(3, 0.5, 6);
+        camera.lookAt(3, 0.5, 0);
+        camera.updateMatrixWorld();
+        renderer.setAnimationLoop(null);
+        renderer.render(scene, camera);
+        const gl = renderer.getContext();
+        const [width, height] = renderer.getDrawingBufferSize(new Vector2()).toArray();
+        const pixels = new Uint8Array(4 * width * height);
+        gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+        const raycaster = new Raycaster();
+        return stripsOf(pixels, { width, height }, (x, y) => {
+          raycaster.setFromCamera(new Vector2((2 * x + 1) / width - 1, (2 * y + 1) / height - 1), camera);
+          return raycaster.intersectObject(mesh)[0]?.point.x;
+        });
+      });
+      checkStrips(strips);
     });
   });
 

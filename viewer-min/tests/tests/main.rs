@@ -2,6 +2,7 @@
 //!
 //! - [`cameras`]: cameras and paths, as text and in motion
 //! - [`channels`]: files with channels: colours of the input, no lines along arcs, ramps
+//! - [`drawings`]: files that say how they are drawn: masks, blended and unlit surfaces
 //! - [`checks`]: checks pass on every kind of mesh and find planted faults
 //! - [`heights`]: files of heights: checked, drawn
 //! - [`pictures`]: the program without a window: pictures, tiles, paths, exit codes
@@ -9,13 +10,14 @@
 //! - [`sources`]: servers that fail while a file is being viewed
 //! - [`window`]: the window under Xvfb: opens, takes keys, draws, closes
 //!
-//! [`channels`], [`checks`], [`heights`], [`pictures`] and [`window`] need a graphics adapter (Mesa's lavapipe is enough). Without one they report
+//! [`channels`], [`checks`], [`drawings`], [`heights`], [`pictures`] and [`window`] need a graphics adapter (Mesa's lavapipe is enough). Without one they report
 //! that they were skipped, and fail only if LODPACK_REQUIRE_GPU=1 is set.
 #![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 
 mod cameras;
 mod channels;
 mod checks;
+mod drawings;
 mod heights;
 mod pictures;
 mod references;

@@ -99,6 +99,9 @@ fn transparent_texels_do_not_bleed_and_opaque_materials_ignore_alpha() {
     assert!(close(colour_at(&surface, 0.0).0, [0.5, 1.0, 1.0, 0.5]));
     surface.0.materials[0].alpha = AlphaMode::Mask(0.6);
     assert!(close(colour_at(&surface, 0.0).0, [0.5, 1.0, 1.0, 0.0]));
+    // Where it is kept how it is drawn, alpha is compared when it is drawn.
+    surface.0.has_drawings = true;
+    assert!(close(colour_at(&surface, 0.0).0, [0.5, 1.0, 1.0, 0.5]));
     surface.0.materials[0].alpha = AlphaMode::Opaque;
     assert!(close(colour_at(&surface, 0.0).0, [0.25, 0.5, 0.5, 1.0]));
 }
