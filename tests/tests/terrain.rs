@@ -360,7 +360,7 @@ fn heights_above_a_geoid_become_heights_above_the_ellipsoid() {
     let build = |input: &str, geoid: &[&str]| {
         let [input, output] = [input, "out.lodpack"].map(|name| at(name).to_string_lossy().into_owned());
         let fixed = ["build", &input, "--heights", "--surface", "wgs84", "--tolerance", "1m", "-o", &output, "--force"];
-        lodpack(&[&fixed[..], geoid].concat()).success();
+        lodpack().args(fixed).args(geoid).assert().success();
         std::fs::read(&output).expect("it was built")
     };
     let geoid = at("geoid.gtx").to_string_lossy().into_owned();

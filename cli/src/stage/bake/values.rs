@@ -109,7 +109,8 @@ impl Storage {
             match channel {
                 Stored::Colour { components, .. } => {
                     own[..3].iter().for_each(|value| packed.extend(share(value.max(0.0).sqrt()).to_le_bytes()));
-                    packed.extend(own[3..usize::from(*components)].iter().flat_map(|&value| share(value).to_le_bytes()));
+                    packed
+                        .extend(own[3..usize::from(*components)].iter().flat_map(|&value| share(value).to_le_bytes()));
                 }
                 Stored::Normal { .. } => {
                     // A direction may have any length, but how long it is beyond 1 says nothing.

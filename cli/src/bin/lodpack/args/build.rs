@@ -70,7 +70,7 @@ impl ModelArgs {
         let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles, chart_triangles, .. } =
             self;
         let channels = self.channels.clone();
-        let (chart_triangles, placement) = (None, self.placement());
+        let placement = self.placement();
         ModelOptions {
             tolerance,
             unit,
@@ -78,7 +78,6 @@ impl ModelArgs {
             effort,
             levels,
             fillings,
-            chart_triangles,
             region_triangles,
             chart_triangles,
             extensible,
