@@ -2,6 +2,17 @@
 
 use std::time::Duration;
 
+/// Has blocks of more than a mebibyte go back to the system when they are freed. The library of the system would keep those of up to 32
+/// once it has seen some, between small ones that are still in use: a third more memory where maps of textures are baked.
+#[expect(unsafe_code, reason = "the standard library has no say in this")]
+pub fn return_large_blocks() {
+    #[cfg(target_env = "gnu")]
+    // SAFETY: mallopt has no conditions, and an allocator may be told at any time.
+    unsafe {
+        libc::mallopt(libc::M_MMAP_THRESHOLD, 1 << 20);
+    }
+}
+
 /// Processor time that this process has used so far, all threads together.
 pub fn process_cpu_time() -> Duration {
     clock(libc::CLOCK_PROCESS_CPUTIME_ID)

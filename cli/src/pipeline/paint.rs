@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::ChartedMesh;
 use super::chart_work::{DrawnBlocks, DrawnPatch};
 use super::texels::{DENSITY, InputSource, MAX_EXPONENT, TrianglesAround, exponent_of, storage};
-use crate::machine::thread_cpu_time;
+use crate::machine::{return_large_blocks, thread_cpu_time};
 use crate::mesh::NONE;
 use crate::mesh::appearance::{Appearance, ScalarRange};
 use crate::mesh::attributes::RegionAttributes;
@@ -46,6 +46,9 @@ impl<'a> Studio<'a> {
         memory: u64,
         note: &'a (dyn Fn(&str) + Sync),
     ) -> Self {
+        if !appearance.is_empty() {
+            return_large_blocks();
+        }
         let [images, maps] = texel_memory(memory);
         Self { shader: Shader::new(appearance, folder, images, note), baking: Pool::new(maps) }
     }
@@ -168,7 +171,7 @@ impl Painting<'_> {
                 (exponent, bake(&patch, &mut source, exponent, &self.storage))
             } else {
                 let exponent = coarser(exponent, usize::from(scale.finest()) - level);
-                (exponent, bake_coarser(&patch, painted.surfels.iter(), exponent, &self.storage))
+                (exponent, bake_coarser(&patch, std::iter::once(&painted.surfels), exponent, &self.storage))
             };
             painted.take(&mut streams[level], baked, exponent, level);
         }
@@ -185,17 +188,16 @@ impl Painting<'_> {
         // The finest of them decides.
         let finest = known().map(|member| (member.exponent, member.level)).min();
         let Some((base, at)) = finest else { return (painted, streams) };
-        let all: Vec<&Surfels> = known().flat_map(|member| &member.surfels).collect();
-        let texels: usize = all.iter().map(|surfels| surfels.count()).sum();
+        let texels: usize = known().map(|member| member.surfels.count()).sum();
         // Texels are twice as large at the next level.
         let _held = studio.baking.hold(baking_bytes((texels as f64 * SPREAD) as u64 / 4, &self.storage));
         for (level, block, drawn) in self.blocks(group) {
             let patch = drawn.baked(block.error / scale.step(), jumps);
             let exponent = coarser(base, at.saturating_sub(level));
             let baked = if painted.surfels.is_empty() {
-                bake_coarser(&patch, all.iter().copied(), exponent, &self.storage)
+                bake_coarser(&patch, known().map(|member| &member.surfels), exponent, &self.storage)
             } else {
-                bake_coarser(&patch, painted.surfels.iter(), exponent, &self.storage)
+                bake_coarser(&patch, std::iter::once(&painted.surfels), exponent, &self.storage)
             };
             painted.take(&mut streams[level], baked, exponent, level);
         }
@@ -228,7 +230,7 @@ impl DrawnPatch {
 /// The texels of a record's coarsest block, from which those of the group above are made.
 #[derive(Default)]
 struct Painted {
-    surfels: Vec<Surfels>,
+    surfels: Surfels,
     /// The size of its texels, and its level.
     exponent: u32,
     level: usize,

@@ -6,7 +6,7 @@ use std::sync::{Condvar, Mutex, PoisonError};
 pub const REGION_TRIANGLES: u64 = 1 << 21;
 
 /// The most texels of images in a region, about; the same goes for them.
-pub const REGION_TEXELS: u64 = 1 << 25;
+pub const REGION_TEXELS: u64 = 1 << 26;
 
 /// Bytes of a mesh in memory: positions for each vertex; corners, neighbours and a chart label for each triangle.
 const VERTEX_BYTES: u64 = 24;
@@ -37,21 +37,22 @@ pub fn attribute_bytes(values: u64, triangle_count: u64) -> u64 {
     VALUE_BYTES.saturating_mul(values).saturating_add(corners)
 }
 
-/// Bytes of each texel of images while regions are built in memory, at most: half of one for what the file will have of it, twice; and for
-/// maps that are baked.
-const TEXEL_BYTES: u64 = 100;
+/// Bytes of each texel of images until a file that was built in memory is written: what the file will have of it, twice.
+const KEPT_BYTES: f64 = 1.5;
+/// Bytes of each while maps are baked, at most.
+const BAKED_BYTES: u64 = 100;
 /// The most memory for decoded images.
 const IMAGE_BYTES: u64 = 256 << 20;
 
 /// How much of the memory of a build in memory goes to images of so many texels. Nothing where it has none.
 pub fn texel_bytes(texels: u64, memory: u64) -> u64 {
     let [images, maps] = texel_memory(memory);
-    texels.div_ceil(2) + TEXEL_BYTES.saturating_mul(texels).min(images + maps)
+    (texels as f64 * KEPT_BYTES) as u64 + BAKED_BYTES.saturating_mul(texels).min(images + 2 * maps)
 }
 
 /// How much of the memory of a build decoded images may take, and how much the maps that are baked at a time.
 pub fn texel_memory(memory: u64) -> [u64; 2] {
-    [IMAGE_BYTES.min(memory / 4), memory / 4]
+    [IMAGE_BYTES.min(memory / 8), memory / 4]
 }
 
 /// The least memory for building regions that are on disk, given what the largest of them takes.

@@ -25,7 +25,7 @@ pub use images::Images;
 use pieces::{Pieces, divide};
 use raster::Drawn;
 pub use surfels::Surfels;
-use surfels::{gather_surfels, surfels};
+use surfels::gather_surfels;
 pub use values::{Storage, Stored};
 
 /// The most texels of a patch.
@@ -93,7 +93,7 @@ pub struct Baked {
     /// The map, then the image of each channel.
     pub streams: Vec<Vec<u8>>,
     /// Its texels as points, before they were quantised: for the images of coarser patches.
-    pub surfels: Vec<Surfels>,
+    pub surfels: Surfels,
 }
 
 /// Bytes of memory that baking a map of so many texels takes: the depth and slope of each and how it is used, sums with their weights, the
@@ -124,7 +124,7 @@ pub fn bake_coarser<'a>(
 fn baked(patch: &BakedPatch<'_>, map: &Map, bytes: Vec<u8>, drawn: &Drawn, values: &[f32], storage: &Storage) -> Baked {
     let mut streams = vec![bytes];
     streams.extend(storage.encode(map, values, &drawn.is_used));
-    Baked { streams, surfels: surfels(patch, map, drawn, values, storage) }
+    Baked { streams, surfels: Surfels::new(patch, map, drawn, values, storage) }
 }
 
 /// Finds a map whose pieces do not overlap themselves by much.

@@ -15,9 +15,21 @@ const STEEP: f64 = 0.1;
 /// Texels along each side of a run.
 const SIDE: usize = 16;
 
-/// Texels of a piece that lie together, in few bytes: the input has billions of them, and those of a group's members wait for one another.
-#[derive(Clone, Debug)]
+/// The covered texels of a patch, in few bytes: the input has billions of them, and those of a group's members wait for one another.
+#[derive(Clone, Debug, Default)]
 pub struct Surfels {
+    runs: Vec<Run>,
+    /// Of each texel how deep it is, in steps of its run.
+    depths: Vec<u16>,
+    /// Of each all values ([`Storage::pack`]).
+    values: Vec<u8>,
+    /// The areas of runs that have several.
+    areas: Vec<u32>,
+}
+
+/// Texels of a piece that lie together.
+#[derive(Clone, Debug)]
+struct Run {
     /// The middle of the first texel where it is least deep, lattice units.
     origin: DVec3,
     /// From a texel to the one beside it, to the one below it, and along the axis by one step of depth.
@@ -27,26 +39,26 @@ pub struct Surfels {
     /// The axis of the piece.
     normal: DVec3,
     /// The area of a texel.
-    area: f32,
+    size: f32,
     /// For each row a bit for each texel that is covered.
     rows: [u16; SIDE],
-    /// Of each covered texel how deep it is, in steps.
-    depths: Vec<u16>,
-    /// Of each all values ([`Storage::pack`]).
-    values: Vec<u8>,
-    /// Of each its area, or that of all; empty if colours jump nowhere.
-    areas: Vec<u32>,
+    /// The first of its texels.
+    first: usize,
+    areas: RunAreas,
 }
 
-impl Surfels {
-    /// The area of a texel, if colours jump somewhere.
-    fn area_of(&self, number: usize) -> Option<u32> {
-        self.areas.get(if self.areas.len() == 1 { 0 } else { number }).copied()
-    }
+/// In which areas the texels of a run lie.
+#[derive(Clone, Copy, Debug)]
+enum RunAreas {
+    Unknown,
+    One(u32),
+    /// From here on in [`Surfels::areas`].
+    From(usize),
+}
 
-    /// How many texels.
-    pub fn count(&self) -> usize {
-        self.depths.len()
+impl Run {
+    fn count(&self) -> usize {
+        self.rows.iter().map(|row| row.count_ones() as usize).sum()
     }
 
     /// Columns and rows of those that are covered, in the order of their values.
@@ -58,84 +70,97 @@ impl Surfels {
     }
 }
 
-/// The covered texels of a patch.
-pub(super) fn surfels(
-    patch: &BakedPatch<'_>,
-    map: &Map,
-    drawn: &Drawn,
-    values: &[f32],
-    storage: &Storage,
-) -> Vec<Surfels> {
-    let mut all = vec![];
-    for projection in projections(patch, map) {
-        let [left, top] = projection.range[0].map(|x| x as usize);
-        let [right, bottom] = projection.range[1].map(|x| x as usize);
-        for y in (top..=bottom).step_by(SIDE) {
-            for x in (left..=right).step_by(SIDE) {
-                let texels = [x, y, (x + SIDE - 1).min(right), (y + SIDE - 1).min(bottom)];
-                let run = run(&projection, texels, map.size[0] as usize, drawn, values, storage);
-                all.extend(run.map(|run| Surfels {
-                    origin: run.origin + patch.origin(),
-                    bounds: run.bounds.map(|corner| corner + patch.origin()),
-                    ..run
-                }));
+impl Surfels {
+    /// How many texels.
+    pub fn count(&self) -> usize {
+        self.depths.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.depths.is_empty()
+    }
+
+    /// The covered texels of a patch.
+    pub(super) fn new(patch: &BakedPatch<'_>, map: &Map, drawn: &Drawn, values: &[f32], storage: &Storage) -> Self {
+        let count = drawn.is_covered.iter().filter(|&&is_covered| is_covered).count();
+        let mut this = Self {
+            depths: Vec::with_capacity(count),
+            values: Vec::with_capacity(count * storage.packed_bytes()),
+            ..Self::default()
+        };
+        for projection in projections(patch, map) {
+            let [left, top] = projection.range[0].map(|x| x as usize);
+            let [right, bottom] = projection.range[1].map(|x| x as usize);
+            for y in (top..=bottom).step_by(SIDE) {
+                for x in (left..=right).step_by(SIDE) {
+                    let texels = [x, y, (x + SIDE - 1).min(right), (y + SIDE - 1).min(bottom)];
+                    this.add(patch, &projection, texels, map.size[0] as usize, drawn, values, storage);
+                }
             }
         }
+        this.areas.shrink_to_fit();
+        this
     }
-    all
-}
 
-/// The covered texels of a rectangle, relative to the origin of the projection. None without any.
-fn run(
-    projection: &Projection,
-    [left, top, right, bottom]: [usize; 4],
-    width: usize,
-    drawn: &Drawn,
-    values: &[f32],
-    storage: &Storage,
-) -> Option<Surfels> {
-    let texels = || (top..=bottom).flat_map(|y| (left..=right).map(move |x| (x, y, y * width + x)));
-    let covered = || texels().filter(|&(.., texel)| drawn.is_covered[texel]);
-    let (mut count, mut range, mut rows) = (0, [f32::INFINITY, f32::NEG_INFINITY], [0; SIDE]);
-    for (x, y, texel) in covered() {
-        let depth = drawn.depth[texel];
-        range = [range[0].min(depth), range[1].max(depth)];
-        rows[y - top] |= 1 << (x - left);
-        count += 1;
+    /// Adds the covered texels of a rectangle.
+    #[expect(clippy::too_many_arguments, reason = "a map, and what is known of its texels")]
+    fn add(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        projection: &Projection,
+        [left, top, right, bottom]: [usize; 4],
+        width: usize,
+        drawn: &Drawn,
+        values: &[f32],
+        storage: &Storage,
+    ) {
+        let texels = || (top..=bottom).flat_map(|y| (left..=right).map(move |x| (x, y, y * width + x)));
+        let covered = || texels().filter(|&(.., texel)| drawn.is_covered[texel]);
+        let (mut range, mut rows) = ([f32::INFINITY, f32::NEG_INFINITY], [0; SIDE]);
+        for (x, y, texel) in covered() {
+            let depth = drawn.depth[texel];
+            range = [range[0].min(depth), range[1].max(depth)];
+            rows[y - top] |= 1 << (x - left);
+        }
+        if rows == [0; SIDE] {
+            return;
+        }
+        let step = (range[1] - range[0]) / f32::from(u16::MAX);
+        let point = |x: usize, y: usize, depth: f32| {
+            patch.origin() + projection.point([x as f64 + 0.5, y as f64 + 0.5], f64::from(depth))
+        };
+        let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        let (first, first_area) = (self.depths.len(), self.areas.len());
+        for (x, y, texel) in covered() {
+            let depth = drawn.depth[texel];
+            let point = point(x, y, depth);
+            bounds = [bounds[0].min(point), bounds[1].max(point)];
+            // The conversion saturates, and NaN becomes 0.
+            self.depths.push(((depth - range[0]) / step + 0.5) as u16);
+            storage.pack(&values[texel * storage.count()..][..storage.count()], &mut self.values);
+            self.areas.extend(drawn.areas.get(texel));
+        }
+        let areas = match &self.areas[first_area..] {
+            [] => RunAreas::Unknown,
+            &[one, ref others @ ..] if others.iter().all(|&other| other == one) => {
+                self.areas.truncate(first_area);
+                RunAreas::One(one)
+            }
+            _ => RunAreas::From(first_area),
+        };
+        let [beside, below] = [[1.0, 0.0], [0.0, 1.0]].map(|step| projection.step(step, 0.0).as_vec3());
+        self.runs.push(Run {
+            origin: point(left, top, range[0]),
+            steps: [beside, below, projection.step([0.0; 2], f64::from(step)).as_vec3()],
+            bounds,
+            normal: projection.normal,
+            size: (projection.size * projection.size) as f32,
+            rows,
+            first,
+            areas,
+        });
     }
-    if count == 0 {
-        return None;
-    }
-    let step = (range[1] - range[0]) / f32::from(u16::MAX);
-    let point = |x: usize, y: usize, depth: f32| projection.point([x as f64 + 0.5, y as f64 + 0.5], f64::from(depth));
-    let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-    let (mut depths, mut packed) = (Vec::with_capacity(count), Vec::with_capacity(count * storage.packed_bytes()));
-    let mut areas = Vec::with_capacity(if drawn.areas.is_empty() { 0 } else { count });
-    for (x, y, texel) in covered() {
-        let depth = drawn.depth[texel];
-        let point = point(x, y, depth);
-        bounds = [bounds[0].min(point), bounds[1].max(point)];
-        // The conversion saturates, and NaN becomes 0.
-        depths.push(((depth - range[0]) / step + 0.5) as u16);
-        storage.pack(&values[texel * storage.count()..][..storage.count()], &mut packed);
-        areas.extend(drawn.areas.get(texel));
-    }
-    if areas.iter().all(|area| areas.first() == Some(area)) {
-        areas.truncate(1);
-        areas.shrink_to_fit();
-    }
-    let [beside, below] = [[1.0, 0.0], [0.0, 1.0]].map(|step| projection.step(step, 0.0).as_vec3());
-    Some(Surfels {
-        origin: point(left, top, range[0]),
-        steps: [beside, below, projection.step([0.0; 2], f64::from(step)).as_vec3()],
-        bounds,
-        normal: projection.normal,
-        area: (projection.size * projection.size) as f32,
-        rows,
-        depths,
-        values: packed,
-        areas,
-    })
 }
 
 /// How deep a patch lies in each tile of its map, so that points which lie elsewhere are passed over together: of all points that are near a
@@ -209,18 +234,26 @@ pub(super) fn gather_surfels<'a>(
     for (piece, projection) in projections(patch, map).into_iter().enumerate() {
         let low = projection.range[0].map(|x| x as f32 - 0.5);
         let high = projection.range[1].map(|x| x as f32 + 0.5);
-        for run in surfels.clone().filter(|run| run.normal.dot(projection.normal) > STEEP) {
+        let has_strangers = !strangers.of(piece).is_empty();
+        let runs = surfels.clone().flat_map(|surfels| surfels.runs.iter().map(move |run| (surfels, run)));
+        for (surfels, run) in runs.filter(|(_, run)| run.normal.dot(projection.normal) > STEEP) {
             let bounds = run.bounds.map(|corner| corner - patch.origin());
             if !projection.touches(bounds) || !tiles.touch(&projection, bounds) {
                 continue;
             }
+            let is_strange = |number: usize| match run.areas {
+                RunAreas::Unknown => false,
+                RunAreas::One(area) => strangers.has(piece, area),
+                RunAreas::From(first) => strangers.has(piece, surfels.areas[first + number]),
+            };
             let (first, [by_x, by_y, by_z]) = projection.around(run.origin - patch.origin());
-            // Known only where something may be strange.
-            let has_strangers = !strangers.of(piece).is_empty();
             let [beside, below, deeper] = run.steps.map(|step| by_x * step.x + by_y * step.y + by_z * step.z);
-            let points = run.places().zip(&run.depths).zip(run.values.chunks_exact(storage.packed_bytes()));
+            let own = run.first..run.first + run.count();
+            let size = storage.packed_bytes();
+            let packed = surfels.values[own.start * size..own.end * size].chunks_exact(size);
+            let points = run.places().zip(&surfels.depths[own]).zip(packed);
             for (number, (([x, y], &depth), packed)) in points.enumerate() {
-                if has_strangers && run.area_of(number).is_some_and(|area| strangers.has(piece, area)) {
+                if has_strangers && is_strange(number) {
                     continue;
                 }
                 let at = first + beside * x + below * y + deeper * f32::from(depth);
@@ -237,7 +270,7 @@ pub(super) fn gather_surfels<'a>(
                 // Comparisons with NaN are false.
                 if (drawn.depth[texel] - at.z).abs() <= projection.reach {
                     storage.unpack(packed, &mut values);
-                    sums.add(texel, &values, run.area);
+                    sums.add(texel, &values, run.size);
                 }
             }
         }

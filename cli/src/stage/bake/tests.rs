@@ -195,7 +195,7 @@ fn a_piece_of_which_nothing_is_known_shows_what_lies_beside_it_on_the_surface() 
         let finer = BakedPatch { positions: &positions, triangles: &one, reach: 5.0, areas: None };
         let finer = bake(&finer, &mut Numbered(vec![(corners, 700.0)]), 2, &numbers()).unwrap();
         let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas: None };
-        let baked = bake_coarser(&patch, finer.surfels.iter(), 4, &numbers()).unwrap();
+        let baked = bake_coarser(&patch, std::iter::once(&finer.surfels), 4, &numbers()).unwrap();
         assert_eq!(numbers_shown(&positions, &triangles, &baked), [[700; 2]; 2]);
     }
 }
@@ -243,7 +243,7 @@ fn a_texel_has_the_label_of_most_of_it_and_none_between() {
     let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0, areas: None };
     let storage = Storage::new(vec![Stored::Label { low: 3.0 }]);
     let fine = bake(&patch, &mut Numbered(source), 2, &storage).unwrap();
-    let coarse = bake_coarser(&patch, fine.surfels.iter(), 7, &storage).unwrap();
+    let coarse = bake_coarser(&patch, std::iter::once(&fine.surfels), 7, &storage).unwrap();
     for (baked, size) in [(&fine, 2.0), (&coarse, 11.4)] {
         let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
         let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
@@ -293,7 +293,7 @@ fn nothing_is_blurred_over_a_line_at_which_colours_jump() {
     let areas = Areas::of(&[1, 1, 2, 2], Some(&jumps));
     let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas };
     let fine = bake(&patch, &mut source, 6, &numbers()).unwrap();
-    let coarse = bake_coarser(&patch, fine.surfels.iter(), 8, &numbers()).unwrap();
+    let coarse = bake_coarser(&patch, std::iter::once(&fine.surfels), 8, &numbers()).unwrap();
     for baked in [fine, coarse] {
         let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
         let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
