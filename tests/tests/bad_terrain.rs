@@ -286,6 +286,7 @@ fn damaged_blobs_of_lerc_are_refused() {
     refused_with(folder.write("short.lerc", &blob[..blob.len() / 2]), &["LERC is damaged"]);
     refused_with(folder.write("twice.lerc", &[&*blob, &*blob].concat()), &["several bands", "gdal_translate"]);
     refused_with(folder.write("none.lerc", b"nothing"), &["LERC is damaged"]);
+    refused_with(data.join("lossless.lerc"), &["floating-point Huffman", "not supported", "gdal_translate"]);
     for (name, count) in [("lerc.tif", 64), ("lerc-zstd.tif", 512), ("lerc-deflate.tif", 512)] {
         let good = std::fs::read(data.join(name)).expect("readable");
         let header = good.len() - 1000;

@@ -11,6 +11,8 @@ mod map;
 #[cfg(feature = "object-store")]
 mod object_store;
 pub(crate) mod requests;
+#[cfg(any(feature = "http", feature = "object-store"))]
+mod start;
 
 use std::{io, ops::Range};
 

@@ -4,7 +4,7 @@ use std::{io, sync::Arc, sync::OnceLock};
 
 use ::object_store::{Error, GetOptions, GetResult, ObjectStore, ObjectStoreExt as _, path::Path};
 
-use super::{ReadAt, Request, SourceError};
+use super::{ReadAt, Request, SourceError, start::Start};
 
 /// Most requests at once.
 const CONNECTIONS: usize = 6;
@@ -17,6 +17,7 @@ pub struct Object {
     runtime: tokio::runtime::Runtime,
     /// Size and ETag of the first answer.
     identity: OnceLock<(u64, Option<String>)>,
+    start: Start,
 }
 
 impl Object {
@@ -42,7 +43,7 @@ impl Object {
     /// If the system has no resources for a runtime.
     pub fn new(store: Arc<dyn ObjectStore>, path: Path) -> io::Result<Self> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        Ok(Self { store, path, runtime, identity: OnceLock::new() })
+        Ok(Self { store, path, runtime, identity: OnceLock::new(), start: Start::default() })
     }
 
     async fn fetch(&self, offset: u64, length: u64) -> io::Result<(Vec<u8>, u64)> {
@@ -64,7 +65,7 @@ impl Object {
     }
 
     async fn fill(&self, request: &mut Request<'_>) -> io::Result<()> {
-        if request.buf.is_empty() {
+        if request.buf.is_empty() || self.start.fill(request.offset, request.buf) {
             return Ok(());
         }
         let (bytes, _) = self.fetch(request.offset, request.buf.len() as u64).await?;
@@ -101,7 +102,9 @@ impl ReadAt for Object {
     }
 
     fn read_start(&self, length: usize) -> io::Result<(Vec<u8>, u64)> {
-        self.runtime.block_on(self.fetch(0, length.max(1) as u64))
+        let (bytes, size) = self.runtime.block_on(self.fetch(0, length.max(1) as u64))?;
+        self.start.keep(&bytes);
+        Ok((bytes, size))
     }
 
     fn read_ranges(&self, requests: &mut [Request<'_>]) -> io::Result<()> {

@@ -141,6 +141,17 @@ pub(super) fn decode_piece(
 
 #[cold]
 fn damaged(path: &Path, location: Location, error: &lerc_core::Error) -> Box<ImportError> {
+    use lerc_core::Error::{UnsupportedFeature, UnsupportedVersion};
+    if let UnsupportedFeature(_) | UnsupportedVersion(_) = error {
+        // Version 6 packs floats without loss in a way of its own.
+        let remedy =
+            "write it with an error above 0, or convert it with `gdal_translate -of GTiff -co COMPRESS=DEFLATE`";
+        let feature = match error {
+            UnsupportedFeature(feature) => (*feature).to_owned(),
+            other => other.to_string(),
+        };
+        return ImportError::Unsupported { path: path.to_owned(), feature, remedy }.into();
+    }
     let problem = format!("{error}; the LERC is damaged: copy or export it again");
     ImportError::Syntax { path: path.to_owned(), location, problem }.into()
 }

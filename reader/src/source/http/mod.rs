@@ -9,7 +9,7 @@ use std::{
 
 use ureq::http::{Response, StatusCode, header};
 
-use super::{ReadAt, Request, SourceError};
+use super::{ReadAt, Request, SourceError, start::Start};
 
 /// Timeouts, attempts and connections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +48,7 @@ pub struct Http {
     options: HttpOptions,
     /// That of the first answer.
     identity: OnceLock<Identity>,
+    start: Start,
 }
 
 impl Http {
@@ -61,7 +62,7 @@ impl Http {
             // Ranges count the bytes of the file, not of a compressed form.
             .accept_encoding("identity")
             .build();
-        Self { agent: config.new_agent(), url: url.into(), options, identity: OnceLock::new() }
+        Self { agent: config.new_agent(), url: url.into(), options, identity: OnceLock::new(), start: Start::default() }
     }
 
     /// Fetches a range, in as many attempts as the options allow. The answer is shorter only where the file ends.
@@ -176,7 +177,7 @@ fn source_error(error: ureq::Error) -> SourceError {
 
 impl ReadAt for Http {
     fn read_at(&self, offset: u64, buf: &mut [u8]) -> io::Result<()> {
-        if buf.is_empty() {
+        if buf.is_empty() || self.start.fill(offset, buf) {
             return Ok(());
         }
         let (bytes, _) = self.fetch(&(offset..offset.saturating_add(buf.len() as u64)))?;
@@ -197,7 +198,9 @@ impl ReadAt for Http {
     }
 
     fn read_start(&self, length: usize) -> io::Result<(Vec<u8>, u64)> {
-        self.fetch(&(0..length.max(1) as u64))
+        let (bytes, size) = self.fetch(&(0..length.max(1) as u64))?;
+        self.start.keep(&bytes);
+        Ok((bytes, size))
     }
 
     fn read_ranges(&self, requests: &mut [Request<'_>]) -> io::Result<()> {
