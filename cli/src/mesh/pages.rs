@@ -45,11 +45,17 @@ fn by_page(drawings: &[Drawing], textured: &TexturedMesh, paged: &decode::PagedM
     }
     let mut page_of = vec![paged.page_sizes.len(); textured.textures.len()];
     for (page, nodes) in paged.triangle_nodes.iter().enumerate() {
-        nodes.iter().for_each(|&node| page_of[node as usize] = page);
+        for &node in nodes {
+            if let Some(of_node) = page_of.get_mut(node as usize) {
+                *of_node = page;
+            }
+        }
     }
     let mut result = vec![vec![]; paged.triangles.len()];
     for (&drawing, &node) in drawings.iter().zip(&textured.mesh.triangle_nodes) {
-        result[page_of[node as usize]].push(drawing);
+        if let Some(of_page) = page_of.get(node as usize).and_then(|&page| result.get_mut(page)) {
+            of_page.push(drawing);
+        }
     }
     result
 }

@@ -1,5 +1,5 @@
-//! Where the colours of the input jump, or the way in which it is drawn: edges of the mesh at which charts of its textures, its materials or colours of its corners meet, and
-//! at which both sides show something else.
+//! Where the colours of the input jump: edges of the mesh at which charts of its textures, its materials or colours of its corners meet, and
+//! at which both sides show something else, or are drawn in another way.
 //!
 //! Triangles that continue each other form an *area*. Between two areas colours jump if, over all edges at which they meet, what one side
 //! shows differs from what the other one does by more than quantisation hides. An image that lies across such an edge blurs it
