@@ -55,7 +55,8 @@ pub(super) fn build_imported(
 ) -> Result<BuildSummary, BuildError> {
     match input {
         Imported::Memory(surface) => {
-            let built = build_in_memory(surface, &options.model, options.memory, &scratch(options), out, progress, watch);
+            let built =
+                build_in_memory(surface, &options.model, options.memory, &scratch(options), out, progress, watch);
             built.map_err(|error| BuildError::of_inputs(error, &options.inputs))
         }
         Imported::Spilled(mesh) => {

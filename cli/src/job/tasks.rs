@@ -29,8 +29,8 @@ use crate::mesh::attributes::Attributes;
 use crate::pipeline::{Found, Scale, Whole, seams_of};
 use crate::progress::Progress;
 use crate::region::{
-    Agreement, BoundarySketch, CellCounts, Counts, Decomposition, DividedMesh, Division, Matching, NumberedMesh, RegionDirectory,
-    RegionStats, Reversed, RunFile, RunList, at_once, centroid, remove_shared, repair_regions,
+    Agreement, BoundarySketch, CellCounts, Counts, Decomposition, DividedMesh, Division, Matching, NumberedMesh,
+    RegionDirectory, RegionStats, Reversed, RunFile, RunList, at_once, centroid, remove_shared, repair_regions,
 };
 use crate::storage::memory::region_bytes;
 use crate::storage::{SealedReader, SealedWriter, WorkDirectory, WorkError};

@@ -68,11 +68,11 @@ use crate::stage::areas::{Areas, ColourAreas, Jumps};
 use groups::above_regions::tops;
 use groups::net::Net;
 use groups::{Forest, node_of_chart};
+use paint::PaintedRegion;
 use redundant_levels::{remove_empty_levels, remove_redundant_levels};
 use roots::build_roots;
 use shared_arcs::SharedArcs;
 use summary::{BuildSummary, Fallbacks, Stopwatch, Times};
-use paint::PaintedRegion;
 
 /// Builds a file from a mesh in memory. The bytes depend on the mesh and the options alone; its images take a share of the memory.
 pub(crate) fn build_in_memory(
@@ -127,8 +127,11 @@ pub(crate) fn build_region(
     let coarsest = if atlas.charts.len() > 1 { scale.coarsest_of_charts } else { scale.coarsest_of_regions };
     let has_channels = !plan.appearance.is_empty();
     let start_of_areas = thread_cpu_time();
-    let areas =
-        if has_channels { studio.shader.painter(attributes).colour_areas(mesh, adjacency, plan.colour_step) } else { None };
+    let areas = if has_channels {
+        studio.shader.painter(attributes).colour_areas(mesh, adjacency, plan.colour_step)
+    } else {
+        None
+    };
     let areas_time = thread_cpu_time() - start_of_areas;
     let areas = areas.as_ref();
     let charted =

@@ -130,8 +130,7 @@ impl PaintedRegion<'_> {
 impl Painting<'_> {
     /// Gives a record texels, after all that lies below it.
     fn paint(&self, number: u32) -> Painted {
-        let below: Vec<Painted> =
-            self.members[number as usize].par_iter().map(|&member| self.paint(member)).collect();
+        let below: Vec<Painted> = self.members[number as usize].par_iter().map(|&member| self.paint(member)).collect();
         let start = thread_cpu_time();
         let is_chart = (number as usize) < self.region.charted.atlas.charts.len();
         let (painted, streams) = if is_chart { self.paint_chart(number) } else { self.paint_group(number, &below) };
