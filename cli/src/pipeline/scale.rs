@@ -53,7 +53,7 @@ const TOP_SHARE: f64 = 0.02;
 /// them be, surfaces of a few hundred triangles are .002 of the diagonal off on average.
 const LARGEST_STEP: f64 = 0.0032;
 /// The most texels of images in a chart, about: the map of a chart is baked at once, and takes some 100 bytes of memory for each.
-const CHART_TEXELS: u64 = 1 << 20;
+const CHART_TEXELS: u64 = 1 << 19;
 /// A chart gets no fewer triangles for that.
 const FEWEST_TEXTURED: u64 = 512;
 /// Levels of charts that are in groups.
