@@ -250,3 +250,24 @@ impl From<WorkError> for PipelineError {
         Self::Region(error.into())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn regions_have_fewer_triangles_where_these_have_many_texels() {
+        let options = ModelOptions::default();
+        let division = |triangles: u64, texels: u64| {
+            options.division(triangles, &Appearance { texels, ..Appearance::default() }).triangles
+        };
+        assert_eq!(division(1 << 20, 0), REGION_TRIANGLES);
+        assert_eq!(division(1 << 20, 1 << 19), REGION_TRIANGLES);
+        // All of it fits in one region.
+        assert!(division(50_000, REGION_TEXELS) >= 50_000);
+        assert_eq!(division(1 << 20, 1 << 30), REGION_TEXELS >> 10);
+        // A little more of either changes nothing.
+        assert_eq!(division(1 << 20, (1 << 30) + (1 << 28)), REGION_TEXELS >> 10);
+        assert_eq!(division(12, 1 << 28), FEWEST_TEXTURED);
+    }
+}

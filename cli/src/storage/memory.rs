@@ -42,7 +42,7 @@ const KEPT_BYTES: f64 = 1.5;
 /// Bytes of each while maps are baked, at most.
 const BAKED_BYTES: u64 = 100;
 /// The most memory for decoded images.
-const IMAGE_BYTES: u64 = 256 << 20;
+const IMAGE_BYTES: u64 = 1 << 30;
 
 /// How much of the memory of a build in memory goes to images of so many texels. Nothing where it has none.
 pub fn texel_bytes(texels: u64, memory: u64) -> u64 {
@@ -52,7 +52,7 @@ pub fn texel_bytes(texels: u64, memory: u64) -> u64 {
 
 /// How much of the memory of a build decoded images may take, and how much the maps that are baked at a time.
 pub fn texel_memory(memory: u64) -> [u64; 2] {
-    [IMAGE_BYTES.min(memory / 8), memory / 4]
+    [IMAGE_BYTES.min(memory / 4), memory / 4]
 }
 
 /// The least memory for building regions that are on disk, given what the largest of them takes.

@@ -332,3 +332,43 @@ impl<'a> Sums<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn packed_values_come_back() {
+        let colour = |components: u8| Stored::Colour { components, step: 1 };
+        let channels = vec![
+            colour(3),
+            colour(4),
+            Stored::Normal { step: 1 },
+            Stored::Factor { step: 1 },
+            Stored::Label { low: 0.0 },
+        ];
+        let storage = Storage::new(channels);
+        let points = [
+            [0.0, 1.0, 0.5, 1.0, 0.001, 0.2, 0.9, 0.25, -1.0, 0.3, 0.0, 0.7, 12345.0],
+            [0.3, 0.3, 0.3, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1, 1.0, f32::NAN],
+        ];
+        let mut packed = vec![];
+        points.iter().for_each(|point| storage.pack(point, &mut packed));
+        assert_eq!(packed.len(), 2 * storage.packed_bytes());
+        let mut values = vec![];
+        for (point, packed) in points.iter().zip(packed.chunks_exact(storage.packed_bytes())) {
+            storage.unpack(packed, &mut values);
+            assert_eq!(values.len(), point.len());
+            for (a, b) in point.iter().zip(&values) {
+                assert!((a - b).abs() < 5e-5 || a.is_nan() && b.is_nan(), "{a} {b}");
+            }
+        }
+        // A longer direction keeps its direction, and what is out of range saturates.
+        let wild = [2.0, -1.0, f32::NAN, 1.0, 0.0, 0.0, 0.0, 7.0, 0.0, 4.0, -2.0, 1.5, f32::INFINITY];
+        packed.clear();
+        storage.pack(&wild, &mut packed);
+        storage.unpack(&packed, &mut values);
+        assert_eq!([values[0], values[1], values[2], values[7]], [1.0, 0.0, 0.0, 1.0]);
+        assert!((values[10] + 0.5).abs() < 1e-4 && values[9] == 1.0 && values[11] == 1.0);
+    }
+}
