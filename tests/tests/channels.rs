@@ -299,6 +299,48 @@ fn colours_that_jump_stay_sharp_and_every_way_of_building_gives_the_same_bytes()
 }
 
 #[test]
+fn colours_of_materials_without_textures_are_kept() {
+    let folder = Folder(tempfile::tempdir().expect("a temporary directory"));
+    let sphere = bumpy_sphere(30);
+    fs::write(folder.path("m.mtl"), "newmtl c0\nKd 1 0 0\nnewmtl c1\nKd 0 1 0\nnewmtl c2\nKd 0 0 1\n")
+        .expect("writable");
+    for count in [1, 3] {
+        let mut text = String::from("mtllib m.mtl\n");
+        for number in 0..count {
+            text += &format!("usemtl c{number}\n");
+            for p in &sphere.positions {
+                text += &format!("v {} {} {}\n", p.x + 4.0 * number as f64, p.y, p.z);
+            }
+            let first = number * sphere.positions.len() + 1;
+            for triangle in &sphere.triangles {
+                let [a, b, c] = triangle.map(|v| v as usize + first);
+                text += &format!("f {a} {b} {c}\n");
+            }
+        }
+        fs::write(folder.path("m.obj"), text).expect("writable");
+        folder.run("build m.obj -o m.lodpack --force");
+        let bytes = folder.read("m.lodpack");
+        let file = open(&bytes);
+        for level in 0..file.level_count() {
+            let cut = file.uniform_cut(level).expect("a cut");
+            let shown = file.extract_textured(&cut, &[0]).expect("sound");
+            let right = (0..shown.mesh.triangles.len()).filter(|&number| {
+                let texture = &shown.textures[shown.mesh.triangle_nodes[number] as usize];
+                let Some(ChannelImage::Colours(colours)) = &texture.images[0] else { panic!("a node has no texels") };
+                let place = [0, 1].map(|k| (0..3).map(|i| f64::from(shown.places[number][i][k]) / 3.0).sum());
+                let middle: f64 =
+                    shown.mesh.triangles[number].iter().map(|&v| shown.mesh.positions[v as usize][0]).sum();
+                let wanted = (middle / 12.0).round() as usize;
+                let got = colours.interpolated(place);
+                (0..3).all(|k| (got[k] - if k == wanted { 255.0 } else { 0.0 }).abs() < 8.0)
+            });
+            let (right, all) = (right.count(), shown.mesh.triangles.len());
+            assert!(right * 20 >= all * 19, "{count} spheres, level {level}: {right} of {all} triangles");
+        }
+    }
+}
+
+#[test]
 fn the_independent_decoder_agrees_about_texels() {
     let folder = Folder::new();
     save_coloured(&bumpy_sphere(16), &folder.path("small.ply"));

@@ -258,10 +258,11 @@ impl Face<'_> {
     }
 
     /// Samples per unit of length that the channels of the input have here, but for scalars: texels of its textures, or about one for each
-    /// vertex; 0 where all of them are the same everywhere.
+    /// vertex; 0 where it has none of them.
     pub fn material_density(&self) -> f32 {
-        // How it is drawn needs texels even where all of them have one colour.
-        let is_bare = self.appearance.has_drawings && self.textures.iter().all(Option::is_none);
+        // What the factors of a material say takes texels, too.
+        let has_factors = self.appearance.has_colour || self.appearance.has_materials();
+        let is_bare = has_factors && self.textures.iter().all(Option::is_none);
         let has_vertices = self.colour.is_some() || self.appearance.maps.normal || is_bare;
         let of_vertices = if has_vertices { self.vertex_density } else { 0.0 };
         self.textures.iter().flatten().fold(of_vertices, |most, face| most.max(face.density))
