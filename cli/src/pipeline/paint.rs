@@ -160,9 +160,10 @@ impl Painting<'_> {
         let mut painted = Painted::default();
         let mut streams = self.streams_of(chart);
         let Some([density, area]) = source.density() else { return (painted, streams) };
-        let texels = (area * (density * DENSITY).powi(2) * SPREAD).min(MAX_TEXELS as f64);
+        let across = density * DENSITY;
+        let texels = (area * across * across * SPREAD).min(MAX_TEXELS as f64);
         let _held = studio.baking.hold(baking_bytes(texels as u64, &self.storage));
-        let exponent = exponent_of(1.0 / (density * DENSITY * scale.step()));
+        let exponent = exponent_of(1.0 / (across * scale.step()));
         for (level, block, drawn) in self.blocks(chart) {
             let patch = drawn.baked(block.error / scale.step(), charted.jumps());
             // The finest block is drawn at all finer levels, too.
