@@ -321,7 +321,7 @@ fn colours_of_materials_without_textures_are_kept() {
         folder.run("build m.obj -o m.lodpack --force");
         let bytes = folder.read("m.lodpack");
         let file = open(&bytes);
-        for level in 0..file.level_count() {
+        for level in 0..file.level_count() as u8 {
             let cut = file.uniform_cut(level).expect("a cut");
             let shown = file.extract_textured(&cut, &[0]).expect("sound");
             let right = (0..shown.mesh.triangles.len()).filter(|&number| {
