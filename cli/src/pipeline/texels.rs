@@ -161,7 +161,7 @@ impl InputSource<'_> {
             let area = (points[1] - points[0]).cross(points[2] - points[0]).length();
             let face = self.painter.face(self.own[triangle] as usize, points);
             let has_others = self.appearance.has_colour || self.appearance.has_materials();
-            let density = if has_others { face.material_density() } else { face.scalar_density() };
+            let density = if has_others { face.image_density() } else { face.scalar_density() };
             sum += area * f64::from(density);
             areas += area;
         }

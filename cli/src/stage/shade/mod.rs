@@ -19,6 +19,9 @@ use crate::mesh::attributes::RegionAttributes;
 use cache::TextureCache;
 use texture::{Meaning, Texture};
 
+/// Texels for each sample where a triangle looks alike everywhere, in each direction.
+const EVEN: f32 = 0.25;
+
 /// Evaluates the surface of an input. Threads share it, and the images that it has decoded.
 pub struct Shader<'a> {
     appearance: &'a Appearance,
@@ -266,6 +269,13 @@ impl Face<'_> {
         let has_vertices = self.colour.is_some() || self.appearance.maps.normal || is_bare;
         let of_vertices = if has_vertices { self.vertex_density } else { 0.0 };
         self.textures.iter().flatten().fold(of_vertices, |most, face| most.max(face.density))
+    }
+
+    /// As many as images of it need: fewer where all of the triangle looks alike, since no piece of an image reaches beyond what jumps.
+    pub fn image_density(&self) -> f32 {
+        let has_values = self.colour.is_some() || self.appearance.maps.normal || !self.appearance.scalars.is_empty();
+        let is_even = !has_values && self.textures.iter().all(Option::is_none);
+        self.material_density() * if is_even { EVEN } else { 1.0 }
     }
 
     /// Samples per unit of length that scalars of the input have here: about one for each vertex.
