@@ -249,7 +249,10 @@ fn the_account_is_the_same_over_http_and_reads_no_page() {
     let here = why(&path);
     assert_eq!(here, why(&format!("{}/scene.lodpack", serve(bytes.clone()).expect("a free port"))));
     // The first request reads 12 KiB, whatever is there.
-    assert!(here["bytes_read"].as_u64().is_some_and(|read| read <= (bytes.len() as u64 - pages).max(12 << 10)), "{here}");
+    assert!(
+        here["bytes_read"].as_u64().is_some_and(|read| read <= (bytes.len() as u64 - pages).max(12 << 10)),
+        "{here}"
+    );
     let plain = lodpack().args(["info", "--json", &path]).assert().success();
     let plain: Value = serde_json::from_slice(&plain.get_output().stdout).expect("JSON");
     assert!(plain["there"].is_null() && plain["left_out"] == here["left_out"]);

@@ -59,7 +59,7 @@ class Channels(unittest.TestCase):
     def setUpClass(cls):
         with tempfile.TemporaryDirectory() as folder:
             mesh = pathlib.Path(folder) / "painted.ply"
-            sphere(mesh)
+            sphere(mesh, 80)
             lodpack.build(mesh, mesh.with_suffix(".lodpack"))
             cls.bytes = mesh.with_suffix(".lodpack").read_bytes()
 
@@ -92,8 +92,9 @@ class Channels(unittest.TestCase):
         cut = bare.select(triangles=1000)
         bare.extract(cut)
         coloured.extract(coloured.select(triangles=1000), channels=["colour"])
+        # The first read is of 12 KiB, whatever is there.
         self.assertLess(bare.bytes_read, coloured.bytes_read)
-        self.assertLess(bare.bytes_read, len(self.bytes) - sum(channel["bytes"] for channel in bare.channels) + 8192)
+        self.assertLess(bare.bytes_read, len(self.bytes) - sum(channel["bytes"] for channel in bare.channels) + 12288)
 
     def test_texture_coordinates_lead_to_the_colours_of_the_input(self):
         textured = lodpack.open(self.bytes).extract(channels=["height", "colour"]).textured()

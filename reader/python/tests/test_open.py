@@ -35,7 +35,7 @@ class Opening(unittest.TestCase):
         content = SCAN.read_bytes()
         with served(content) as (url, requests):
             file = lodpack.open(url)
-            self.assertEqual(requests, ["bytes=0-8191"])
+            self.assertEqual(requests, ["bytes=0-12287"])
             low, high = file.bounds
             mesh = file.extract(bbox=(low, low + (high - low) / 2), tolerance=file.info()["levels"][0]["certified_error"] / 4)
             self.assertLessEqual(len(requests), 10)
@@ -56,7 +56,7 @@ class Opening(unittest.TestCase):
             file = lodpack.open(fsspec.open(url))
             file.extract(tolerance=float("inf"))
             ranges = [request for request in requests if request]
-            self.assertEqual(ranges[0], "bytes=0-8191")
+            self.assertEqual(ranges[0], "bytes=0-12287")
             self.assertEqual(len(ranges), file.request_count)
 
     def test_a_closed_file_says_so_and_its_meshes_stay(self):

@@ -57,9 +57,6 @@ pub struct ModelArgs {
     /// Most triangles in a region, for tests.
     #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
     pub region_triangles: u64,
-    /// Triangles of the input in a chart, for measurements: many small charts make many nodes.
-    #[arg(long, value_name = "N", hide = true, value_parser = clap::value_parser!(u32).range(1..))]
-    pub chart_triangles: Option<u32>,
     #[command(flatten)]
     pub raster: RasterArgs,
 }
@@ -67,10 +64,9 @@ pub struct ModelArgs {
 impl ModelArgs {
     /// The options that the bytes of a file depend on.
     pub fn options(&self) -> ModelOptions {
-        let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles, chart_triangles, .. } =
-            self;
+        let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles, .. } = self;
         let channels = self.channels.clone();
-        let placement = self.placement();
+        let (chart_triangles, placement) = (None, self.placement());
         ModelOptions {
             tolerance,
             unit,
@@ -78,8 +74,8 @@ impl ModelArgs {
             effort,
             levels,
             fillings,
-            region_triangles,
             chart_triangles,
+            region_triangles,
             extensible,
             channels,
             colour_quality: self.color_quality,
