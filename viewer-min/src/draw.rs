@@ -5,7 +5,7 @@ use std::{cell::OnceCell, sync::Arc, time::Instant};
 use anyhow::Result;
 use glam::DVec3;
 use lodpack::{
-    Lattice, View,
+    Index, Lattice, View,
     decode::Appearance,
     stream::{ByPiece, DrawnRoot, DrawnTexture, Picture as Surfaces, Strip, TileImages},
 };
@@ -119,8 +119,8 @@ pub struct Renderer {
     overlays: Vec<Overlay>,
     /// Number of levels, which scales their colours.
     level_count: usize,
-    /// The depth of each root in the tree.
-    depths: Arc<Vec<u32>>,
+    /// Of a mesh: how deep roots are in its tree.
+    index: Option<Arc<Index>>,
     gpu: Arc<Gpu>,
     /// A planted fault: the border of this root is drawn shifted.
     pub shifted: Option<(u32, DVec3)>,
@@ -146,6 +146,11 @@ pub struct Renderer {
     made: Made,
 }
 
+/// How deep a root that is drawn is in its tree. All above it is known, since cuts come down from the top.
+fn depth(index: &Index, root: u32) -> u32 {
+    std::iter::successors(Some(root), |&root| index.parent(root).ok().flatten()).skip(1).count() as u32
+}
+
 /// What the shader knows of the root in each slot.
 struct Infos {
     /// As on the device.
@@ -168,7 +173,7 @@ impl Renderer {
             way,
             overlays: Vec::new(),
             level_count: 1,
-            depths: Arc::default(),
+            index: None,
             gpu: Arc::clone(gpu),
             shifted: None,
             shown: None,
@@ -301,7 +306,7 @@ impl Renderer {
         let root = drawn.surface.root;
         // Levels of heights are depths.
         let level = u32::from(drawn.surface.level);
-        let depth = if self.depths.is_empty() { level } else { self.depths.get(root as usize).copied().unwrap_or(0) };
+        let depth = self.index.as_ref().map_or(level, |index| depth(index, root));
         let mean = self.shown.map_or(0, |shown| mean(&shown.appearance, drawn));
         let info = [root, level, (drawn.error() as f32).to_bits(), depth, mean];
         let has_image = before.as_ref().is_some_and(|before| before.has_image_of(drawn));
@@ -401,7 +406,7 @@ impl Renderer {
         let pixels = view.pixels_per_tangent();
         let [across, along] = view.viewport.map(|side| (2.0 * pixels / f64::from(side)) as f32);
         let [right, up, forward] = view.axes().map(|[x, y, z]| [x as f32, y as f32, z as f32, 0.0]);
-        let deepest = self.depths.iter().copied().max().unwrap_or(self.level_count.saturating_sub(1) as u32);
+        let deepest = self.level_count.saturating_sub(1) as u32;
         let globals: Globals = [
             right,
             up,
@@ -518,7 +523,8 @@ impl Renderer {
     ) -> Result<()> {
         let begun = Instant::now();
         (self.overlays, self.level_count) = (overlays.to_vec(), scene.level_count());
-        (self.depths, self.lattice) = (Arc::clone(&scene.depths), scene.lattice());
+        self.index = scene.mesh().ok().map(|mesh| Arc::clone(mesh.file.index()));
+        self.lattice = scene.lattice();
         self.show(scene.channel.as_ref().map(|channel| Shown {
             number: channel.number,
             appearance: channel.appearance,

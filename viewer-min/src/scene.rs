@@ -1,6 +1,6 @@
 //! A file that is being viewed: the boundary between the reader and the GPU.
 
-use std::{collections::HashSet, ops::Range, sync::Arc, time::Duration};
+use std::{cell::OnceCell, collections::HashSet, ops::Range, sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail};
 use lodpack::{
@@ -84,8 +84,6 @@ pub struct Scene {
     pub bounds: Bounds,
     /// The limits of cuts. The view is set per frame.
     pub(crate) query: Query,
-    /// The depth of each root in the tree; of heights, where levels are depths, of none.
-    pub(crate) depths: Arc<Vec<u32>>,
     /// The channel that is shown.
     pub(crate) channel: Option<ShownChannel>,
     content: Content,
@@ -101,10 +99,30 @@ enum Content {
 pub(crate) struct MeshContent {
     pub streamer: Streamer,
     pub file: File<Source>,
+    tree: OnceCell<Tree>,
+}
+
+/// What only checks and tiles of pictures ask of all roots: it takes the whole index.
+pub(crate) struct Tree {
     /// The arcs of each root, each as often as the root's loops contain it.
     pub arcs: Vec<Vec<u32>>,
     /// The children of each root.
     pub children: Vec<Range<u32>>,
+}
+
+impl Tree {
+    fn of(file: &File<Source>) -> lodpack::Result<Self> {
+        let arcs_of =
+            |root| Ok(file.root_contents(root)?.loops.iter().flatten().map(|half_arc| half_arc.arc).collect());
+        let arcs = (0..file.root_count()).map(arcs_of).collect::<lodpack::Result<_>>()?;
+        let children = (0..file.root_count()).map(|root| file.children(root)).collect::<lodpack::Result<_>>()?;
+        Ok(Self { arcs, children })
+    }
+
+    /// The roots without children.
+    pub fn leaves(&self) -> impl Iterator<Item = u32> + '_ {
+        (0..).zip(&self.children).filter(|(_, children)| children.is_empty()).map(|(root, _)| root)
+    }
 }
 
 /// A file of heights.
@@ -134,30 +152,15 @@ impl MeshContent {
             streamer.settle();
             streamer.show(&coarsest)?;
         }
-        let arcs_of =
-            |root| Ok(file.root_contents(root)?.loops.iter().flatten().map(|half_arc| half_arc.arc).collect());
-        Ok(Self {
-            arcs: (0..file.root_count()).map(arcs_of).collect::<lodpack::Result<_>>()?,
-            children: (0..file.root_count()).map(|root| file.children(root)).collect::<lodpack::Result<_>>()?,
-            streamer,
-            file,
-        })
+        Ok(Self { tree: OnceCell::new(), streamer, file })
     }
 
-    /// The roots without children.
-    pub(crate) fn leaves(&self) -> impl Iterator<Item = u32> + '_ {
-        (0..).zip(&self.children).filter(|(_, children)| children.is_empty()).map(|(root, _)| root)
-    }
-
-    /// The depth of each root in the tree.
-    fn depths(&self) -> Vec<u32> {
-        let mut depths = vec![0; self.children.len()];
-        // Parents come before their children.
-        for (root, children) in self.children.iter().enumerate() {
-            let depth = depths[root] + 1;
-            children.clone().for_each(|child| depths[child as usize] = depth);
+    /// All roots. The first call reads the whole index.
+    pub(crate) fn tree(&self) -> lodpack::Result<&Tree> {
+        match self.tree.get() {
+            Some(tree) => Ok(tree),
+            None => Tree::of(&self.file).map(|tree| self.tree.get_or_init(|| tree)),
         }
-        depths
     }
 }
 
@@ -181,9 +184,8 @@ impl Scene {
                 let has_tree = file.top_count() < file.root_count();
                 let outside = if has_tree && mode != Mode::Synchronous { Outside::Coarsest } else { Outside::Drop };
                 let mesh = MeshContent::new(file, mode)?;
-                let depths = Arc::new(mesh.depths());
                 let query = Query { outside, ..Query::default() };
-                Ok(Self { bounds, query, depths, channel: None, content: Content::Mesh(Box::new(mesh)) })
+                Ok(Self { bounds, query, channel: None, content: Content::Mesh(Box::new(mesh)) })
             }
             Opened::Heights(file) => {
                 let bounds = file.index().bounds().context("the file is empty: it has no tiles")?;
@@ -196,7 +198,7 @@ impl Scene {
                     channels: channels_of_heights(file.ramp().is_some()),
                     file,
                 }));
-                Ok(Self { bounds, query: Query::default(), depths: Arc::default(), channel: None, content })
+                Ok(Self { bounds, query: Query::default(), channel: None, content })
             }
         }
     }
@@ -266,7 +268,7 @@ impl Scene {
     /// How many roots there are; of heights, how many tiles are known to be there.
     pub(crate) fn root_count(&self) -> u64 {
         match &self.content {
-            Content::Mesh(mesh) => mesh.arcs.len() as u64,
+            Content::Mesh(mesh) => mesh.file.root_count().into(),
             Content::Heights(heights) => heights.file.index().known_tile_count(),
         }
     }
@@ -455,8 +457,8 @@ impl Scene {
         if at[0] >= columns || at[1] >= rows || !width.is_multiple_of(columns) || !height.is_multiple_of(rows) {
             bail!("there is no tile {},{} of {columns}x{rows} in {width}x{height} pixels", at[0], at[1]);
         }
-        let tree = TileTree::new((columns * rows).trailing_zeros())?;
-        let queries = tree.queries(&Query { view: Some(*view), ..self.query })?;
+        let tiles = TileTree::new((columns * rows).trailing_zeros())?;
+        let queries = tiles.queries(&Query { view: Some(*view), ..self.query })?;
         let adapter = |query| Adapter::new(mesh.streamer.follower().hierarchy().clone(), query, STILL);
         let adapters: Vec<Adapter> = queries.iter().map(adapter).collect::<lodpack::Result<_>>()?;
         let unified = unify_cuts(&adapters, Unification::Quality)?;
@@ -464,10 +466,11 @@ impl Scene {
         let mut tiles = queries.iter().filter_map(|query| query.view).zip(&unified.tiles);
         let tile = tiles.find(|(view, _)| view.window[0] == corner);
         let (view, own) = tile.context("the tile is missing in its tree")?;
-        let arcs_of = |node: &Node| &mesh.arcs[node.root as usize];
+        let tree = mesh.tree()?;
+        let arcs_of = |node: &Node| &tree.arcs[node.root as usize];
         let arcs: HashSet<u32> = own.iter().flat_map(arcs_of).copied().collect();
         // In a tree, roots that meet only at a corner may change each other's borders, so all are kept.
-        let has_tree = mesh.children.iter().any(|children| !children.is_empty());
+        let has_tree = mesh.file.top_count() < mesh.file.root_count();
         let is_near =
             |node: &Node| has_tree || arcs_of(node).iter().any(|arc| arcs.contains(arc)) || own.contains(node);
         Ok((view, unified.nodes.into_iter().filter(is_near).collect()))

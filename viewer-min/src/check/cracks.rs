@@ -33,7 +33,8 @@ pub fn caps(scene: &Scene) -> Result<Mesh> {
     let content = scene.mesh()?;
     // Roots without children use every arc.
     let mut uses: HashMap<u32, u32> = HashMap::new();
-    for &arc in content.leaves().flat_map(|root| &content.arcs[root as usize]) {
+    let tree = content.tree()?;
+    for &arc in tree.leaves().flat_map(|root| &tree.arcs[root as usize]) {
         *uses.entry(arc).or_default() += 1;
     }
     for drawn in scene.picture().roots() {

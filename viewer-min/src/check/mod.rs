@@ -235,7 +235,7 @@ impl Check {
     /// Something that has to do with no view: neighbours differ by any number of levels, or tiles that are not shown are fine, too.
     fn mixed(&self, number: usize) -> Result<Wanted> {
         let Some(heights) = self.scene.heights() else {
-            return Ok(Wanted::Nodes(mixed_levels(self.scene.mesh()?, number as u64)));
+            return Ok(Wanted::Nodes(mixed_levels(self.scene.mesh()?, number as u64)?));
         };
         // The larger the number, the finer.
         let records = heights.file.roots().first().map(|&root| heights.file.record(root)).transpose()?.flatten();

@@ -50,7 +50,10 @@ pub fn views(scene: &Scene, count: usize, size_px: u32) -> Vec<View> {
 
 /// A cut in which each root has a level of its own, so neighbours differ by any number of levels. In a tree its roots are of any
 /// height.
-pub fn mixed_levels(scene: &MeshContent, seed: u64) -> Vec<Node> {
+///
+/// # Errors
+/// If the index cannot be read.
+pub fn mixed_levels(scene: &MeshContent, seed: u64) -> lodpack::Result<Vec<Node>> {
     let hash = |root: u32| {
         let mut hash =
             (u64::from(root) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed.wrapping_mul(0xd1b5_4a32_d192_ed03);
@@ -62,7 +65,7 @@ pub fn mixed_levels(scene: &MeshContent, seed: u64) -> Vec<Node> {
     let mut nodes = Vec::new();
     let mut pending: Vec<u32> = (0..scene.file.top_count()).collect();
     while let Some(root) = pending.pop() {
-        let children = scene.children[root as usize].clone();
+        let children = scene.file.children(root)?;
         if children.is_empty() || hash(root) >> 20 & 3 == 0 {
             nodes.push(Node { root, level: level(root) });
         } else {
@@ -70,5 +73,5 @@ pub fn mixed_levels(scene: &MeshContent, seed: u64) -> Vec<Node> {
         }
     }
     nodes.sort_unstable_by_key(|node| node.root);
-    nodes
+    Ok(nodes)
 }
