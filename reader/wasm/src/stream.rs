@@ -3,7 +3,7 @@
 use std::{io, sync::Arc, time::Duration};
 
 use lodpack::{
-    Index, Lattice, Query, Result, View,
+    Index, Lattice, Query, Result,
     heights::HeightsIndex,
     select::{Coherence, Hierarchy},
     stream::{Expecter, Follower, Frame, HeightsSession, Job, Options, Read, Session, Shows},
