@@ -56,7 +56,7 @@ pub fn painted_file() -> Vec<u8> {
 /// A file of a torus around z, of radius 1, with the normals of its vertices. Where y is above 0 it is of metal and yellow, elsewhere it is matt,
 /// blue, and shines green.
 pub fn lit_file() -> Vec<u8> {
-    let folder = Folder(tempfile::tempdir().expect("a temporary directory"));
+    let folder = Folder::empty();
     let torus = torus(120);
     let mut text = String::from("mtllib lit.mtl\n");
     for &p in &torus.positions {
@@ -80,28 +80,32 @@ pub fn lit_file() -> Vec<u8> {
     folder.read("lit.lodpack")
 }
 
-struct Folder(tempfile::TempDir);
+pub(crate) struct Folder(tempfile::TempDir);
 
 impl Folder {
+    pub(crate) fn empty() -> Self {
+        Self(tempfile::tempdir().expect("a temporary directory"))
+    }
+
     /// A folder with a sphere of some 40,000 triangles, with and without channels.
     fn new() -> Self {
-        let this = Self(tempfile::tempdir().expect("a temporary directory"));
+        let this = Self::empty();
         let sphere = bumpy_sphere(100);
         save_coloured(&sphere, &this.path("coloured.ply"));
         save_ply(&sphere, &this.path("bare.ply")).expect("writable");
         this
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
     /// Runs the program in the folder; words are separated by spaces.
-    fn run(&self, words: &str) {
+    pub(crate) fn run(&self, words: &str) {
         lodpack().current_dir(self.0.path()).args(words.split_whitespace()).assert().success();
     }
 
-    fn read(&self, name: &str) -> Vec<u8> {
+    pub(crate) fn read(&self, name: &str) -> Vec<u8> {
         fs::read(self.path(name)).expect("written")
     }
 }
@@ -261,7 +265,7 @@ fn save_two_coloured(folder: &Folder) {
 
 #[test]
 fn colours_that_jump_stay_sharp_and_every_way_of_building_gives_the_same_bytes() {
-    let folder = Folder(tempfile::tempdir().expect("a temporary directory"));
+    let folder = Folder::empty();
     save_two_coloured(&folder);
     let options = "--region-triangles 2500 --color-quality 95";
     folder.run(&format!("build two.obj -o one.lodpack --threads 1 {options}"));
@@ -300,7 +304,7 @@ fn colours_that_jump_stay_sharp_and_every_way_of_building_gives_the_same_bytes()
 
 #[test]
 fn colours_of_materials_without_textures_are_kept() {
-    let folder = Folder(tempfile::tempdir().expect("a temporary directory"));
+    let folder = Folder::empty();
     let sphere = bumpy_sphere(30);
     fs::write(folder.path("m.mtl"), "newmtl c0\nKd 1 0 0\nnewmtl c1\nKd 0 1 0\nnewmtl c2\nKd 0 0 1\n")
         .expect("writable");

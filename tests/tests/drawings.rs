@@ -1,6 +1,6 @@
 //! How surfaces are drawn: alpha modes, double-sided and unlit materials come through builds of every kind, and out again.
 
-use crate::commands::lodpack;
+use crate::channels::Folder;
 use crate::levels::{document, validate};
 use crate::open;
 use crate::tileset::{has_tools, node};
@@ -10,39 +10,18 @@ use lodpack_tests::strips::{holes, materials, strips};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new() -> Self {
-        Self(tempfile::tempdir().expect("a temporary directory"))
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    /// Runs the program in the folder; words are separated by spaces.
-    fn run(&self, words: &str) {
-        lodpack().current_dir(self.0.path()).args(words.split_whitespace()).assert().success();
-    }
-
-    fn read(&self, name: &str) -> Vec<u8> {
-        fs::read(self.path(name)).expect("written")
-    }
-
-    /// Writes strips of these materials, and their image beside them.
-    fn save(&self, name: &str, materials: impl Iterator<Item = Value>) {
-        fs::write(self.path("holes.png"), holes()).expect("writable");
-        fs::write(self.path(name), strips(materials)).expect("writable");
-    }
+/// Writes strips of these materials, and their image beside them.
+fn save(folder: &Folder, name: &str, materials: impl Iterator<Item = Value>) {
+    fs::write(folder.path("holes.png"), holes()).expect("writable");
+    fs::write(folder.path(name), strips(materials)).expect("writable");
 }
 
 /// A file of all strips.
 pub fn drawn_file() -> Vec<u8> {
-    let folder = Folder::new();
-    folder.save("strips.gltf", materials().into_iter().map(|(material, _)| material));
+    let folder = Folder::empty();
+    save(&folder, "strips.gltf", materials().into_iter().map(|(material, _)| material));
     folder.run("build strips.gltf -o strips.lodpack");
     folder.read("strips.lodpack")
 }
@@ -62,9 +41,9 @@ fn share_drawn_otherwise(shown: &TexturedMesh, wanted: &[Drawing]) -> f64 {
 
 #[test]
 fn every_level_is_drawn_like_the_input_and_every_way_of_building_gives_the_same_bytes() {
-    let folder = Folder::new();
+    let folder = Folder::empty();
     let (documents, wanted): (Vec<Value>, Vec<Drawing>) = materials().into_iter().unzip();
-    folder.save("strips.gltf", documents.into_iter());
+    save(&folder, "strips.gltf", documents.into_iter());
     let options = "--region-triangles 2000";
     folder.run(&format!("build strips.gltf -o one.lodpack --threads 1 {options}"));
     folder.run(&format!("build strips.gltf -o seven.lodpack --threads 7 {options}"));
@@ -118,8 +97,8 @@ fn wanted() -> BTreeSet<String> {
 
 #[test]
 fn exports_have_a_material_for_each_drawing_and_builds_of_them_have_the_same_ones() {
-    let folder = Folder::new();
-    folder.save("strips.gltf", materials().into_iter().map(|(material, _)| material));
+    let folder = Folder::empty();
+    save(&folder, "strips.gltf", materials().into_iter().map(|(material, _)| material));
     folder.run("build strips.gltf -o strips.lodpack");
     folder.run("extract strips.lodpack -o strips.glb");
     folder.run("export strips.lodpack -o levels.glb --as glb-lod");
@@ -152,8 +131,8 @@ fn exports_have_a_material_for_each_drawing_and_builds_of_them_have_the_same_one
 
 #[test]
 fn what_is_drawn_in_the_usual_way_has_no_byte_of_it() {
-    let folder = Folder::new();
-    folder.save("usual.gltf", (0..2).map(|_| json!({})));
+    let folder = Folder::empty();
+    save(&folder, "usual.gltf", (0..2).map(|_| json!({})));
     folder.run("build usual.gltf -o usual.lodpack");
     folder.run("build usual.gltf -o colour.lodpack --channels colour");
     assert!(folder.read("usual.lodpack") == folder.read("colour.lodpack"));
@@ -164,15 +143,15 @@ fn what_is_drawn_in_the_usual_way_has_no_byte_of_it() {
     folder.run("build more.gltf -o more.lodpack");
     assert_eq!(open(&folder.read("more.lodpack")).channels().len(), 1);
     // What nobody wants is left out, and masks are cut as they are baked.
-    folder.save("masked.gltf", std::iter::once(json!({"alphaMode": "MASK"})));
+    save(&folder, "masked.gltf", std::iter::once(json!({"alphaMode": "MASK"})));
     folder.run("build masked.gltf -o masked.lodpack --channels colour");
     assert_eq!(open(&folder.read("masked.lodpack")).channels().len(), 1);
 }
 
 #[test]
 fn surfaces_without_images_are_drawn_like_the_input_too() {
-    let folder = Folder::new();
-    folder.save("bare.gltf", [json!({"doubleSided": true}), json!({})].into_iter());
+    let folder = Folder::empty();
+    save(&folder, "bare.gltf", [json!({"doubleSided": true}), json!({})].into_iter());
     let mut document: Value = serde_json::from_slice(&folder.read("bare.gltf")).expect("a document");
     for material in document["materials"].as_array_mut().expect("materials") {
         material["pbrMetallicRoughness"] = json!({"metallicFactor": 0.0});
@@ -209,8 +188,8 @@ fn drawings_of(path: &Path) -> Vec<Drawing> {
 
 #[test]
 fn material_libraries_blend_what_they_say_is_not_opaque() {
-    let folder = Folder::new();
-    folder.save("unused.gltf", std::iter::once(json!({})));
+    let folder = Folder::empty();
+    save(&folder, "unused.gltf", std::iter::once(json!({})));
     let squares: String = (0..9).map(|k| format!("v {} {} 0\nvt {} {}\n", k % 3, k / 3, k % 3, k / 3)).collect();
     let face = |a: u32| format!("f {a}/{a} {b}/{b} {c}/{c} {d}/{d}\n", b = a + 1, c = a + 4, d = a + 3);
     let text = format!("mtllib m.mtl\n{squares}usemtl one\n{}{}usemtl two\n{}{}", face(1), face(2), face(4), face(5));

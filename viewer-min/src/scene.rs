@@ -1,6 +1,6 @@
 //! A file that is being viewed: the boundary between the reader and the GPU.
 
-use std::{cell::OnceCell, collections::HashSet, ops::Range, sync::Arc, time::Duration};
+use std::{cell::OnceCell, collections::HashSet, sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail};
 use lodpack::{
@@ -106,8 +106,8 @@ pub(crate) struct MeshContent {
 pub(crate) struct Tree {
     /// The arcs of each root, each as often as the root's loops contain it.
     pub arcs: Vec<Vec<u32>>,
-    /// The children of each root.
-    pub children: Vec<Range<u32>>,
+    /// The roots without children.
+    pub leaves: Vec<u32>,
 }
 
 impl Tree {
@@ -115,13 +115,11 @@ impl Tree {
         let arcs_of =
             |root| Ok(file.root_contents(root)?.loops.iter().flatten().map(|half_arc| half_arc.arc).collect());
         let arcs = (0..file.root_count()).map(arcs_of).collect::<lodpack::Result<_>>()?;
-        let children = (0..file.root_count()).map(|root| file.children(root)).collect::<lodpack::Result<_>>()?;
-        Ok(Self { arcs, children })
-    }
-
-    /// The roots without children.
-    pub fn leaves(&self) -> impl Iterator<Item = u32> + '_ {
-        (0..).zip(&self.children).filter(|(_, children)| children.is_empty()).map(|(root, _)| root)
+        let mut leaves = vec![];
+        for root in 0..file.root_count() {
+            leaves.extend(file.children(root)?.is_empty().then_some(root));
+        }
+        Ok(Self { arcs, leaves })
     }
 }
 

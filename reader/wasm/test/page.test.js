@@ -324,12 +324,10 @@ describe('the viewer page', { skip }, () => {
 
   /** How far the picture is from the colours that the input has there, of 255: root mean square, and the share of pixels that are far off. */
   const paintErrors = () => page.evaluate(async () => {
-    const { paintedColour } = await import('/lodpack/test/picture.js');
+    const { paintedColour, pixelsOf } = await import('/lodpack/test/picture.js');
     const { renderer, pick, shown, camera } = globalThis.lodpackViewer;
-    const { gl, canvas } = renderer;
-    renderer.draw(shown.pool, camera, shown.stream.origin, { colour: 'shading', levelCount: 1, tolerance: 1, wireframe: false, image: 'colours', isUnlit: true });
-    const pixels = new Uint8Array(4 * canvas.width * canvas.height);
-    gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    const { canvas } = renderer;
+    const pixels = pixelsOf(globalThis.lodpackViewer, 'colours', true);
     let [sum, far, count] = [0, 0, 0];
     for (let y = 2; y < canvas.height; y += 5) {
       for (let x = 2; x < canvas.width; x += 5) {
@@ -349,12 +347,10 @@ describe('the viewer page', { skip }, () => {
     await visit(`/?url=${DRAWN}#camera=3,0.5,6:3,0.5,0:0,1,0`);
     await isComplete();
     const strips = await page.evaluate(async () => {
-      const { stripsOf } = await import('/lodpack/test/picture.js');
+      const { pixelsOf, stripsOf } = await import('/lodpack/test/picture.js');
       const { renderer, pick, shown, camera } = globalThis.lodpackViewer;
-      const { gl, canvas } = renderer;
-      renderer.draw(shown.pool, camera, shown.stream.origin, { colour: 'shading', levelCount: 1, tolerance: 1, wireframe: false, image: 'colours', isUnlit: false });
-      const pixels = new Uint8Array(4 * canvas.width * canvas.height);
-      gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+      const { canvas } = renderer;
+      const pixels = pixelsOf(globalThis.lodpackViewer, 'colours', false);
       const place = (x, y) => {
         const hit = pick((2 * x + 1) / canvas.width - 1, (2 * y + 1) / canvas.height - 1);
         return hit && hit.point[0] + shown.stream.origin[0];
@@ -366,13 +362,11 @@ describe('the viewer page', { skip }, () => {
 
   /** How far the light of the picture is from that of the input's normals: root mean square of its shades, of 255. */
   const lightError = () => page.evaluate(async () => {
-    const { outwardsOfTorus } = await import('/lodpack/test/picture.js');
+    const { outwardsOfTorus, pixelsOf } = await import('/lodpack/test/picture.js');
     const { renderer, pick, shown, camera } = globalThis.lodpackViewer;
-    const { gl, canvas } = renderer;
+    const { canvas } = renderer;
     // Directions that are lit have no colours: the surface is of one colour.
-    renderer.draw(shown.pool, camera, shown.stream.origin, { colour: 'shading', levelCount: 1, tolerance: 1, wireframe: false, image: 'directions', isUnlit: false });
-    const pixels = new Uint8Array(4 * canvas.width * canvas.height);
-    gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    const pixels = pixelsOf(globalThis.lodpackViewer, 'directions', false);
     const dot = (a, b) => a.reduce((sum, x, k) => sum + x * b[k], 0);
     const unit = (a) => a.map((x) => x / Math.hypot(...a));
     const [right, up, forward] = camera.axes;

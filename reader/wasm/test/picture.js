@@ -87,6 +87,15 @@ export function outwardsOfTorus([x, y, z]) {
   return outwards.map((value) => value / Math.hypot(...outwards));
 }
 
+/** The pixels of what the viewer page shows now, with these images, lit or not. */
+export function pixelsOf({ renderer, shown, camera }, image, isUnlit) {
+  const { gl, canvas } = renderer;
+  renderer.draw(shown.pool, camera, shown.stream.origin, { colour: 'shading', levelCount: 1, tolerance: 1, wireframe: false, image, isUnlit });
+  const pixels = new Uint8Array(4 * canvas.width * canvas.height);
+  gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+  return pixels;
+}
+
 /**
  * What the strips of `valid-drawn` show, which lie side by side along x: of each the share of its pixels that show it and not the background, and
  * among these the share whose red is that of the file. `place` gives the x of what a pixel shows.

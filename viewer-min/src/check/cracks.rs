@@ -34,7 +34,7 @@ pub fn caps(scene: &Scene) -> Result<Mesh> {
     // Roots without children use every arc.
     let mut uses: HashMap<u32, u32> = HashMap::new();
     let tree = content.tree()?;
-    for &arc in tree.leaves().flat_map(|root| &tree.arcs[root as usize]) {
+    for &arc in tree.leaves.iter().flat_map(|&root| &tree.arcs[root as usize]) {
         *uses.entry(arc).or_default() += 1;
     }
     for drawn in scene.picture().roots() {

@@ -8,7 +8,7 @@ use super::crs::CrsKind;
 use super::header::{Georeference, Header, HeightRows};
 use super::mosaic::{Mosaic, clean};
 use super::options::RasterOptions;
-use super::{Parsed, grid_error, open};
+use super::{ImportError, Parsed, grid_error, open};
 
 /// Heights may lie this far outside of the grid's outermost samples, in samples: half of one is what pixels that are areas leave out at a pole.
 const OUTSIDE: f64 = 0.501;
@@ -109,8 +109,7 @@ impl Geoid {
     /// The columns to both sides of a column of heights, and how far from the first to the second it lies.
     fn column(&self, column: u64) -> Option<[f64; 3]> {
         let longitude = self.heights.first[0] + column as f64 * self.heights.spacing[0];
-        let turn = |longitude: f64| longitude - 360.0 * (longitude / 360.0).floor();
-        let at = turn(longitude - self.place.first[0]) / self.place.spacing[0];
+        let at = (longitude - self.place.first[0]).rem_euclid(360.0) / self.place.spacing[0];
         if let Some(around) = self.around {
             let west = at.floor();
             return Some([west % around, (west + 1.0) % around, at - west]);
@@ -123,13 +122,13 @@ impl Geoid {
     }
 
     #[cold]
-    fn gap(&self, [column, row]: [u64; 2]) -> Box<super::ImportError> {
+    fn gap(&self, [column, row]: [u64; 2]) -> Box<ImportError> {
         let Georeference { first, spacing } = self.heights;
         let [x, y] = [first[0] + column as f64 * spacing[0], first[1] - row as f64 * spacing[1]];
         let problem = format!(
             "says nothing of the geoid at {x:.6} east, {y:.6} north, where there is a height; name another grid"
         );
-        super::grid_error(&self.path, &problem)
+        grid_error(&self.path, &problem)
     }
 }
 

@@ -34,10 +34,9 @@ pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
         |missing: String| ImportError::Truncated { path: path.to_owned(), location: Location::Byte(length), missing };
     let mut bytes = [0; HEADER_BYTES as usize];
     file.read_exact(&mut bytes).map_err(|_| short(format!("its header takes {HEADER_BYTES} bytes")))?;
-    let word = |at: usize| u32::from_be_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
-    let number = |at: usize| f64::from_bits(u64::from(word(at)) << 32 | u64::from(word(at + 4)));
-    let [south, west, down, across] = [0, 8, 16, 24].map(number);
-    let [rows, columns] = [32, 36].map(word);
+    let [south, west, down, across] =
+        [0, 8, 16, 24].map(|at| f64::from_be_bytes(std::array::from_fn(|k| bytes[at + k])));
+    let [rows, columns] = [32, 36].map(|at| u32::from_be_bytes(std::array::from_fn(|k| bytes[at + k])));
     let needed = u128::from(HEADER_BYTES) + 4 * u128::from(rows) * u128::from(columns);
     if u128::from(length) < needed {
         let missing =

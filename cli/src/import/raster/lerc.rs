@@ -57,7 +57,7 @@ struct LercRows {
 pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
     let bytes = FileBytes::open(path)?;
     let info = inspect_first_with_options(&bytes, InspectOptions::new().with_compute_value_range(false));
-    let info = info.map_err(|error| damaged(path, Location::Byte(0), &error))?;
+    let info = info.map_err(|error| damaged(path, &error))?;
     if info.depth != 1 || bytes.len() > info.blob_size {
         let problem = "holds several bands, or several values a sample; take out the one with heights first, with `gdal_translate -b`";
         return Err(grid_error(path, problem));
@@ -80,7 +80,7 @@ impl HeightRows for LercRows {
             Some(samples) => samples,
             none => {
                 let decoded = decode_first(&FileBytes::open(&self.path)?);
-                let decoded = decoded.map_err(|error| damaged(&self.path, Location::Byte(0), &error))?;
+                let decoded = decoded.map_err(|error| damaged(&self.path, &error))?;
                 none.insert(Samples { pixels: decoded.pixels, mask: decoded.mask })
             }
         };
@@ -140,7 +140,7 @@ pub(super) fn decode_piece(
 }
 
 #[cold]
-fn damaged(path: &Path, location: Location, error: &lerc_core::Error) -> Box<ImportError> {
+fn damaged(path: &Path, error: &lerc_core::Error) -> Box<ImportError> {
     use lerc_core::Error::{UnsupportedFeature, UnsupportedVersion};
     if let UnsupportedFeature(_) | UnsupportedVersion(_) = error {
         // Version 6 packs floats without loss in a way of its own.
@@ -153,5 +153,5 @@ fn damaged(path: &Path, location: Location, error: &lerc_core::Error) -> Box<Imp
         return ImportError::Unsupported { path: path.to_owned(), feature, remedy }.into();
     }
     let problem = format!("{error}; the LERC is damaged: copy or export it again");
-    ImportError::Syntax { path: path.to_owned(), location, problem }.into()
+    ImportError::Syntax { path: path.to_owned(), location: Location::Byte(0), problem }.into()
 }
