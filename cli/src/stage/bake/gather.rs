@@ -7,7 +7,7 @@ use super::fill::finished;
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, for_each_sample, texel_at};
 use super::strangers::Strangers;
-use super::values::{Storage, Sums};
+use super::values::Sums;
 use super::{BakedPatch, Source};
 use crate::stage::certify::{Hint, TriangleBvh};
 
@@ -22,9 +22,8 @@ pub(super) fn gather(
     map: &Map,
     drawn: &Drawn,
     source: &mut impl Source,
-    storage: &Storage,
+    mut sums: Sums<'_>,
 ) -> Vec<f32> {
-    let mut sums = Sums::new(drawn.depth.len(), storage);
     let (pieces, strangers) = (projections(patch, map), Strangers::new(patch, map, &source.areas_beyond()));
     let mut samples = Samples::default();
     for triangle in 0..source.triangle_count() {
@@ -36,7 +35,7 @@ pub(super) fn gather(
             let is_wanted = normal.dot(projection.normal) > 0.0 && projection.touches([low, high]);
             if is_wanted && !strangers.has(piece, source.area(triangle)) {
                 samples.find(projection, corners, map, drawn);
-                samples.add_to(&mut sums, triangle, source, storage.count());
+                samples.add_to(&mut sums, triangle, source);
             }
         }
     }
@@ -58,10 +57,10 @@ struct Samples {
 
 impl Samples {
     /// Adds their values, and forgets them.
-    fn add_to(&mut self, sums: &mut Sums<'_>, triangle: usize, source: &mut impl Source, count: usize) {
+    fn add_to(&mut self, sums: &mut Sums<'_>, triangle: usize, source: &mut impl Source) {
         if !self.points.is_empty() {
             source.shade(triangle, &self.points, self.footprint as f32, &mut self.values);
-            for (&texel, values) in self.texels.iter().zip(self.values.chunks_exact(count)) {
+            for (&texel, values) in self.texels.iter().zip(self.values.chunks_exact(sums.count())) {
                 sums.add(texel, values, self.weight);
             }
         }

@@ -33,12 +33,18 @@ pub(super) struct Drawn {
 }
 
 impl Drawn {
-    pub fn new(patch: &BakedPatch<'_>, map: &Map) -> Self {
+    /// Draws a patch, in place of what was drawn before.
+    pub fn draw(&mut self, patch: &BakedPatch<'_>, map: &Map) {
         let count = map.size[0] as usize * map.size[1] as usize;
-        let mut this = Self { depth: vec![f32::NAN; count], slope: vec![[0.0; 2]; count], ..Self::default() };
+        self.depth.clear();
+        self.depth.resize(count, f32::NAN);
+        // Where there is no depth, nobody asks for the slope.
+        self.slope.resize(count, [0.0; 2]);
+        self.areas.clear();
         if patch.areas.is_some() {
-            this.areas = vec![NONE; count];
+            self.areas.resize(count, NONE);
         }
+        self.hidden.clear();
         let projections = projections(patch, map);
         for (number, corners) in (0..).zip(patch.triangles) {
             let projection = &projections[usize::from(map.labels[number as usize])];
@@ -49,27 +55,26 @@ impl Drawn {
             let mut is_hidden = false;
             for_each_sample(places, map.size, 1, |texel, weights| {
                 let at = (weights[0] * depths[0] + weights[1] * depths[1] + weights[2] * depths[2]) as f32;
-                let before = &mut this.depth[texel];
+                let before = &mut self.depth[texel];
                 if before.is_nan() {
                     *before = at;
-                    this.slope[texel] = slope;
+                    self.slope[texel] = slope;
                     if let Some(areas) = patch.areas {
-                        this.areas[texel] = areas.of_triangles[number as usize];
+                        self.areas[texel] = areas.of_triangles[number as usize];
                     }
                 } else if (*before - at).abs() > SAME_SHEET {
                     is_hidden = true;
                 }
             });
             if is_hidden {
-                this.hidden.push(number);
+                self.hidden.push(number);
             }
         }
-        this
     }
 
     /// Finds which texels are used, after everything is drawn.
     pub fn complete(&mut self, patch: &BakedPatch<'_>, map: &Map) {
-        self.is_covered = self.depth.iter().map(|depth| !depth.is_nan()).collect();
+        has_depth(&self.depth, &mut self.is_covered);
         self.add_vertices(patch, map);
         self.widen(map);
     }
@@ -130,7 +135,7 @@ impl Drawn {
                 }
             }
         }
-        self.is_used = self.depth.iter().map(|depth| !depth.is_nan()).collect();
+        has_depth(&self.depth, &mut self.is_used);
     }
 
     /// The point of the patch that is closest to a point of the source, as far as the patch is as flat there as at the texel of the point: so
@@ -151,6 +156,12 @@ impl Drawn {
             point
         }
     }
+}
+
+/// Notes of each texel whether it has a depth.
+fn has_depth(depth: &[f32], result: &mut Vec<bool>) {
+    result.clear();
+    result.extend(depth.iter().map(|depth| !depth.is_nan()));
 }
 
 /// Spreads what is true of an element to both beside it.

@@ -138,7 +138,7 @@ impl Surfels {
             bounds = [bounds[0].min(point), bounds[1].max(point)];
             // The conversion saturates, and NaN becomes 0.
             self.depths.push(((depth - range[0]) / step + 0.5) as u16);
-            storage.pack(&values[texel * storage.count()..][..storage.count()], &mut self.values);
+            storage.pack(&values[texel * storage.stride()..][..storage.count()], &mut self.values);
             self.areas.extend(drawn.areas.get(texel));
         }
         let areas = match &self.areas[first_area..] {
@@ -224,9 +224,9 @@ pub(super) fn gather_surfels<'a>(
     map: &Map,
     drawn: &Drawn,
     surfels: impl Iterator<Item = &'a Surfels> + Clone,
-    storage: &Storage,
+    mut sums: Sums<'_>,
 ) -> Vec<f32> {
-    let mut sums = Sums::new(drawn.depth.len(), storage);
+    let storage = sums.storage;
     let width = map.size[0] as usize;
     let tiles = Tiles::new(drawn, width);
     let strangers = Strangers::new(patch, map, &[]);
