@@ -80,7 +80,9 @@ impl Filling<'_> {
         let (mut known, mut open): (HashMap<u32, usize>, _) = (HashMap::new(), vec![]);
         for (corners, &label) in patch.triangles.iter().zip(&self.map.labels) {
             for &corner in corners {
-                let texel = texel_at(projections[usize::from(label)].place(patch.position(corner)), self.map.size);
+                let place = projections[usize::from(label)].place(patch.position(corner));
+                let [column, row] = texel_at(place, self.map.size);
+                let texel = row as usize * self.map.size[0] as usize + column as usize;
                 if self.known[texel] {
                     known.entry(corner).or_insert(texel);
                 } else {

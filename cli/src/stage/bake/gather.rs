@@ -82,18 +82,18 @@ impl Samples {
         for k in 0..3 {
             if (0..2).all(|axis| low[axis] - 0.5 <= places[k][axis] && places[k][axis] < high[axis] + 0.5) {
                 let point = Vec3::new(places[k][0] as f32, places[k][1] as f32, depths[k] as f32);
-                let closest = drawn.closest(point, texel_at(places[k], map.size), map.size, projection.reach);
+                let closest = drawn.closest(point, texel_at(places[k], map.size), map.size[0] as usize, projection.reach);
                 let step = (closest - point).as_dvec3();
                 (places[k], depths[k]) = ([places[k][0] + step.x, places[k][1] + step.y], depths[k] + step.z);
             }
         }
         let width = map.size[0] as usize;
         // Texels of the piece.
-        let [left, top] = low.map(|x| x as usize);
-        let [right, bottom] = high.map(|x| x as usize);
-        let mut visit = |texel: usize, weights: [f64; 3]| {
+        let [left, top] = low.map(|x| x as u32);
+        let [right, bottom] = high.map(|x| x as u32);
+        let mut visit = |[x, y]: [u32; 2], weights: [f64; 3]| {
             let depth = weights[0] * depths[0] + weights[1] * depths[1] + weights[2] * depths[2];
-            let (x, y) = (texel % width, texel / width);
+            let texel = y as usize * width + x as usize;
             let is_within = left <= x && x <= right && top <= y && y <= bottom;
             // Comparisons with NaN are false.
             if is_within && (drawn.depth[texel] - depth as f32).abs() <= projection.reach {
@@ -111,10 +111,10 @@ impl Samples {
             }
             (self.weight, self.footprint) = (area as f32, length * projection.size);
         } else if length < SHORT {
-            for_each_sample(places, map.size, 2, visit);
+            for_each_sample(places, map.size, 1, visit);
             (self.weight, self.footprint) = (0.25, 0.5 * projection.size);
         } else {
-            for_each_sample(places, map.size, 1, visit);
+            for_each_sample(places, map.size, 0, visit);
             (self.weight, self.footprint) = (1.0, projection.size);
         }
     }

@@ -45,7 +45,7 @@ impl Drawn {
             self.areas.resize(count, NONE);
         }
         self.hidden.clear();
-        let projections = projections(patch, map);
+        let (projections, width) = (projections(patch, map), map.size[0] as usize);
         for (number, corners) in (0..).zip(patch.triangles) {
             let projection = &projections[usize::from(map.labels[number as usize])];
             let points = corners.map(|corner| patch.position(corner));
@@ -53,7 +53,8 @@ impl Drawn {
             let depths = points.map(|point| projection.depth(point));
             let slope = slope(places, depths);
             let mut is_hidden = false;
-            for_each_sample(places, map.size, 1, |texel, weights| {
+            for_each_sample(places, map.size, 0, |[column, row], weights| {
+                let texel = row as usize * width + column as usize;
                 let at = (weights[0] * depths[0] + weights[1] * depths[1] + weights[2] * depths[2]) as f32;
                 let before = &mut self.depth[texel];
                 if before.is_nan() {
@@ -88,7 +89,8 @@ impl Drawn {
             let places = points.map(|point| projection.place(point));
             let depths = points.map(|point| projection.depth(point));
             for (place, depth) in places.into_iter().zip(depths) {
-                let texel = texel_at(place, map.size);
+                let [column, row] = texel_at(place, map.size);
+                let texel = row as usize * map.size[0] as usize + column as usize;
                 if self.depth[texel].is_nan() {
                     self.depth[texel] = depth as f32;
                     self.slope[texel] = slope(places, depths);
@@ -142,10 +144,10 @@ impl Drawn {
     /// the source is shown where a viewer would look for it, whatever the axis. Points are a place and a depth. A point that is further
     /// away than `reach` along the axis stays where it is.
     #[inline]
-    pub fn closest(&self, point: Vec3, texel: usize, size: [u32; 2], reach: f32) -> Vec3 {
-        let width = size[0] as usize;
+    pub fn closest(&self, point: Vec3, [column, row]: [u32; 2], width: usize, reach: f32) -> Vec3 {
+        let texel = row as usize * width + column as usize;
         let [along, down] = self.slope[texel];
-        let centre = [(texel % width) as f32 + 0.5, (texel / width) as f32 + 0.5];
+        let centre = [column as f32 + 0.5, row as f32 + 0.5];
         let away = point.z - (self.depth[texel] + along * (point.x - centre[0]) + down * (point.y - centre[1]));
         // Comparisons with NaN are false.
         if away.abs() <= reach {
@@ -183,30 +185,29 @@ fn slope([a, b, c]: [[f64; 2]; 3], depths: [f64; 3]) -> [f32; 2] {
     if slope.iter().all(|slope| slope.is_finite()) { slope } else { [0.0; 2] }
 }
 
-/// The texel in which a place lies.
-pub(super) fn texel_at(place: [f64; 2], size: [u32; 2]) -> usize {
+/// Column and row of the texel in which a place lies.
+pub(super) fn texel_at(place: [f64; 2], size: [u32; 2]) -> [u32; 2] {
     // The conversion saturates.
-    let [x, y] = [0, 1].map(|k| (place[k] as u32).min(size[k] - 1) as usize);
-    y * size[0] as usize + x
+    [0, 1].map(|k| (place[k] as u32).min(size[k] - 1))
 }
 
-/// Calls a function for each centre of `fineness` by `fineness` parts of a texel that lies in a triangle, with the number of the texel and the
-/// weights of the corners. The triangle may have either winding.
+/// Calls a function for each centre of a texel that lies in a triangle, with the column and row of the texel and the weights of the corners;
+/// or, with `fineness` 1, of each of its quarters. The triangle may have either winding.
 pub(super) fn for_each_sample(
     places: [[f64; 2]; 3],
     size: [u32; 2],
     fineness: u32,
-    mut visit: impl FnMut(usize, [f64; 3]),
+    mut visit: impl FnMut([u32; 2], [f64; 3]),
 ) {
     let [a, b, c] = places;
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     if area == 0.0 || !area.is_finite() {
         return;
     }
-    let (inverse, step) = (1.0 / area, 1.0 / f64::from(fineness));
+    let (inverse, step) = (1.0 / area, 1.0 / f64::from(1_u32 << fineness));
     let range = |axis: usize| {
         let [low, high] = [a[axis].min(b[axis]).min(c[axis]), a[axis].max(b[axis]).max(c[axis])];
-        let count = f64::from(size[axis] * fineness);
+        let count = f64::from(size[axis] << fineness);
         let first = (low / step - 0.5).ceil().clamp(0.0, count);
         let end = ((high / step - 0.5).floor() + 1.0).clamp(0.0, count);
         first as u32..end as u32
@@ -221,11 +222,10 @@ pub(super) fn for_each_sample(
         let first = [weight(b, c), weight(c, a), weight(a, b)];
         let weights = |column: u32| [0, 1, 2].map(|k| first[k] + f64::from(column) * growth[k]);
         let is_inside = |column: u32| weights(column).iter().all(|&weight| weight >= 0.0);
-        let texels = (row / fineness) as usize * size[0] as usize;
         if columns.len() <= FEW_COLUMNS {
             for (column, weights) in columns.clone().map(|column| (column, weights(column))) {
                 if weights.iter().all(|&weight| weight >= 0.0) {
-                    visit(texels + (column / fineness) as usize, weights);
+                    visit([column >> fineness, row >> fineness], weights);
                 }
             }
             continue;
@@ -250,7 +250,7 @@ pub(super) fn for_each_sample(
             end -= 1;
         }
         for column in start..end {
-            visit(texels + (column / fineness) as usize, weights(column));
+            visit([column >> fineness, row >> fineness], weights(column));
         }
     }
 }

@@ -61,12 +61,15 @@ impl Run {
         self.rows.iter().map(|row| row.count_ones() as usize).sum()
     }
 
-    /// Columns and rows of those that are covered, in the order of their values.
-    fn places(&self) -> impl Iterator<Item = [f32; 2]> {
-        (0..).zip(self.rows).flat_map(|(y, row)| {
-            let columns = std::iter::successors(Some(row), |row| Some(row & row.wrapping_sub(1)));
-            columns.take_while(|&row| row != 0).map(move |row| [row.trailing_zeros() as f32, y as f32])
-        })
+    /// Calls a function with column and row of each that is covered, in the order of their values.
+    #[inline(always)]
+    fn for_each_place(&self, mut visit: impl FnMut([f32; 2])) {
+        for (y, mut row) in self.rows.into_iter().enumerate() {
+            while row != 0 {
+                visit([row.trailing_zeros() as f32, y as f32]);
+                row &= row - 1;
+            }
+        }
     }
 }
 
@@ -115,31 +118,44 @@ impl Surfels {
         values: &[f32],
         storage: &Storage,
     ) {
-        let texels = || (top..=bottom).flat_map(|y| (left..=right).map(move |x| (x, y, y * width + x)));
-        let covered = || texels().filter(|&(.., texel)| drawn.is_covered[texel]);
-        let (mut range, mut rows) = ([f32::INFINITY, f32::NEG_INFINITY], [0; SIDE]);
-        for (x, y, texel) in covered() {
-            let depth = drawn.depth[texel];
-            range = [range[0].min(depth), range[1].max(depth)];
-            rows[y - top] |= 1 << (x - left);
+        let texels = |y: usize| y * width + left..y * width + right + 1;
+        let point = |x: usize, y: usize, depth: f32| {
+            patch.origin() + projection.point([x as f64 + 0.5, y as f64 + 0.5], f64::from(depth))
+        };
+        let (mut range, mut rows) = ([f32::INFINITY, f32::NEG_INFINITY], [0_u16; SIDE]);
+        let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        for (row, y) in rows.iter_mut().zip(top..=bottom) {
+            let mut of_row = [f32::INFINITY, f32::NEG_INFINITY];
+            let depths = drawn.depth[texels(y)].iter().zip(&drawn.is_covered[texels(y)]);
+            for (x, (&depth, _)) in depths.enumerate().filter(|(_, (_, is_covered))| **is_covered) {
+                of_row = [of_row[0].min(depth), of_row[1].max(depth)];
+                *row |= 1 << x;
+            }
+            if *row != 0 {
+                // No point of the row is beyond these four.
+                let ends = [row.trailing_zeros(), row.ilog2()].map(|x| left + x as usize);
+                for point in ends.into_iter().flat_map(|x| of_row.map(|depth| point(x, y, depth))) {
+                    bounds = [bounds[0].min(point), bounds[1].max(point)];
+                }
+                range = [range[0].min(of_row[0]), range[1].max(of_row[1])];
+            }
         }
         if rows == [0; SIDE] {
             return;
         }
         let step = (range[1] - range[0]) / f32::from(u16::MAX);
-        let point = |x: usize, y: usize, depth: f32| {
-            patch.origin() + projection.point([x as f64 + 0.5, y as f64 + 0.5], f64::from(depth))
-        };
-        let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        let inverse = if step > 0.0 { 1.0 / step } else { 0.0 };
         let (first, first_area) = (self.depths.len(), self.areas.len());
-        for (x, y, texel) in covered() {
-            let depth = drawn.depth[texel];
-            let point = point(x, y, depth);
-            bounds = [bounds[0].min(point), bounds[1].max(point)];
-            // The conversion saturates, and NaN becomes 0.
-            self.depths.push(((depth - range[0]) / step + 0.5) as u16);
-            storage.pack(&values[texel * storage.stride()..][..storage.count()], &mut self.values);
-            self.areas.extend(drawn.areas.get(texel));
+        for (&row, y) in rows.iter().zip(top..=bottom) {
+            let mut rest = row;
+            while rest != 0 {
+                let texel = texels(y).start + rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                // The conversion saturates.
+                self.depths.push(((drawn.depth[texel] - range[0]) * inverse + 0.5) as u16);
+                storage.pack(&values[texel * storage.stride()..][..storage.count()], &mut self.values);
+                self.areas.extend(drawn.areas.get(texel));
+            }
         }
         let areas = match &self.areas[first_area..] {
             [] => RunAreas::Unknown,
@@ -230,7 +246,7 @@ pub(super) fn gather_surfels<'a>(
     let width = map.size[0] as usize;
     let tiles = Tiles::new(drawn, width);
     let strangers = Strangers::new(patch, map, &[]);
-    let mut values = Vec::with_capacity(storage.count());
+    let (size, mut values) = (storage.packed_bytes(), Vec::with_capacity(storage.count()));
     for (piece, projection) in projections(patch, map).into_iter().enumerate() {
         let low = projection.range[0].map(|x| x as f32 - 0.5);
         let high = projection.range[1].map(|x| x as f32 + 0.5);
@@ -249,30 +265,30 @@ pub(super) fn gather_surfels<'a>(
             let (first, [by_x, by_y, by_z]) = projection.around(run.origin - patch.origin());
             let [beside, below, deeper] = run.steps.map(|step| by_x * step.x + by_y * step.y + by_z * step.z);
             let own = run.first..run.first + run.count();
-            let size = storage.packed_bytes();
-            let packed = surfels.values[own.start * size..own.end * size].chunks_exact(size);
-            let points = run.places().zip(&surfels.depths[own]).zip(packed);
-            for (number, (([x, y], &depth), packed)) in points.enumerate() {
-                if has_strangers && is_strange(number) {
-                    continue;
+            let packed = &surfels.values[own.start * size..own.end * size];
+            let depths = &surfels.depths[own];
+            let mut number = 0;
+            run.for_each_place(|[x, y]| {
+                let this = number;
+                number += 1;
+                if has_strangers && is_strange(this) {
+                    return;
                 }
-                let at = first + beside * x + below * y + deeper * f32::from(depth);
+                let at = first + beside * x + below * y + deeper * f32::from(depths[this]);
                 let is_beside = |at: Vec3| at.x < low[0] || at.y < low[1] || at.x >= high[0] || at.y >= high[1];
                 if is_beside(at) {
-                    continue;
+                    return;
                 }
-                let texel = at.y as usize * width + at.x as usize;
-                let at = drawn.closest(at, texel, map.size, projection.reach);
+                let at = drawn.closest(at, [at.x as u32, at.y as u32], width, projection.reach);
                 if is_beside(at) {
-                    continue;
+                    return;
                 }
-                let texel = at.y as usize * width + at.x as usize;
+                let texel = at.y as u32 as usize * width + at.x as u32 as usize;
                 // Comparisons with NaN are false.
                 if (drawn.depth[texel] - at.z).abs() <= projection.reach {
-                    storage.unpack(packed, &mut values);
-                    sums.add(texel, &values, run.size);
+                    sums.add_packed(texel, &packed[this * size..][..size], run.size, &mut values);
                 }
-            }
+            });
         }
     }
     finished(sums, patch, map, drawn)

@@ -103,12 +103,12 @@ impl Storage {
         self.channels.iter().map(|channel| channel.packed_bytes()).sum()
     }
 
-    /// Appends the values of a point in fewer bytes: colours as square roots in 16 bits, which is as fine as 12 bits of sRGB, and what lies
-    /// between -1 and 1 in 16 bits. Numbers stay what they are.
+    /// Appends the values of a point in fewer bytes: colours in 16 bits of linear light, which is as fine as 12 bits of sRGB where it is
+    /// dark, and what lies between -1 and 1 in 16 bits. Numbers stay what they are.
     #[inline]
     pub(super) fn pack(&self, values: &[f32], packed: &mut Vec<u8>) {
         if let (true, &[red, green, blue, ..]) = (self.is_plain, values) {
-            let [[a, b], [c, d], [e, f]] = [light(red), light(green), light(blue)].map(u16::to_le_bytes);
+            let [[a, b], [c, d], [e, f]] = [share(red), share(green), share(blue)].map(u16::to_le_bytes);
             return packed.extend_from_slice(&[a, b, c, d, e, f]);
         }
         let mut rest = values;
@@ -116,9 +116,8 @@ impl Storage {
             let (own, others) = rest.split_at(channel.values());
             match channel {
                 Stored::Colour { components, .. } => {
-                    own[..3].iter().for_each(|&value| packed.extend(light(value).to_le_bytes()));
-                    packed
-                        .extend(own[3..usize::from(*components)].iter().flat_map(|&value| share(value).to_le_bytes()));
+                    let own = &own[..usize::from(*components)];
+                    packed.extend(own.iter().flat_map(|&value| share(value).to_le_bytes()));
                 }
                 Stored::Normal { .. } => {
                     // A direction may have any length, but how long it is beyond 1 says nothing.
@@ -134,14 +133,8 @@ impl Storage {
     }
 
     /// Replaces values by those of a packed point.
-    #[inline]
-    pub(super) fn unpack(&self, packed: &[u8], values: &mut Vec<f32>) {
+    fn unpack(&self, packed: &[u8], values: &mut Vec<f32>) {
         values.clear();
-        if let (true, &[a, b, c, d, e, f]) = (self.is_plain, packed) {
-            let [red, green, blue] =
-                [[a, b], [c, d], [e, f]].map(|pair| f32::from(u16::from_le_bytes(pair)) * (1.0 / 65535.0));
-            return values.extend_from_slice(&[red * red, green * green, blue * blue]);
-        }
         let mut rest = packed;
         for channel in &self.channels {
             let (own, others) = rest.split_at(channel.packed_bytes());
@@ -149,8 +142,7 @@ impl Storage {
             let share = |k: usize| f32::from(u16::from_le_bytes(pair(k))) * (1.0 / 65535.0);
             match channel {
                 Stored::Colour { components, .. } => {
-                    values.extend([share(0) * share(0), share(1) * share(1), share(2) * share(2)]);
-                    values.extend((*components == 4).then(|| share(3)));
+                    values.extend((0..usize::from(*components)).map(share));
                 }
                 Stored::Normal { .. } => {
                     let part = |k: usize| f32::from(i16::from_le_bytes(pair(k))) * (1.0 / f32::from(i16::MAX));
@@ -220,11 +212,6 @@ fn byte(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
-/// Linear light as the square root, of 65535.
-fn light(value: f32) -> u16 {
-    share(value.max(0.0).sqrt())
-}
-
 /// A number from 0 to 1 as one of 65535.
 fn share(value: f32) -> u16 {
     // The conversion saturates, and NaN becomes 0.
@@ -277,6 +264,19 @@ impl<'a> Sums<'a> {
             let of_texel = &mut self.sums.as_chunks_mut().0[texel];
             return *of_texel = plus(*of_texel, [red, green, blue, 1.0], weight);
         }
+        self.add_others(texel, values, weight);
+    }
+
+    /// Adds the values of a packed point; `values` is memory for them.
+    #[inline]
+    pub fn add_packed(&mut self, texel: usize, packed: &[u8], weight: f32, values: &mut Vec<f32>) {
+        if let (true, &[a, b, c, d, e, f]) = (self.storage.is_plain, packed) {
+            let share = |pair| f32::from(u16::from_le_bytes(pair)) * (1.0 / 65535.0);
+            let of_texel = &mut self.sums.as_chunks_mut().0[texel];
+            *of_texel = plus(*of_texel, [share([a, b]), share([c, d]), share([e, f]), 1.0], weight);
+            return;
+        }
+        self.storage.unpack(packed, values);
         self.add_others(texel, values, weight);
     }
 

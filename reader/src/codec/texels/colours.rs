@@ -233,16 +233,15 @@ pub(super) fn encode(image: &Image<u8>, is_used: &[bool], step: u8) -> Vec<u8> {
             for (component, plane) in planes.iter().enumerate().take(count) {
                 let of_plane = &mut chances.planes[usize::from(is_difference(component, count))];
                 let class = activity(left, above, component);
-                let step = step_of(component, count, step) as f32;
-                let coefficients = forward(plane);
-                let limit = MOST as f32 / step;
-                let constant = (coefficients[0] / step).round().clamp(-limit, limit) as i32;
+                let (coefficients, inverse) = (forward(plane), 1.0 / step_of(component, count, step) as f32);
+                let limit = MOST as f32 * inverse;
+                let constant = (coefficients[0] * inverse).round().clamp(-limit, limit) as i32;
                 bits.signed(&mut of_plane.constant[class], constant - expected(left, above, component));
-                let levels: [i32; AREA] = std::array::from_fn(|place| {
-                    let c = coefficients[usize::from(ORDER[place])] / step;
-                    let size = (c.abs() + ROUNDING).min(limit) as i32;
+                let quantised = coefficients.map(|c| {
+                    let size = ((c * inverse).abs() + ROUNDING).min(limit) as i32;
                     if c < 0.0 { -size } else { size }
                 });
+                let levels = ORDER.map(|place| quantised[usize::from(place)]);
                 this.constant[component] = constant;
                 this.count[component] = encode_others(&mut bits, of_plane, class, &levels);
             }
@@ -285,29 +284,25 @@ fn planes(image: &Image<u8>, is_used: &[bool], [left, top]: [usize; 2]) -> Optio
     let count = usize::from(image.components);
     let mut planes = [[0.0; AREA]; 4];
     let mut used = 0_u64;
+    let columns = SIDE.min(width - left);
     for y in 0..SIDE.min(height - top) {
-        for x in 0..SIDE.min(width - left) {
-            let number = (top + y) * width + left + x;
-            let at = y * SIDE + x;
-            used |= u64::from(is_used[number]) << at;
-            let texel = &image.data[number * count..][..count];
-            let value = |component: usize| f32::from(texel[component]);
-            if let [red, green, blue, ..] = *texel {
-                let [red, green, blue] = [red, green, blue].map(f32::from);
-                let brightness = 0.299 * red + 0.587 * green + 0.114 * blue;
-                planes[0][at] = brightness - 128.0;
-                planes[1][at] = (blue - brightness) * (256.0 / 454.0);
-                planes[2][at] = (red - brightness) * (256.0 / 359.0);
-                if count > 3 {
-                    planes[3][at] = value(3) - 128.0;
-                }
-            } else {
-                (0..count).for_each(|component| planes[component][at] = value(component) - 128.0);
-            }
+        let first = (top + y) * width + left;
+        for (x, &is_used) in is_used[first..first + columns].iter().enumerate() {
+            used |= u64::from(is_used) << (y * SIDE + x);
+        }
+        for (x, texel) in image.data[first * count..(first + columns) * count].chunks_exact(count).enumerate() {
+            (0..count).for_each(|component| planes[component][y * SIDE + x] = f32::from(texel[component]) - 128.0);
         }
     }
     if used == 0 {
         return None;
+    }
+    if let ([red, green, blue, _], true) = (&mut planes, count >= 3) {
+        for ((red, green), blue) in red.iter_mut().zip(green).zip(blue) {
+            let brightness = 0.299 * *red + 0.587 * *green + 0.114 * *blue;
+            let differences = [(*blue - brightness) * (256.0 / 454.0), (*red - brightness) * (256.0 / 359.0)];
+            [*red, *green, *blue] = [brightness, differences[0], differences[1]];
+        }
     }
     fill(&mut planes[..count], used);
     Some(planes)
