@@ -30,6 +30,8 @@ import colours
 import normals
 
 POSITION_BITS = 12
+# What counts as no difference, so that images without loss have a PSNR.
+EXACT = 1e-4
 
 
 def built(lodpack, source, file, *options):
@@ -88,7 +90,8 @@ def curve(judge, source, code, qualities):
         shown = colours.Surface(
             source.positions, source.triangles, None, source.places, source.place_triangles, images, source.image_of
         )
-        points.append((colours.decibels(judge.squares_at(shown, judge.triangles, judge.weights)[0]), size))
+        squares = judge.squares_at(shown, judge.triangles, judge.weights)[0]
+        points.append((colours.decibels(np.maximum(squares, EXACT)), size))
     return points
 
 

@@ -52,7 +52,11 @@ impl<'a> Studio<'a> {
             return_large_blocks();
         }
         let [images, maps] = texel_memory(memory);
-        Self { shader: Shader::new(appearance, folder, images, note), baking: Pool::new(maps), kept: maps / rayon::current_num_threads() as u64 }
+        Self {
+            shader: Shader::new(appearance, folder, images, note),
+            baking: Pool::new(maps),
+            kept: maps / rayon::current_num_threads() as u64,
+        }
     }
 }
 

@@ -10,7 +10,7 @@ use lodpack::{Lattice, Mesh};
 
 use super::finish::Finished;
 use super::texels::exponent_of;
-use crate::stage::bake::{Baker, BakedPatch, Images, MAX_TEXELS, Source, Storage, Stored};
+use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Source, Storage, Stored};
 
 /// The step of quantisation of images that are not stored.
 const STEP: u8 = 1;

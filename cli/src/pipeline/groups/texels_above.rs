@@ -7,7 +7,7 @@ use lodpack::write::RootRecord;
 use super::super::chart_work::DrawnBlocks;
 use super::super::texels::{MAX_EXPONENT, exponent_of};
 use super::Node;
-use crate::stage::bake::{Baker, BakedPatch, Images, MAX_TEXELS, Source, Storage, Stored};
+use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Source, Storage, Stored};
 
 /// A top whose texels are known.
 pub(super) struct KnownTop {

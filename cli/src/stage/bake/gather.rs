@@ -1,6 +1,6 @@
 //! Collects for each texel what the input shows there.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3A};
 use lodpack::decode::texels::Map;
 
 use super::fill::finished;
@@ -46,7 +46,7 @@ pub(super) fn gather(
 /// Points of a triangle, each on a texel.
 #[derive(Default)]
 struct Samples {
-    texels: Vec<usize>,
+    texels: Vec<u32>,
     points: Vec<[f32; 3]>,
     /// The weight of each of them.
     weight: f32,
@@ -61,7 +61,7 @@ impl Samples {
         if !self.points.is_empty() {
             source.shade(triangle, &self.points, self.footprint as f32, &mut self.values);
             for (&texel, values) in self.texels.iter().zip(self.values.chunks_exact(sums.count())) {
-                sums.add(texel, values, self.weight);
+                sums.add(texel as usize, values, self.weight);
             }
         }
         self.texels.clear();
@@ -81,8 +81,9 @@ impl Samples {
         }
         for k in 0..3 {
             if (0..2).all(|axis| low[axis] - 0.5 <= places[k][axis] && places[k][axis] < high[axis] + 0.5) {
-                let point = Vec3::new(places[k][0] as f32, places[k][1] as f32, depths[k] as f32);
-                let closest = drawn.closest(point, texel_at(places[k], map.size), map.size[0] as usize, projection.reach);
+                let point = Vec3A::new(places[k][0] as f32, places[k][1] as f32, depths[k] as f32);
+                let closest =
+                    drawn.closest(point, texel_at(places[k], map.size), map.size[0] as usize, projection.reach);
                 let step = (closest - point).as_dvec3();
                 (places[k], depths[k]) = ([places[k][0] + step.x, places[k][1] + step.y], depths[k] + step.z);
             }
@@ -97,7 +98,7 @@ impl Samples {
             let is_within = left <= x && x <= right && top <= y && y <= bottom;
             // Comparisons with NaN are false.
             if is_within && (drawn.depth[texel] - depth as f32).abs() <= projection.reach {
-                self.texels.push(texel);
+                self.texels.push(texel as u32);
                 self.points.push(weights.map(|weight| weight as f32));
             }
         };

@@ -1,6 +1,6 @@
 //! Triangles on the texels of a map.
 
-use glam::Vec3;
+use glam::Vec3A;
 use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
@@ -102,38 +102,49 @@ impl Drawn {
     /// Texels beside the patch get the depth of their neighbours, twice: once for interpolation, once where finer borders reach.
     fn widen(&mut self, map: &Map) {
         let width = map.size[0] as usize;
-        let mut rows: Vec<Vec<bool>> = vec![];
+        let (mut rows, mut open): (Vec<Vec<bool>>, Vec<[usize; 2]>) = (vec![], vec![]);
         let mut beside: Vec<(usize, f32, [f32; 2])> = vec![];
         for piece in &map.pieces {
             let [[left, top], [right, bottom]] = piece.range().map(|corner| corner.map(|x| x as usize));
-            for _ in 0..2 {
-                // Of each texel whether it or one beside it in its row has a depth.
-                rows.resize_with(bottom - top + 1, Vec::new);
-                for (row, y) in rows.iter_mut().zip(top..=bottom) {
-                    row.clear();
-                    row.extend((left..=right).map(|x| !self.depth[y * width + x].is_nan()));
-                    widen_row(row);
-                }
-                for y in top..=bottom {
-                    let around = y.saturating_sub(1).max(top)..=(y + 1).min(bottom);
-                    for x in left..=right {
-                        let texel = y * width + x;
-                        if !self.depth[texel].is_nan() || !around.clone().any(|y| rows[y - top][x - left]) {
-                            continue;
+            let around = |x: usize, low: usize, high: usize| x.saturating_sub(1).max(low)..=(x + 1).min(high);
+            // Of each texel whether it or one beside it in its row has a depth.
+            rows.resize_with(bottom - top + 1, Vec::new);
+            for (row, y) in rows.iter_mut().zip(top..=bottom) {
+                row.clear();
+                row.extend(self.depth[y * width + left..=y * width + right].iter().map(|depth| !depth.is_nan()));
+                widen_row(row);
+            }
+            open.clear();
+            for y in top..=bottom {
+                let depths = &self.depth[y * width + left..=y * width + right];
+                let of_row = (left..).zip(depths).filter(|(_, depth)| depth.is_nan()).map(|(x, _)| [x, y]);
+                open.extend(of_row.filter(|[x, _]| around(y, top, bottom).any(|y| rows[y - top][x - left])));
+            }
+            for ring in 0..2 {
+                for &[x, y] in &open {
+                    let (mut sum, mut slopes, mut count) = (0.0, [0.0; 2], 0.0);
+                    let columns = around(x, left, right);
+                    for other in around(y, top, bottom).flat_map(|y| columns.clone().map(move |x| y * width + x)) {
+                        if !self.depth[other].is_nan() {
+                            (sum, count) = (sum + self.depth[other], count + 1.0);
+                            (0..2).for_each(|k| slopes[k] += self.slope[other][k]);
                         }
-                        let (mut sum, mut slopes, mut count) = (0.0, [0.0; 2], 0.0);
-                        let columns = x.saturating_sub(1).max(left)..=(x + 1).min(right);
-                        for other in around.clone().flat_map(|y| columns.clone().map(move |x| y * width + x)) {
-                            if !self.depth[other].is_nan() {
-                                (sum, count) = (sum + self.depth[other], count + 1.0);
-                                (0..2).for_each(|k| slopes[k] += self.slope[other][k]);
-                            }
-                        }
-                        beside.push((texel, sum / count, slopes.map(|slope| slope / count)));
                     }
+                    beside.push((y * width + x, sum / count, slopes.map(|slope| slope / count)));
                 }
                 for (texel, depth, slope) in beside.drain(..) {
                     (self.depth[texel], self.slope[texel]) = (depth, slope);
+                }
+                if ring == 0 {
+                    // What has no depth now lies beside those that have just got one.
+                    let all = open.iter().flat_map(|&[x, y]| {
+                        let columns = around(x, left, right);
+                        around(y, top, bottom).flat_map(move |y| columns.clone().map(move |x| [x, y]))
+                    });
+                    let mut next: Vec<[usize; 2]> = all.filter(|[x, y]| self.depth[y * width + x].is_nan()).collect();
+                    next.sort_unstable();
+                    next.dedup();
+                    open = next;
                 }
             }
         }
@@ -144,7 +155,7 @@ impl Drawn {
     /// the source is shown where a viewer would look for it, whatever the axis. Points are a place and a depth. A point that is further
     /// away than `reach` along the axis stays where it is.
     #[inline]
-    pub fn closest(&self, point: Vec3, [column, row]: [u32; 2], width: usize, reach: f32) -> Vec3 {
+    pub fn closest(&self, point: Vec3A, [column, row]: [u32; 2], width: usize, reach: f32) -> Vec3A {
         let texel = row as usize * width + column as usize;
         let [along, down] = self.slope[texel];
         let centre = [column as f32 + 0.5, row as f32 + 0.5];
@@ -152,7 +163,7 @@ impl Drawn {
         // Comparisons with NaN are false.
         if away.abs() <= reach {
             let step = away / (1.0 + along * along + down * down);
-            let moved = Vec3::new(along * step, down * step, -step);
+            let moved = Vec3A::new(along * step, down * step, -step);
             if moved.x.abs().max(moved.y.abs()) <= MAX_STEP { point + moved } else { point }
         } else {
             point

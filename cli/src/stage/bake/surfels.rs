@@ -1,6 +1,6 @@
 //! Texels as points of the surface: images of coarser patches are made of them, as they were before they were quantised.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec3A};
 use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
@@ -59,17 +59,6 @@ enum RunAreas {
 impl Run {
     fn count(&self) -> usize {
         self.rows.iter().map(|row| row.count_ones() as usize).sum()
-    }
-
-    /// Calls a function with column and row of each that is covered, in the order of their values.
-    #[inline(always)]
-    fn for_each_place(&self, mut visit: impl FnMut([f32; 2])) {
-        for (y, mut row) in self.rows.into_iter().enumerate() {
-            while row != 0 {
-                visit([row.trailing_zeros() as f32, y as f32]);
-                row &= row - 1;
-            }
-        }
     }
 }
 
@@ -248,8 +237,11 @@ pub(super) fn gather_surfels<'a>(
     let strangers = Strangers::new(patch, map, &[]);
     let (size, mut values) = (storage.packed_bytes(), Vec::with_capacity(storage.count()));
     for (piece, projection) in projections(patch, map).into_iter().enumerate() {
-        let low = projection.range[0].map(|x| x as f32 - 0.5);
-        let high = projection.range[1].map(|x| x as f32 + 0.5);
+        let [low, high] = projection.range.map(|[x, y]| [x as f32, y as f32]);
+        let low = Vec3A::new(low[0] - 0.5, low[1] - 0.5, f32::NEG_INFINITY);
+        let high = Vec3A::new(high[0] + 0.5, high[1] + 0.5, f32::INFINITY);
+        // Comparisons with NaN are false.
+        let is_within = |at: Vec3A| (at.cmpge(low) & at.cmplt(high)).all();
         let has_strangers = !strangers.of(piece).is_empty();
         let runs = surfels.clone().flat_map(|surfels| surfels.runs.iter().map(move |run| (surfels, run)));
         for (surfels, run) in runs.filter(|(_, run)| run.normal.dot(projection.normal) > STEEP) {
@@ -263,32 +255,34 @@ pub(super) fn gather_surfels<'a>(
                 RunAreas::From(first) => strangers.has(piece, surfels.areas[first + number]),
             };
             let (first, [by_x, by_y, by_z]) = projection.around(run.origin - patch.origin());
-            let [beside, below, deeper] = run.steps.map(|step| by_x * step.x + by_y * step.y + by_z * step.z);
+            let of_step = |step: Vec3| Vec3A::from(by_x * step.x + by_y * step.y + by_z * step.z);
+            let (first, [beside, below, deeper]) = (Vec3A::from(first), run.steps.map(of_step));
             let own = run.first..run.first + run.count();
             let packed = &surfels.values[own.start * size..own.end * size];
             let depths = &surfels.depths[own];
             let mut number = 0;
-            run.for_each_place(|[x, y]| {
-                let this = number;
-                number += 1;
-                if has_strangers && is_strange(this) {
-                    return;
+            for (y, mut row) in run.rows.into_iter().enumerate() {
+                let start = first + below * y as f32;
+                while row != 0 {
+                    let (x, this) = (row.trailing_zeros(), number);
+                    (row, number) = (row & (row - 1), number + 1);
+                    if has_strangers && is_strange(this) {
+                        continue;
+                    }
+                    let at = start + beside * x as f32 + deeper * f32::from(depths[this]);
+                    if !is_within(at) {
+                        continue;
+                    }
+                    let at = drawn.closest(at, [at.x as u32, at.y as u32], width, projection.reach);
+                    if !is_within(at) {
+                        continue;
+                    }
+                    let texel = at.y as u32 as usize * width + at.x as u32 as usize;
+                    if (drawn.depth[texel] - at.z).abs() <= projection.reach {
+                        sums.add_packed(texel, &packed[this * size..][..size], run.size, &mut values);
+                    }
                 }
-                let at = first + beside * x + below * y + deeper * f32::from(depths[this]);
-                let is_beside = |at: Vec3| at.x < low[0] || at.y < low[1] || at.x >= high[0] || at.y >= high[1];
-                if is_beside(at) {
-                    return;
-                }
-                let at = drawn.closest(at, [at.x as u32, at.y as u32], width, projection.reach);
-                if is_beside(at) {
-                    return;
-                }
-                let texel = at.y as u32 as usize * width + at.x as u32 as usize;
-                // Comparisons with NaN are false.
-                if (drawn.depth[texel] - at.z).abs() <= projection.reach {
-                    sums.add_packed(texel, &packed[this * size..][..size], run.size, &mut values);
-                }
-            });
+            }
         }
     }
     finished(sums, patch, map, drawn)

@@ -60,24 +60,26 @@ fn activity(left: Known, above: Known, component: usize) -> usize {
     }
 }
 
-/// Four classes of places, by frequency.
-fn band(place: usize) -> usize {
-    match place {
-        0..=2 => 0,
-        3..=9 => 1,
-        10..=27 => 2,
-        _ => 3,
+/// Of each place its class, of four by frequency, and its number within the class.
+static PLACES: [[u8; 2]; AREA] = {
+    let (mut places, mut place) = ([[0; 2]; AREA], 0);
+    while place < AREA {
+        let [band, within] = match place {
+            0..=2 => [0, place],
+            3..=9 => [1, place - 3],
+            10..=27 => [2, if place < 25 { place - 10 } else { 15 }],
+            _ => [3, (place - 28) / 3],
+        };
+        places[place] = [band as u8, within as u8];
+        place += 1;
     }
-}
+    places
+};
 
-/// The place within its class.
-fn within(place: usize) -> usize {
-    match place {
-        0..=2 => place,
-        3..=9 => place - 3,
-        10..=27 => (place - 10).min(15),
-        _ => ((place - 28) / 3).min(15),
-    }
+/// The class of a place, and its number within the class.
+#[inline]
+fn class_of(place: usize) -> [usize; 2] {
+    PLACES[place].map(usize::from)
 }
 
 /// The mean that is expected of a block.
@@ -184,10 +186,14 @@ fn decode_others(
 ) -> Result<u8> {
     let (mut place, mut before, mut count) = (1, 0, 0);
     while place < AREA && bits.bit(&mut chances.more[class][place.min(15)]) {
-        while place < AREA - 1 && !bits.bit(&mut chances.significant[band(place)][within(place)][before]) {
+        while place < AREA - 1 {
+            let [band, within] = class_of(place);
+            if bits.bit(&mut chances.significant[band][within][before]) {
+                break;
+            }
             (place, before) = (place + 1, 0);
         }
-        let size = bits.number(&mut chances.magnitude[band(place)][before])?;
+        let size = bits.number(&mut chances.magnitude[class_of(place)[0]][before])?;
         let size = size.checked_add(1).and_then(|size| i32::try_from(size).ok()).ok_or_else(too_large)?;
         let value = scaled(size, step)?;
         coefficients[usize::from(ORDER[place])] = if bits.raw(1) == 1 { -value } else { value };
@@ -262,15 +268,15 @@ fn encode_others(bits: &mut BitEncoder, chances: &mut PlaneChances, class: usize
             break;
         }
         while place < AREA - 1 {
-            let is_significant = levels[place] != 0;
-            bits.bit(&mut chances.significant[band(place)][within(place)][before], is_significant);
+            let (is_significant, [band, within]) = (levels[place] != 0, class_of(place));
+            bits.bit(&mut chances.significant[band][within][before], is_significant);
             if is_significant {
                 break;
             }
             (place, before) = (place + 1, 0);
         }
         let size = levels[place].unsigned_abs();
-        bits.number(&mut chances.magnitude[band(place)][before], size - 1);
+        bits.number(&mut chances.magnitude[class_of(place)[0]][before], size - 1);
         bits.raw(1, u32::from(levels[place] < 0));
         (place, before, count) = (place + 1, 1 + usize::from(size > 1), count + 1);
     }
@@ -290,8 +296,16 @@ fn planes(image: &Image<u8>, is_used: &[bool], [left, top]: [usize; 2]) -> Optio
         for (x, &is_used) in is_used[first..first + columns].iter().enumerate() {
             used |= u64::from(is_used) << (y * SIDE + x);
         }
-        for (x, texel) in image.data[first * count..(first + columns) * count].chunks_exact(count).enumerate() {
-            (0..count).for_each(|component| planes[component][y * SIDE + x] = f32::from(texel[component]) - 128.0);
+        let texels = &image.data[first * count..(first + columns) * count];
+        let value = |byte: u8| f32::from(byte) - 128.0;
+        let places = y * SIDE..;
+        match count {
+            3 => places.zip(texels.as_chunks().0).for_each(|(at, &[red, green, blue])| {
+                [planes[0][at], planes[1][at], planes[2][at]] = [value(red), value(green), value(blue)];
+            }),
+            _ => places.zip(texels.chunks_exact(count)).for_each(|(at, texel)| {
+                planes.iter_mut().zip(texel).for_each(|(plane, &byte)| plane[at] = value(byte));
+            }),
         }
     }
     if used == 0 {
