@@ -153,8 +153,11 @@ impl Pair<'_> {
 
     fn exceeding(&self, target: f64, work_limit: u64) -> Vec<u32> {
         let (fine, coarse) = (&*self.fine.surface, &*self.coarse.surface);
-        let mut found = exceeding(fine, coarse, target, work_limit);
-        let beyond = exceeding(coarse, fine, target, work_limit);
+        let may_drape = self.may_drape && !fine.is_empty() && !coarse.is_empty();
+        let draped =
+            if may_drape { drape::exceeding(fine, coarse, &self.pairing, target, work_limit) } else { None };
+        let both = || [exceeding(fine, coarse, target, work_limit), exceeding(coarse, fine, target, work_limit)];
+        let [mut found, beyond] = draped.unwrap_or_else(both);
         let mut slot_of = vec![0; if beyond.is_empty() { 0 } else { coarse.triangle_count() }];
         if !beyond.is_empty() {
             (0..).zip(&coarse.original).for_each(|(slot, &t)| slot_of[t as usize] = slot);

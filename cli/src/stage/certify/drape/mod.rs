@@ -39,7 +39,7 @@ mod unmapped;
 
 use glam::DVec3;
 
-use super::bound::Search;
+use super::bound::{Patch, Search};
 use super::bvh::TriangleBvh;
 use super::{Bound, CertifyOptions};
 use feet::Foot;
@@ -94,20 +94,8 @@ pub(super) fn two_sided(
     pairing: &BorderPairing,
     options: &CertifyOptions,
 ) -> Option<Bound> {
-    if pairing.is_empty() && coarse.triangle_count() < FEW_TILES {
-        return None;
-    }
-    let mut drape = Drape::new(fine, coarse, pairing)?;
-    drape.find_feet();
     let mut forward = Search::new(fine, coarse, options);
-    drape.improve_feet(&mut forward);
-
-    let moves = drape.moves(forward.threshold());
-    let unmapped = moves.iter().filter(|square| square.is_infinite()).count();
-    if unmapped > fine.triangle_count() / MAX_UNMAPPED {
-        return None;
-    }
-    drape.find_anchors(&moves)?;
+    let (drape, moves) = Drape::laid(fine, coarse, pairing, &mut forward)?;
     let mut moved = 0.0f64;
     let mut far: Vec<Move> = moves.into_iter().zip(0..).collect();
     let mut settle = |far: &mut Vec<Move>, threshold: f64| {
@@ -136,16 +124,63 @@ pub(super) fn two_sided(
     Some(Bound { upper: bound.upper.max(Search::inflate(moved, fine, coarse)), ..bound })
 }
 
-impl Drape<'_> {
-    /// Where the images of some triangles are: all of some tiles, ascending, and parts of others. Parts are relative to
-    /// the origin of the finer surface, each with the slot of its triangle there.
-    fn images(&self, far: &[Move]) -> (Vec<u32>, Vec<([DVec3; 3], u32)>) {
+/// The triangles of the finer and of the coarser surface at which one is not proven to lie within `target` of the other, like
+/// [`super::exceeding`] both ways; none if the finer surface cannot be laid onto the coarser. Neither may be empty.
+pub(super) fn exceeding(
+    fine: &TriangleBvh,
+    coarse: &TriangleBvh,
+    pairing: &BorderPairing,
+    target: f64,
+    work_limit: u64,
+) -> Option<[Vec<u32>; 2]> {
+    let mut forward = Search::with_threshold(fine, coarse, target);
+    let (drape, moves) = Drape::laid(fine, coarse, pairing, &mut forward)?;
+    let threshold = forward.threshold();
+    let far: Vec<Move> = moves.into_iter().zip(0..).filter(|&(square, _)| square > threshold).collect();
+    let (mut tiles, patches) = drape.images(&far);
+    tiles.extend(patches.iter().map(|patch| patch.within));
+    tiles.sort_unstable();
+    tiles.dedup();
+    let backward = Search::with_threshold(coarse, fine, target);
+    Some([
+        forward.exceeding_among(far.iter().map(|&(_, slot)| slot), work_limit),
+        backward.exceeding_among(tiles.into_iter(), work_limit),
+    ])
+}
+
+impl<'a> Drape<'a> {
+    /// Lays the finer surface onto the coarser, and says how far its triangles move; none if there is no map, or hardly any.
+    fn laid(
+        fine: &'a TriangleBvh,
+        coarse: &'a TriangleBvh,
+        pairing: &BorderPairing,
+        forward: &mut Search,
+    ) -> Option<(Self, Vec<f64>)> {
+        if pairing.is_empty() && coarse.triangle_count() < FEW_TILES {
+            return None;
+        }
+        let mut drape = Drape::new(fine, coarse, pairing)?;
+        drape.find_feet();
+        drape.improve_feet(forward);
+        let moves = drape.moves(forward.threshold());
+        let unmapped = moves.iter().filter(|square| square.is_infinite()).count();
+        if unmapped > fine.triangle_count() / MAX_UNMAPPED {
+            return None;
+        }
+        drape.find_anchors(&moves)?;
+        Some((drape, moves))
+    }
+
+    /// Where the images of some triangles are: all of some tiles, ascending, and parts of others.
+    fn images(&self, far: &[Move]) -> (Vec<u32>, Vec<Patch>) {
         let mut parts = Parts::default();
         let (mut patches, mut lost) = (vec![], vec![]);
         let shift = self.coarse.origin - self.fine.origin;
         for &(_, slot) in far {
             let before = patches.len();
-            let mut add = |_, patch: [DVec3; 3]| patches.push((patch.map(|p| p + shift), slot));
+            let mut add = |tile, patch: [DVec3; 3]| {
+                patches.push(Patch { within: tile, corners: patch.map(|p| p + shift), hint: slot });
+            };
             if self.lay(slot, &mut parts, Some(&mut add)).is_none() {
                 patches.truncate(before);
                 lost.push(slot);
