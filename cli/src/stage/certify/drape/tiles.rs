@@ -1,5 +1,7 @@
 //! The triangles of the coarser surface as tiles: their neighbours, and ways from tile to tile across edges.
 
+use std::sync::Arc;
+
 use super::super::bvh::TriangleBvh;
 use crate::mesh::NONE;
 
@@ -9,9 +11,8 @@ const MAX_STEPS: usize = 32;
 const MAX_SEARCHED: usize = 256;
 
 /// The triangles of a surface, by slot, with their neighbours.
-#[derive(Clone, Debug)]
-pub(super) struct Tiles<'a> {
-    surface: &'a TriangleBvh,
+pub(super) struct Tiles {
+    surface: Arc<TriangleBvh>,
     across: Vec<[u32; 3]>,
     /// The tiles of each component without a border.
     pub closed: Vec<Vec<u32>>,
@@ -22,10 +23,10 @@ pub(super) fn edge_key(a: u32, b: u32) -> u64 {
     u64::from(a.min(b)) << 32 | u64::from(a.max(b))
 }
 
-impl<'a> Tiles<'a> {
+impl Tiles {
     /// Finds neighbours, and the tile at each of the `border` edges. None unless the edges with one tile are exactly
     /// these, every other edge has two tiles of one winding, and no two tiles share two edges.
-    pub(super) fn new(surface: &'a TriangleBvh, border: &[[u32; 2]]) -> Option<(Self, Vec<u32>)> {
+    pub(super) fn new(surface: &Arc<TriangleBvh>, border: &[[u32; 2]]) -> Option<(Self, Vec<u32>)> {
         let mut edges: Vec<(u64, u32)> = Vec::with_capacity(3 * surface.triangles.len());
         for (slot, corners) in (0u32..).zip(&surface.triangles) {
             for k in 0..3 {
@@ -69,7 +70,7 @@ impl<'a> Tiles<'a> {
         if keys.windows(2).any(|pair| pair[0] == pair[1]) {
             return None;
         }
-        let mut tiles = Self { surface, across, closed: vec![] };
+        let mut tiles = Self { surface: Arc::clone(surface), across, closed: vec![] };
         let mut reached = vec![false; tiles.across.len()];
         tiles.reach(&at_border, &mut reached);
         for tile in 0..reached.len() as u32 {
