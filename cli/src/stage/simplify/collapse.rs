@@ -178,16 +178,13 @@ impl Collapser {
 
     /// Collapses the queued edges, cheapest first, until the queue is empty.
     pub fn drain(&mut self) {
-        while let Some((old_rank, edge)) = self.queue.top() {
-            let Some(best) = self.evaluate(edge).filter(|c| self.is_eligible(c)) else {
-                self.queue.pop();
-                continue;
-            };
+        while let Some((old_rank, edge)) = self.queue.pop() {
+            let Some(best) = self.evaluate(edge).filter(|c| self.is_eligible(c)) else { continue };
             let new_rank = rank(best.cost);
-            if new_rank > old_rank && self.queue.defer_top(new_rank) {
+            if new_rank > old_rank && self.queue.top_rank().is_some_and(|top| new_rank > top) {
+                self.queue.push(new_rank, edge);
                 continue;
             }
-            self.queue.pop();
             if !self.collapse(&best, STRICT) && self.mesh.is_border(best.removed) && self.may_go(best.kept) {
                 let reverse = self.onto_border(best.half_edge, best.kept, best.removed);
                 self.collapse(&reverse, STRICT);

@@ -33,29 +33,17 @@ impl EdgeQueue {
         self.heap.push(!((u64::from(rank) << 32) | u64::from(edge)));
     }
 
-    /// The cheapest entry: (rank, edge). The edge may be dead by now.
-    pub fn top(&self) -> Option<(u32, u32)> {
-        self.heap.peek().map(|&entry| ((!entry >> 32) as u32, !entry as u32))
+    /// Removes the cheapest entry: (rank, edge). The edge may be dead by now.
+    pub fn pop(&mut self) -> Option<(u32, u32)> {
+        let entry = !self.heap.pop()?;
+        let edge = entry as u32;
+        self.queued[edge as usize] = false;
+        Some(((entry >> 32) as u32, edge))
     }
 
-    /// Removes the cheapest entry.
-    pub fn pop(&mut self) {
-        if let Some(entry) = self.heap.pop() {
-            self.queued[!entry as u32 as usize] = false;
-        }
-    }
-
-    /// Puts the cheapest entry behind others, if its rank has grown beyond that of the next. Whether it has: if not, it is still the
-    /// cheapest, whatever its rank is now.
-    pub fn defer_top(&mut self, rank: u32) -> bool {
-        // The children of the top: one of them is the next.
-        let next = self.heap.as_slice().get(1..).and_then(|rest| rest.iter().take(2).max());
-        let Some(&next) = next else { return false };
-        let goes_behind = rank > (!next >> 32) as u32;
-        if goes_behind && let Some(mut top) = self.heap.peek_mut() {
-            *top = !((u64::from(rank) << 32) | u64::from(!*top as u32));
-        }
-        goes_behind
+    /// Rank of the cheapest entry.
+    pub fn top_rank(&self) -> Option<u32> {
+        self.heap.peek().map(|&entry| (!entry >> 32) as u32)
     }
 }
 
@@ -70,16 +58,9 @@ mod tests {
             queue.push(rank(cost), edge);
         }
         assert!(queue.contains(4));
-        assert_eq!(queue.top(), Some((rank(0.0), 0)));
-        // Behind the next, but not behind one of the same cost.
-        assert!(!queue.defer_top(rank(0.0)) && queue.defer_top(rank(1.0)));
-        let pop = |queue: &mut EdgeQueue| {
-            let top = queue.top();
-            queue.pop();
-            top.map(|(_, edge)| edge)
-        };
-        let order: Vec<u32> = std::iter::from_fn(|| pop(&mut queue)).collect();
-        assert_eq!(order, [2, 3, 0, 1, 4]);
+        assert_eq!(queue.top_rank(), Some(rank(0.0)));
+        let order: Vec<u32> = std::iter::from_fn(|| queue.pop().map(|(_, edge)| edge)).collect();
+        assert_eq!(order, [0, 2, 3, 1, 4]);
         assert!(!queue.contains(4));
     }
 }
