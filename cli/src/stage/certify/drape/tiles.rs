@@ -163,32 +163,38 @@ impl Tiles {
 
     /// Appends the tiles of a way with the fewest edges, without the first tile.
     fn shortest_way(&self, from: u32, to: u32, found: &mut Vec<u32>) -> bool {
-        // Breadth first. An entry is a tile and the index of the entry before it.
-        let mut queue = vec![(from, 0)];
-        let mut seen = vec![0_u64; self.across.len().div_ceil(64)];
-        let mut is_new = |tile: u32| {
-            let (word, bit) = (&mut seen[tile as usize / 64], 1 << (tile % 64));
-            let is_new = *word & bit == 0;
-            *word |= bit;
-            is_new
-        };
-        is_new(from);
-        let mut at = 0;
-        while queue.get(at).is_some_and(|entry| entry.0 != to) && queue.len() < MAX_SEARCHED {
-            for next in self.across[queue[at].0 as usize] {
-                if next != NONE && is_new(next) {
-                    queue.push((next, at));
+        // Breadth first, beyond the ways found so far: the tiles seen, and for each the place of the one before it.
+        let start = found.len();
+        let mut before = [0u16; MAX_SEARCHED + 3];
+        found.push(from);
+        let mut at = start;
+        let mut end = None;
+        'search: while at < found.len() && found.len() - start < MAX_SEARCHED {
+            for next in self.across[found[at] as usize] {
+                if next != NONE && !found[start..].contains(&next) {
+                    before[found.len() - start] = (at - start) as u16;
+                    found.push(next);
+                    if next == to {
+                        end = Some(found.len() - 1 - start);
+                        break 'search;
+                    }
                 }
             }
             at += 1;
         }
-        let Some(mut at) = queue.iter().position(|entry| entry.0 == to) else { return false };
-        let start = found.len();
+        let Some(mut at) = end else {
+            found.truncate(start);
+            return false;
+        };
+        let mut way = [0u32; MAX_SEARCHED + 3];
+        let mut length = 0;
         while at > 0 {
-            found.push(queue[at].0);
-            at = queue[at].1;
+            way[length] = found[start + at];
+            length += 1;
+            at = usize::from(before[at]);
         }
-        found[start..].reverse();
+        found.truncate(start);
+        found.extend(way[..length].iter().rev());
         true
     }
 }
