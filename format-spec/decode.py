@@ -2550,6 +2550,8 @@ class Ground:
         own, mesh = self.heights.placement or nothing, placement or nothing
         must(own.crs == mesh.crs or "" in (own.crs, mesh.crs), "GROUND is in another coordinate reference system than the mesh")
         self.units = [own.unit or 1.0, mesh.unit or 1.0]
+        must(all(u <= 1e15 and 1 / u <= 1e15 for u in self.units), "GROUND or the mesh on it has a unit beyond 10^15")
+        must(all(abs(x) <= 1e15 for x in own.origin + mesh.origin), "GROUND or the mesh on it has an origin beyond 10^15")
         self.origins = [own.origin, mesh.origin]
         self.is_in_place = self.units[0] == self.units[1] and own.origin == mesh.origin
         self.is_y_up = mesh.up == 1

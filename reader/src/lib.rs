@@ -108,6 +108,8 @@ pub(crate) mod tests;
 pub use decode::{Mesh, Overview};
 pub use error::{Error, Result};
 pub use file::File;
+#[cfg(feature = "write")]
+pub use ground::join_ground;
 pub use ground::{Ground, GroundFrame};
 pub use index::{Index, Opener};
 pub use lattice::{Lattice, LatticePoint};

@@ -38,7 +38,6 @@ mod check;
 #[cfg(feature = "serde")]
 mod elsewhere;
 mod encoder;
-mod ground;
 mod lists;
 mod model;
 mod order;
@@ -67,7 +66,6 @@ pub use assembly::{Arranged, Assembly};
 #[cfg(feature = "serde")]
 pub use elsewhere::{EncoderHead, EncoderShare};
 pub use encoder::{EncodedCluster, Encoder};
-pub use ground::join_ground;
 pub use lists::ListSizes;
 pub use model::{ArcRecord, BlockRecord, LevelInfo, Model, OverviewRecord, RootRecord};
 pub use output::{Output, WriteReport};

@@ -83,8 +83,8 @@ pub struct ExtractArgs {
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]
     pub bbox: Option<BoundingBox>,
     /// Of a file whose mesh stands on a ground: auto writes both, none the mesh alone, only the ground alone. --tolerance holds for each, and so for both;
-    /// --triangles for their sum, of which each gets its share of the triangles that it has without that budget. GLB gets two nodes, each
-    /// with its look; other formats get one mesh of the shape alone. A .tif is of the ground.
+    /// --triangles for their sum, which is divided so that both have about the same error. GLB gets two nodes, each with its look; other formats get
+    /// one mesh of the shape alone. A .tif is of the ground.
     #[arg(long, value_enum, default_value_t, value_name = "auto|none|only")]
     pub ground: GroundChoice,
     /// With --bbox: also write the rest of the model, at its coarsest.

@@ -156,14 +156,19 @@ fn drawn_of(file: &lodpack::File<Source>, format: MeshFormat, args: &ExtractArgs
     }
     let tolerance = args.tolerance.map(|tolerance| tolerance_in(file, tolerance)).transpose()?;
     let [of_surface, of_ground] = heights::ground::shares(file, &ground, tolerance, args)?;
-    let (mut drawn, mut nodes) = (vec![], 0);
+    let (mut drawn, mut nodes, mut kind) = (vec![], 0, "roots");
     if let Some(args) = of_surface {
         let (part, count) = mesh_of(file, tolerance, format, &args)?;
         drawn.push(("surface", part));
         nodes += count;
     }
     if let Some(args) = of_ground {
-        let (part, (count, _)) = heights::ground::drawn_of(&ground, tolerance, &args)?;
+        let (part, (count, of_ground)) = heights::ground::drawn_of(&ground, tolerance, &args)?;
+        kind = match (of_ground, drawn.is_empty()) {
+            (of_ground, true) => of_ground,
+            ("samples", false) => "roots and samples",
+            (_, false) => "roots and tiles",
+        };
         drawn.push(("ground", part));
         nodes += count;
     }
@@ -174,7 +179,7 @@ fn drawn_of(file: &lodpack::File<Source>, format: MeshFormat, args: &ExtractArgs
         );
     }
     let [[bytes, reads], [more_bytes, more_reads]] = [traffic(file.source()), traffic(ground.0.source())];
-    Ok((drawn, tolerance, (nodes, "roots and tiles"), [bytes + more_bytes, reads + more_reads]))
+    Ok((drawn, tolerance, (nodes, kind), [bytes + more_bytes, reads + more_reads]))
 }
 
 /// The part of a mesh that was asked for, and how many nodes its cut has.

@@ -5,7 +5,7 @@ use crate::output::{bytes, count, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack::heights::Heights;
-use lodpack::{Limits, Opened, write::join_ground};
+use lodpack::{Limits, Opened, join_ground};
 use lodpack_cli::heights::{HeightsOptions, build as build_heights};
 use lodpack_cli::import::raster::HeightSource;
 use lodpack_cli::job::{FILE_EXTENSION, typed_raster};

@@ -127,7 +127,10 @@ pub fn run(args: &InfoArgs) -> Result<ExitCode> {
     };
     let mut info = in_file(&args.file, collect(&file, args.why))?;
     if let Some(ground) = open_ground(&args.file, &file)? {
-        info.ground = Some(in_file(&args.file, GroundInfo::new(&ground))?);
+        let ground = in_file(&args.file, GroundInfo::new(&ground))?;
+        // Bits are those of the mesh.
+        info.bits_per_source_vertex *= 1.0 - ground.bytes as f64 / info.bytes.max(1) as f64;
+        info.ground = Some(ground);
     }
     if args.json {
         print_json(&info)?;

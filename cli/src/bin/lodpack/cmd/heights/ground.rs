@@ -18,7 +18,7 @@ pub type Ground = (Heights<Source>, GroundFrame);
 /// What a file says of the ground of its mesh.
 #[derive(Serialize)]
 pub struct GroundInfo {
-    bytes: u64,
+    pub bytes: u64,
     samples: u64,
     /// Columns and rows of cells.
     cells: [u64; 2],
@@ -126,19 +126,86 @@ pub fn shares(
         );
     }
     let volume = args.bbox.map(|bbox| bbox.0.into());
-    let query = Query { volume, tolerance, outside: Outside::Drop, ..Query::default() };
-    let cut = in_file(&args.file, surface.select(&query))?;
     let bounds = args.bbox.map(|bbox| frame.bounds_of_ground(bbox.0).map(|[x, y, _]| [x, y]));
-    let query = HeightsQuery { bounds, tolerance: tolerance.map(|t| t / frame.scale()), max_triangles: None };
-    let tiles = in_file(&args.file, heights.cut(&query))?;
-    let counts = [(cut.nodes.len(), cut.triangle_count), (tiles.tiles.len(), tiles.triangle_count)];
+    // Nodes and triangles of both at a tolerance.
+    let counts_at = |tolerance: Option<f64>| {
+        let query = Query { volume, tolerance, outside: Outside::Drop, ..Query::default() };
+        let cut = in_file(&args.file, surface.select(&query))?;
+        let tolerance = tolerance.map(|tolerance| tolerance / frame.scale());
+        let tiles = in_file(&args.file, heights.cut(&HeightsQuery { bounds, tolerance, max_triangles: None }))?;
+        anyhow::Ok([(cut.nodes.len(), cut.triangle_count), (tiles.tiles.len(), tiles.triangle_count)])
+    };
+    let counts = match args.triangles {
+        None => counts_at(tolerance)?,
+        Some(most) => within_budget(most, tolerance, size_of(surface, frame, heights), counts_at)?,
+    };
     let all = (counts[0].1 + counts[1].1).max(1);
-    let of_surface = args.triangles.map(|most| (u128::from(most) * u128::from(counts[0].1) / u128::from(all)) as u64);
-    let of_ground = args.triangles.zip(of_surface).map(|(most, of_surface)| most - of_surface);
+    let of_surface = args.triangles.map(|most| match all <= most {
+        // What is left over is of more use to the ground, whose stitches come on top.
+        true => counts[0].1.max(1),
+        false => (u128::from(most) * u128::from(counts[0].1) / u128::from(all)) as u64,
+    });
+    let of_ground = args.triangles.zip(of_surface).map(|(most, of_surface)| most.saturating_sub(of_surface));
     let [surface, ground] = [of_surface, of_ground].map(|triangles| ExtractArgs { triangles, ..args.clone() });
     match counts.map(|(nodes, _)| nodes > 0) {
         // The mesh says what is wrong with the box.
         [false, false] => Ok([Some(surface), None]),
         [has_surface, has_ground] => Ok([has_surface.then_some(surface), has_ground.then_some(ground)]),
     }
+}
+
+/// Nodes and triangles: of a surface, of its ground.
+type Counts = [(usize, u64); 2];
+
+/// The counts at the least tolerance at which both together keep a budget, so that both have about the same error; those at the largest one where none
+/// does. Tolerances become finer step by step, so little more of an index is read than is drawn.
+fn within_budget(
+    most: u64,
+    least: Option<f64>,
+    largest: f64,
+    counts_at: impl Fn(Option<f64>) -> Result<Counts>,
+) -> Result<Counts> {
+    const HALVINGS: usize = 48;
+    const STEPS: usize = 6;
+    let keeps = |counts: &Counts| counts[0].1 + counts[1].1 <= most;
+    let mut tolerance = largest;
+    let mut best = counts_at(Some(tolerance))?;
+    if !keeps(&best) {
+        return Ok(best);
+    }
+    let mut finer = None;
+    for _ in 0..HALVINGS {
+        let next = (tolerance * 0.5).max(least.unwrap_or(0.0));
+        if next >= tolerance {
+            break;
+        }
+        let counts = counts_at(Some(next))?;
+        if !keeps(&counts) {
+            finer = Some(next);
+            break;
+        }
+        (tolerance, best) = (next, counts);
+    }
+    let Some(mut finer) = finer else { return Ok(best) };
+    for _ in 0..STEPS {
+        let middle = (tolerance * finer).sqrt();
+        let counts = counts_at(Some(middle))?;
+        match keeps(&counts) {
+            true => (tolerance, best) = (middle, counts),
+            false => finer = middle,
+        }
+    }
+    Ok(best)
+}
+
+/// The diagonal of both, in the space of the surface.
+fn size_of(surface: &File<Source>, frame: &GroundFrame, heights: &Heights<Source>) -> f64 {
+    let boxes = [surface.bounds(), heights.index().bounds().map(|bounds| frame.bounds(bounds))];
+    let corners: Vec<[f64; 3]> = boxes.into_iter().flatten().flatten().collect();
+    let extent = |k: usize| {
+        let along = || corners.iter().map(|corner| corner[k]);
+        along().fold(f64::MIN, f64::max) - along().fold(f64::MAX, f64::min)
+    };
+    let squares = [0, 1, 2].map(|k| extent(k) * extent(k));
+    squares.iter().sum::<f64>().sqrt()
 }

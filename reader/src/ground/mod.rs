@@ -1,5 +1,11 @@
 //! The ground that a surface stands on: a file of heights within a file of a mesh (SPEC.md, "Section GROUND").
 
+#[cfg(feature = "write")]
+mod join;
+
+#[cfg(feature = "write")]
+pub use join::join_ground;
+
 use crate::{
     error::{Error, Result},
     file::File,
@@ -12,6 +18,9 @@ use crate::{
     select::View,
     source::{ReadAt, Within},
 };
+
+/// Units and origins beyond it are refused, so that all coordinates stay finite.
+const LARGEST: f64 = 1e15;
 
 /// The heights of a file's ground, and where they are in the space of its surface.
 #[derive(Debug)]
@@ -74,11 +83,20 @@ impl GroundFrame {
     /// The frame of a ground and a surface with these placements.
     ///
     /// # Errors
-    /// [`Error::Format`] if they are in different coordinate reference systems. One that is not said is no other one.
+    /// [`Error::Format`] if they are in different coordinate reference systems (one that is not said is no other one), or a unit or an origin is
+    /// beyond what is measured.
     pub fn new(ground: Option<&Placement>, surface: Option<&Placement>) -> Result<Self> {
         let [ground, surface] = [ground, surface].map(|placement| placement.cloned().unwrap_or_default());
         if !ground.crs.is_empty() && !surface.crs.is_empty() && ground.crs != surface.crs {
             return Err(Error::format("the ground is in another coordinate reference system than the surface on it"));
+        }
+        let is_near = |x: f64| x.abs() <= LARGEST;
+        let has_place = |place: &Placement| {
+            place.origin.iter().copied().all(is_near)
+                && place.unit.is_none_or(|unit| is_near(unit) && is_near(1.0 / unit))
+        };
+        if !has_place(&ground) || !has_place(&surface) {
+            return Err(Error::format("a ground or the surface on it has a unit or an origin beyond 10^15"));
         }
         Ok(Self {
             units: [ground.unit, surface.unit].map(|unit| unit.unwrap_or(1.0)),
@@ -183,5 +201,23 @@ mod tests {
         let other = Placement { crs: "EPSG:32633".into(), ..feet.clone() };
         assert!(GroundFrame::new(Some(&feet), Some(&other)).unwrap_err().to_string().contains("another coordinate"));
         assert!(GroundFrame::new(Some(&feet), None).is_ok());
+        let far = Placement { origin: [0.0, 2e15, 0.0], ..feet.clone() };
+        assert!(GroundFrame::new(Some(&far), None).is_err());
+        assert!(GroundFrame::new(None, Some(&Placement { unit: Some(1e-300), ..feet })).is_err());
+    }
+
+    #[test]
+    fn a_view_of_the_ground_fills_the_same_pixels() {
+        let surface = placed(UpAxis::Y, 0.5, [100.0, 200.0, 10.0], "");
+        let frame = GroundFrame::new(None, Some(&surface)).unwrap();
+        let view = View { position: [1.0, 2.0, 3.0], forward: [0.0, -1.0, -1.0], near: 0.5, ..View::default() };
+        let below = frame.view_of_ground(&view);
+        let point = [130.0, 260.0, 4.0];
+        let seen = |view: &View, point: [f64; 3]| {
+            let offset = [0, 1, 2].map(|k| point[k] - view.position[k]);
+            view.axes().map(|axis| (0..3).map(|k| axis[k] * offset[k]).sum::<f64>() / view.near)
+        };
+        let [on_surface, on_ground] = [seen(&view, frame.point(point)), seen(&below, point)];
+        assert!((0..3).all(|k| (on_surface[k] - on_ground[k]).abs() < 1e-9), "{on_surface:?} {on_ground:?}");
     }
 }
