@@ -104,7 +104,9 @@ fn both_are_extracted_together_and_each_alone() {
     let coarse = folder.json("extract town.lodpack -o coarse.ply --tolerance 0.5");
     assert!(coarse["certified_error"].as_f64().is_some_and(|error| error <= 0.5), "{coarse}");
     // A box beside all houses has the ground alone.
-    assert_eq!(folder.json("extract town.lodpack -o beside.ply --bbox 0,0,0,30,30,99")["nodes"].as_u64(), Some(1));
+    let [beside, ground] = ["-o beside.ply", "-o beside-ground.ply --ground only"]
+        .map(|words| sum(&format!("{words} --bbox 0,0,0,30,30,99")));
+    assert_eq!(beside, ground);
     folder.run("extract town.lodpack -o samples.tif");
     assert!(folder.refused("extract town.lodpack -o no.ply --nodes 3").contains("--ground none"));
     folder.run("build boxes.ply -o alone.lodpack");
@@ -172,8 +174,12 @@ fn a_ground_elsewhere_on_a_globe_or_of_another_kind_is_refused_in_words() {
     folder.run("build boxes.ply --crs EPSG:32633 --up z -o boxes.lodpack");
     let said = folder.refused("merge boxes.lodpack --ground terrain.lodpack -o b.lodpack");
     assert!(said.contains("another coordinate reference system"), "{said}");
+    // What is typed is known before anything is built.
+    let said = folder.refused("build boxes.ply --ground terrain.lodpack --crs EPSG:32633 -o a.lodpack");
+    assert!(said.contains("--crs") && said.contains("another coordinate reference system"), "{said}");
     std::fs::write(folder.path("globe.tif"), Grid::globe([36, 18]).bytes(&[0.0; 36 * 18])).expect("writable");
     folder.run("build globe.tif --heights --surface wgs84 -o globe.lodpack");
+    assert!(folder.refused("build boxes.ply --ground globe.lodpack -o a.lodpack").contains("--surface plane"));
     folder.run("build boxes.ply -o plain.lodpack");
     assert!(folder.refused("merge plain.lodpack --ground globe.lodpack -o c.lodpack").contains("globe"));
     assert!(folder.refused("merge plain.lodpack --ground plain.lodpack -o d.lodpack").contains("holds a mesh"));

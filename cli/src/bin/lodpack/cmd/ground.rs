@@ -5,7 +5,7 @@ use crate::output::{bytes, count, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack::heights::Heights;
-use lodpack::{Limits, Opened, join_ground};
+use lodpack::{GroundFrame, Limits, Opened, join_ground};
 use lodpack_cli::heights::{HeightsOptions, build as build_heights};
 use lodpack_cli::import::raster::HeightSource;
 use lodpack_cli::job::{FILE_EXTENSION, typed_raster};
@@ -40,14 +40,31 @@ pub struct Target {
     ground: Option<(Heights<File>, File)>,
 }
 
-/// Heights of rasters, or of one file that holds heights already.
+/// Heights of rasters, or of one file that holds heights already. What will not fit under the mesh is refused here, as far as that is known, and
+/// not after a long build.
 pub fn open(paths: &[PathBuf], model: &ModelOptions, run: &RunArgs, folder: &Path) -> Result<Option<Heights<File>>> {
     let Some(first) = paths.first() else { return Ok(None) };
+    let heights = open_any(first, paths, model, run, folder)?;
+    if heights.surface().is_globe() {
+        bail!("{}: heights on a globe cannot be the ground of a mesh; add --surface plane", first.display());
+    }
+    let fits = GroundFrame::new(heights.placement(), model.placement.as_ref());
+    fits.with_context(|| format!("{}: the ground does not fit under what --crs and --origin say", first.display()))?;
+    Ok(Some(heights))
+}
+
+fn open_any(
+    first: &Path,
+    paths: &[PathBuf],
+    model: &ModelOptions,
+    run: &RunArgs,
+    folder: &Path,
+) -> Result<Heights<File>> {
     if first.extension().is_some_and(|extension| extension == FILE_EXTENSION) {
         if let Some(second) = paths.get(1) {
             bail!("{}: a file of heights is the whole ground; name no other --ground", second.display());
         }
-        return open_file(first).map(Some);
+        return open_file(first);
     }
     let progress = Terminal::new(run.progress, progress_bar::BUILD_HEIGHTS);
     let Some(source) = HeightSource::open(paths, &typed_raster(model), &progress)? else {
@@ -66,7 +83,7 @@ pub fn open(paths: &[PathBuf], model: &ModelOptions, run: &RunArgs, folder: &Pat
     progress.complete();
     let file =
         out.into_inner().map_err(|error| error.into_error()).context("cannot write the heights of the ground")?;
-    Ok(Some(Heights::open(file, Limits::default())?))
+    Ok(Heights::open(file, Limits::default())?)
 }
 
 /// A file of heights.
