@@ -105,7 +105,7 @@ fn both_are_extracted_together_and_each_alone() {
     assert!(coarse["certified_error"].as_f64().is_some_and(|error| error <= 0.5), "{coarse}");
     // A box beside all houses has the ground alone.
     let [beside, ground] = ["-o beside.ply", "-o beside-ground.ply --ground only"]
-        .map(|words| sum(&format!("{words} --bbox 0,0,0,30,30,99")));
+        .map(|words| sum(&format!("{words} --bbox 112,0,0,138,30,99")));
     assert_eq!(beside, ground);
     folder.run("extract town.lodpack -o samples.tif");
     assert!(folder.refused("extract town.lodpack -o no.ply --nodes 3").contains("--ground none"));

@@ -72,6 +72,7 @@ mod tests {
         part.read_ranges(requests).unwrap();
         assert_eq!((one, two), ([3], [5, 6]));
         assert!(part.read_at(3, &mut two).is_err() && part.read_at(u64::MAX, &mut one).is_err());
-        assert!(Within::new(&[1u8, 2][..], 2..1).read_at(0, &mut one).is_err());
+        let [first, last] = [2, 1];
+        assert!(Within::new(&[1u8, 2][..], first..last).read_at(0, &mut one).is_err());
     }
 }
