@@ -130,6 +130,8 @@ pub fn run(args: &InfoArgs) -> Result<ExitCode> {
         let ground = in_file(&args.file, GroundInfo::new(&ground))?;
         // Bits are those of the mesh.
         info.bits_per_source_vertex *= 1.0 - ground.bytes as f64 / info.bytes.max(1) as f64;
+        info.bytes_read += ground.bytes_read;
+        info.requests += ground.requests;
         info.ground = Some(ground);
     }
     if args.json {

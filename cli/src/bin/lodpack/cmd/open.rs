@@ -79,12 +79,12 @@ fn source_of(path: &Path) -> Result<Arc<dyn ReadAt + Send + Sync>> {
 /// The ground of a file as a file of heights of its own, with requests that are counted apart, and how it lies under the mesh; none if the file has none.
 pub fn open_ground(path: &Path, file: &File<Source>) -> Result<Option<(Heights<Source>, GroundFrame)>> {
     let Some(range) = file.index().ground_range() else { return Ok(None) };
-    let frame = match in_file(path, file.ground())? {
-        Some(ground) => ground.frame,
-        None => return Ok(None),
-    };
     let source: Box<dyn ReadAt + Send + Sync> = Box::new(Within::new(source_of(path)?, range));
     let heights = in_file(path, Heights::open(Counting::new(source), Limits::default()))?;
+    if heights.surface().is_globe() {
+        bail!("{}: the ground of its mesh lies on a globe, not on a plane; build it again", path.display());
+    }
+    let frame = in_file(path, GroundFrame::new(heights.placement(), file.placement()))?;
     Ok(Some((heights, frame)))
 }
 

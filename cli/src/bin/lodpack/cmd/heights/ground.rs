@@ -33,7 +33,10 @@ pub struct GroundInfo {
     scale: f64,
     placement: Option<PlacementInfo>,
     /// How much was read of it.
-    bytes_read: u64,
+    #[serde(skip)]
+    pub bytes_read: u64,
+    #[serde(skip)]
+    pub requests: u64,
 }
 
 impl GroundInfo {
@@ -60,6 +63,7 @@ impl GroundInfo {
             scale: frame.scale(),
             placement: heights.placement().map(PlacementInfo::new),
             bytes_read: heights.source().byte_count(),
+            requests: heights.source().read_count(),
         })
     }
 
