@@ -4,6 +4,7 @@ pub mod appearance;
 pub mod attributes;
 pub mod export;
 pub mod glb;
+pub mod glb_nodes;
 pub mod layers;
 pub mod pages;
 pub mod shaded;
