@@ -205,26 +205,42 @@ def weights_at(surface, triangles, points):
     return weights / weights.sum(axis=1, keepdims=True)
 
 
+class Judge:
+    """Points spread by area over a surface, and what it shows there."""
+
+    def __init__(self, source):
+        random = np.random.default_rng(7)
+        a, b, c = (source.positions[source.triangles[:, k]] for k in range(3))
+        areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        self.triangles = random.choice(len(areas), POINTS, p=areas / areas.sum())
+        u, v = random.random((2, POINTS))
+        flip = u + v > 1
+        u[flip], v[flip] = 1 - u[flip], 1 - v[flip]
+        self.weights = np.stack([1 - u - v, u, v], axis=1)
+        self.points = (source.positions[source.triangles[self.triangles]] * self.weights[:, :, None]).sum(axis=1)
+        self.wanted = [source.colour(self.triangles, self.weights, in_linear_light) for in_linear_light in [True, False]]
+
+    def squares(self, output):
+        """Squares of what the output shows at its closest points; between texels in linear light, and as bytes."""
+        found, closest = output.mesh().find_closest_cell(self.points, return_closest_point=True)
+        return self.squares_at(output, found, weights_at(output, found, closest))
+
+    def squares_at(self, output, triangles, weights):
+        return [((output.colour(triangles, weights, linear) - self.wanted[not linear]) ** 2).mean(axis=1) for linear in [True, False]]
+
+
+def decibels(squares):
+    return 10 * np.log10(255**2 / squares.mean())
+
+
 def main():
-    source = read(sys.argv[1])
-    random = np.random.default_rng(7)
-    a, b, c = (source.positions[source.triangles[:, k]] for k in range(3))
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    triangles = random.choice(len(areas), POINTS, p=areas / areas.sum())
-    u, v = random.random((2, POINTS))
-    flip = u + v > 1
-    u[flip], v[flip] = 1 - u[flip], 1 - v[flip]
-    weights = np.stack([1 - u - v, u, v], axis=1)
-    points = (source.positions[source.triangles[triangles]] * weights[:, :, None]).sum(axis=1)
-    wanted = [source.colour(triangles, weights, in_linear_light) for in_linear_light in [True, False]]
+    judge = Judge(read(sys.argv[1]))
     for path in sys.argv[2:]:
         output = read(path)
-        found, closest = output.mesh().find_closest_cell(points, return_closest_point=True)
-        own = weights_at(output, found, closest)
-        squares = [((output.colour(found, own, linear) - wanted[not linear]) ** 2).mean(axis=1) for linear in [True, False]]
-        decibels, of_bytes = (10 * np.log10(255**2 / each.mean()) for each in squares)
+        squares = judge.squares(output)
+        of_light, of_bytes = (decibels(each) for each in squares)
         worst = np.sqrt(np.sort(squares[0])[-POINTS // 100 :].mean())
-        print(f"{path}: {len(output.triangles)} triangles, {decibels:.2f} dB ({of_bytes:.2f} between bytes), worst 1 % off by {worst:.1f} of 255 on average")
+        print(f"{path}: {len(output.triangles)} triangles, {of_light:.2f} dB ({of_bytes:.2f} between bytes), worst 1 % off by {worst:.1f} of 255 on average")
 
 
 if __name__ == "__main__":

@@ -91,33 +91,49 @@ class Glb:
         return unit(result)
 
 
-def angles(shown, wanted):
-    degrees = np.degrees(np.arccos(np.clip((shown * wanted).sum(axis=1), -1, 1)))
-    return f"median {np.median(degrees):.2f}, RMS {np.sqrt((degrees**2).mean()):.2f} degrees"
+class Judge:
+    """Points spread by area over a mesh, and its normals there."""
+
+    def __init__(self, positions, triangles):
+        of_faces = face_normals(positions, triangles)
+        self.of_vertices = np.zeros_like(positions)
+        for k in range(3):
+            np.add.at(self.of_vertices, triangles[:, k], of_faces)
+        self.of_vertices = unit(self.of_vertices)
+        random = np.random.default_rng(7)
+        areas = np.linalg.norm(of_faces, axis=1)
+        chosen = random.choice(len(areas), POINTS, p=areas / areas.sum())
+        weights = random.dirichlet([1, 1, 1], POINTS)[:, :, None]
+        self.points = (positions[triangles[chosen]] * weights).sum(axis=1)
+        self.wanted = unit((self.of_vertices[triangles[chosen]] * weights).sum(axis=1))
+
+    def closest(self, positions, triangles):
+        """The triangles on which the closest points lie, and the weights of their corners."""
+        faces = np.concatenate([np.full((len(triangles), 1), 3), triangles], axis=1)
+        found, closest = pyvista.PolyData(positions, faces.ravel()).find_closest_cell(self.points, return_closest_point=True)
+        return found, weights_at(positions, triangles[found], closest)
+
+    def angles(self, shown):
+        """Median and root mean square, degrees."""
+        degrees = np.degrees(np.arccos(np.clip((shown * self.wanted).sum(axis=1), -1, 1)))
+        return np.median(degrees), np.sqrt((degrees**2).mean())
+
+
+def read_mesh(path):
+    mesh = pyvista.read(path)
+    return np.asarray(mesh.points, dtype=float), mesh.faces.reshape(-1, 4)[:, 1:]
 
 
 def main():
-    mesh = pyvista.read(sys.argv[1])
-    positions, triangles = np.asarray(mesh.points, dtype=float), mesh.faces.reshape(-1, 4)[:, 1:]
-    of_faces = face_normals(positions, triangles)
-    of_vertices = np.zeros_like(positions)
-    for k in range(3):
-        np.add.at(of_vertices, triangles[:, k], of_faces)
-    random = np.random.default_rng(7)
-    areas = np.linalg.norm(of_faces, axis=1)
-    chosen = random.choice(len(areas), POINTS, p=areas / areas.sum())
-    weights = random.dirichlet([1, 1, 1], POINTS)[:, :, None]
-    points = (positions[triangles[chosen]] * weights).sum(axis=1)
-    wanted = unit((unit(of_vertices)[triangles[chosen]] * weights).sum(axis=1))
+    judge = Judge(*read_mesh(sys.argv[1]))
     for path in sys.argv[2:]:
         output = Glb(path)
-        faces = np.concatenate([np.full((len(output.triangles), 1), 3), output.triangles], axis=1)
-        found, closest = pyvista.PolyData(output.positions, faces.ravel()).find_closest_cell(points, return_closest_point=True)
-        flat = unit(face_normals(output.positions, output.triangles))[found]
-        print(f"{path}: {len(output.triangles)} triangles, flat {angles(flat, wanted)}")
+        found, weights = judge.closest(output.positions, output.triangles)
+        flat = judge.angles(unit(face_normals(output.positions, output.triangles))[found])
+        print(f"{path}: {len(output.triangles)} triangles, flat median {flat[0]:.2f}, RMS {flat[1]:.2f} degrees")
         if output.frames is not None:
-            own = weights_at(output.positions, output.triangles[found], closest)
-            print(f"    with its image of normals {angles(output.mapped(found, own), wanted)}")
+            mapped = judge.angles(output.mapped(found, weights))
+            print(f"    with its image of normals median {mapped[0]:.2f}, RMS {mapped[1]:.2f} degrees")
 
 
 if __name__ == "__main__":

@@ -28,24 +28,24 @@ pub const fn linear_from_srgb(encoded: f32) -> f32 {
     (square * root) as f32
 }
 
-/// The least linear light of each byte but 0.
-static LEAST_OF_BYTE: [f32; 255] = {
-    let (mut table, mut byte) = ([0.0; 255], 0);
-    while byte < table.len() {
+/// The least linear light of the byte after each; no number is for the last one.
+static LEAST_OF_NEXT: [f32; 256] = {
+    let (mut table, mut byte) = ([f32::NAN; 256], 0);
+    while byte < table.len() - 1 {
         table[byte] = linear_from_srgb((byte as f32 + 0.5) / 255.0);
         byte += 1;
     }
     table
 };
 
-/// The parts into which linear light is divided for a first guess.
+/// The parts into which linear light is divided for a first guess: so many that no part has more than two bytes.
 const PARTS: usize = 4096;
 
 /// The byte at the beginning of each part.
 static BYTE_OF_PART: [u8; PARTS] = {
     let (mut table, mut part, mut byte) = ([0; PARTS], 0, 0);
     while part < PARTS {
-        while byte < LEAST_OF_BYTE.len() && LEAST_OF_BYTE[byte] <= part as f32 / PARTS as f32 {
+        while LEAST_OF_NEXT[byte] <= part as f32 / PARTS as f32 {
             byte += 1;
         }
         table[part] = byte as u8;
@@ -55,14 +55,11 @@ static BYTE_OF_PART: [u8; PARTS] = {
 };
 
 /// The byte whose encoded value is nearest to that of linear light.
+#[inline]
 pub fn srgb_byte(linear: f32) -> u8 {
     // The conversion saturates, and NaN becomes 0.
-    let part = ((linear * PARTS as f32) as usize).min(PARTS - 1);
-    let mut byte = BYTE_OF_PART[part];
-    while LEAST_OF_BYTE.get(usize::from(byte)).is_some_and(|&least| least <= linear) {
-        byte += 1;
-    }
-    byte
+    let byte = BYTE_OF_PART[usize::from((linear * PARTS as f32) as u16).min(PARTS - 1)];
+    byte.wrapping_add(u8::from(LEAST_OF_NEXT[usize::from(byte)] <= linear))
 }
 
 #[cfg(test)]
@@ -86,7 +83,7 @@ mod tests {
         assert!((0..=255).all(|byte: u8| srgb_byte(LINEAR_OF_BYTE[usize::from(byte)]) == byte));
         for i in 0..=100_000 {
             let linear = i as f32 / 100_000.0;
-            assert_eq!(usize::from(srgb_byte(linear)), LEAST_OF_BYTE.partition_point(|&least| least <= linear));
+            assert_eq!(usize::from(srgb_byte(linear)), LEAST_OF_NEXT.partition_point(|&least| least <= linear));
         }
         assert_eq!((srgb_byte(-1.0), srgb_byte(f32::NAN), srgb_byte(2.0)), (0, 0, 255));
     }

@@ -16,7 +16,7 @@ use crate::mesh::NONE;
 use crate::mesh::appearance::{Appearance, ScalarRange};
 use crate::mesh::attributes::RegionAttributes;
 use crate::stage::areas::{Areas, Jumps};
-use crate::stage::bake::{Baked, BakedPatch, MAX_TEXELS, Storage, Surfels, bake, bake_coarser, baking_bytes};
+use crate::stage::bake::{Baked, BakedPatch, Baker, MAX_TEXELS, Storage, Surfels, baking_bytes};
 use crate::stage::shade::Shader;
 use crate::storage::memory::{Pool, texel_memory};
 
@@ -36,6 +36,8 @@ pub(crate) struct Studio<'a> {
     pub shader: Shader<'a>,
     /// Memory for the maps that are baked at a time.
     baking: Pool,
+    /// How many bytes each thread may keep between maps.
+    kept: u64,
 }
 
 impl<'a> Studio<'a> {
@@ -50,7 +52,11 @@ impl<'a> Studio<'a> {
             return_large_blocks();
         }
         let [images, maps] = texel_memory(memory);
-        Self { shader: Shader::new(appearance, folder, images, note), baking: Pool::new(maps) }
+        Self {
+            shader: Shader::new(appearance, folder, images, note),
+            baking: Pool::new(maps),
+            kept: maps / rayon::current_num_threads() as u64,
+        }
     }
 }
 
@@ -65,7 +71,9 @@ struct Painting<'a> {
     /// The members of each record, ascending.
     members: Vec<Vec<u32>>,
     around: TrianglesAround,
-    storage: Storage,
+    storage: &'a Storage,
+    /// What no thread bakes with now.
+    bakers: Mutex<Vec<Baker<'a>>>,
     streams: Vec<Mutex<Streams>>,
     nanoseconds: AtomicU64,
 }
@@ -85,12 +93,14 @@ impl PaintedRegion<'_> {
                 None => tops.push(number),
             }
         }
+        let storage = storage(self.appearance, colour_step);
         let painting = Painting {
             region: self,
             drawn,
             members,
             around,
-            storage: storage(self.appearance, colour_step),
+            storage: &storage,
+            bakers: Mutex::default(),
             streams: records.iter().map(|_| Mutex::default()).collect(),
             records,
             nanoseconds: AtomicU64::default(),
@@ -127,7 +137,7 @@ impl PaintedRegion<'_> {
     }
 }
 
-impl Painting<'_> {
+impl<'a> Painting<'a> {
     /// Gives a record texels, after all that lies below it.
     fn paint(&self, number: u32) -> Painted {
         let below: Vec<Painted> = self.members[number as usize].par_iter().map(|&member| self.paint(member)).collect();
@@ -162,19 +172,21 @@ impl Painting<'_> {
         let Some([density, area]) = source.density() else { return (painted, streams) };
         let across = density * DENSITY;
         let texels = (area * across * across * SPREAD).min(MAX_TEXELS as f64);
-        let _held = studio.baking.hold(baking_bytes(texels as u64, &self.storage));
+        let _held = studio.baking.hold(baking_bytes(texels as u64, self.storage));
+        let mut baker = self.baker();
         let exponent = exponent_of(1.0 / (across * scale.step()));
         for (level, block, drawn) in self.blocks(chart) {
             let patch = drawn.baked(block.error / scale.step(), charted.jumps());
             // The finest block is drawn at all finer levels, too.
             let (exponent, baked) = if painted.surfels.is_empty() {
-                (exponent, bake(&patch, &mut source, exponent, &self.storage))
+                (exponent, baker.bake(&patch, &mut source, exponent))
             } else {
                 let exponent = coarser(exponent, usize::from(scale.finest()) - level);
-                (exponent, bake_coarser(&patch, std::iter::once(&painted.surfels), exponent, &self.storage))
+                (exponent, baker.bake_coarser(&patch, std::iter::once(&painted.surfels), exponent))
             };
             painted.take(&mut streams[level], baked, exponent, level);
         }
+        self.keep(baker);
         (painted, streams)
     }
 
@@ -190,18 +202,33 @@ impl Painting<'_> {
         let Some((base, at)) = finest else { return (painted, streams) };
         let texels: usize = known().map(|member| member.surfels.count()).sum();
         // Texels are twice as large at the next level.
-        let _held = studio.baking.hold(baking_bytes((texels as f64 * SPREAD) as u64 / 4, &self.storage));
+        let _held = studio.baking.hold(baking_bytes((texels as f64 * SPREAD) as u64 / 4, self.storage));
+        let mut baker = self.baker();
         for (level, block, drawn) in self.blocks(group) {
             let patch = drawn.baked(block.error / scale.step(), jumps);
             let exponent = coarser(base, at.saturating_sub(level));
             let baked = if painted.surfels.is_empty() {
-                bake_coarser(&patch, known().map(|member| &member.surfels), exponent, &self.storage)
+                baker.bake_coarser(&patch, known().map(|member| &member.surfels), exponent)
             } else {
-                bake_coarser(&patch, std::iter::once(&painted.surfels), exponent, &self.storage)
+                baker.bake_coarser(&patch, std::iter::once(&painted.surfels), exponent)
             };
             painted.take(&mut streams[level], baked, exponent, level);
         }
+        self.keep(baker);
         (painted, streams)
+    }
+
+    /// One that nobody bakes with.
+    fn baker(&self) -> Baker<'a> {
+        let idle = self.bakers.lock().ok().and_then(|mut bakers| bakers.pop());
+        idle.unwrap_or_else(|| Baker::new(self.storage))
+    }
+
+    /// Lays it by for the next map, unless it keeps too much memory.
+    fn keep(&self, baker: Baker<'a>) {
+        if let (true, Ok(mut bakers)) = (baker.bytes() <= self.region.studio.kept, self.bakers.lock()) {
+            bakers.push(baker);
+        }
     }
 
     fn streams_of(&self, record: u32) -> Streams {

@@ -10,7 +10,7 @@ use lodpack::{Lattice, Mesh};
 
 use super::finish::Finished;
 use super::texels::exponent_of;
-use crate::stage::bake::{BakedPatch, Images, MAX_TEXELS, Source, Storage, Stored, bake};
+use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Source, Storage, Stored};
 
 /// The step of quantisation of images that are not stored.
 const STEP: u8 = 1;
@@ -30,7 +30,7 @@ pub fn painted(
     let exponent = exponent_of(sizes.fold(f64::INFINITY, f64::min));
     let reach = finished.error / lattice.step();
     let patch = BakedPatch { positions: &points, triangles: &finished.triangles, reach, areas: None };
-    let mut streams = bake(&patch, &mut source, exponent, &storage)?.streams.into_iter();
+    let mut streams = Baker::new(&storage).bake(&patch, &mut source, exponent)?.streams.into_iter();
     let bytes = TexelBytes { level: 0, map: streams.next()?, images: streams.collect() };
     let whole = Patch { triangles: finished.triangles.clone(), ..Patch::default() };
     let texture = Texture::decode(&bytes, channels, &points, &whole, MAX_TEXELS).ok()?;

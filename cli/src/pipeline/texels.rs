@@ -199,11 +199,12 @@ impl Source for InputSource<'_> {
         let maps = self.appearance.maps;
         let is_colour_all = !self.appearance.has_materials() && self.appearance.scalars.is_empty();
         if self.appearance.has_colour && is_colour_all {
-            return face.base_colours(weights, footprint, values);
+            return face.base_colours(weights, footprint, self.appearance.has_alpha, values);
         }
+        let components = usize::from(colour_components(self.appearance));
         for &weights in weights {
             if self.appearance.has_colour {
-                values.extend(face.base_colour(weights, footprint));
+                values.extend_from_slice(&face.base_colour(weights, footprint)[..components]);
             }
             if maps != MaterialMaps::default() {
                 // In the order of the channels.

@@ -7,7 +7,7 @@ use lodpack::write::RootRecord;
 use super::super::chart_work::DrawnBlocks;
 use super::super::texels::{MAX_EXPONENT, exponent_of};
 use super::Node;
-use crate::stage::bake::{BakedPatch, Images, MAX_TEXELS, Source, Storage, Stored, bake};
+use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Source, Storage, Stored};
 
 /// A top whose texels are known.
 pub(super) struct KnownTop {
@@ -62,6 +62,7 @@ pub(super) fn paint_above(
             below[parent as usize].extend(members);
         }
     }
+    let mut baker = Baker::new(storage);
     for (number, record) in records.iter_mut().enumerate().skip(count) {
         let known: Vec<&KnownTop> = below[number].iter().filter_map(|&top| tops[top as usize].1.as_ref()).collect();
         let size = known.iter().map(|top| top.texel_size()).fold(f64::INFINITY, f64::min);
@@ -80,7 +81,7 @@ pub(super) fn paint_above(
             };
             let steps = (bottom - level as f64).max(0.0) as u32;
             let exponent = (exponent_of(size) + 2 * steps).min(MAX_EXPONENT);
-            block.texels = bake(&patch, &mut source, exponent, storage).map_or(vec![], |baked| baked.streams);
+            block.texels = baker.bake(&patch, &mut source, exponent).map_or(vec![], |baked| baked.streams);
         }
     }
 }

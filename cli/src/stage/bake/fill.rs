@@ -19,8 +19,8 @@ const MAX_ROUNDS: usize = 16;
 pub(super) fn finished(mut sums: Sums<'_>, patch: &BakedPatch<'_>, map: &Map, drawn: &Drawn) -> Vec<f32> {
     sums.divide();
     let known: Vec<bool> = (0..drawn.is_used.len()).map(|texel| sums.has(texel)).collect();
-    let (count, labels) = (sums.count(), sums.labels());
-    let mut filling = Filling { map, is_used: &drawn.is_used, known, count, labels, values: sums.sums };
+    let (stride, labels) = (sums.stride(), sums.labels());
+    let mut filling = Filling { map, is_used: &drawn.is_used, known, stride, labels, values: sums.sums };
     let mut rounds = 0;
     while !filling.fill_pieces() && rounds < MAX_ROUNDS && filling.cross(patch) {
         rounds += 1;
@@ -34,8 +34,8 @@ struct Filling<'a> {
     is_used: &'a [bool],
     /// Whether a texel has values.
     known: Vec<bool>,
-    /// Values of a texel.
-    count: usize,
+    /// Numbers of a texel: its values, and weights that count no more.
+    stride: usize,
     /// Where labels lie among them.
     labels: Vec<usize>,
     values: Vec<f32>,
@@ -64,7 +64,7 @@ impl Filling<'_> {
                     break;
                 }
                 for (number, &texel) in found.iter().enumerate() {
-                    self.set(texel, &means[number * self.count..][..self.count]);
+                    self.set(texel, &means[number * self.stride..][..self.stride]);
                 }
                 means.clear();
                 open.retain(|&texel| !self.known[texel]);
@@ -80,7 +80,9 @@ impl Filling<'_> {
         let (mut known, mut open): (HashMap<u32, usize>, _) = (HashMap::new(), vec![]);
         for (corners, &label) in patch.triangles.iter().zip(&self.map.labels) {
             for &corner in corners {
-                let texel = texel_at(projections[usize::from(label)].place(patch.position(corner)), self.map.size);
+                let place = projections[usize::from(label)].place(patch.position(corner));
+                let [column, row] = texel_at(place, self.map.size);
+                let texel = row as usize * self.map.size[0] as usize + column as usize;
                 if self.known[texel] {
                     known.entry(corner).or_insert(texel);
                 } else {
@@ -91,7 +93,7 @@ impl Filling<'_> {
         let mut is_any = false;
         for (corner, texel) in open {
             if let Some(&from) = known.get(&corner) {
-                let values = self.values[from * self.count..][..self.count].to_vec();
+                let values = self.values[from * self.stride..][..self.stride].to_vec();
                 self.set(texel, &values);
                 is_any = true;
             }
@@ -111,9 +113,9 @@ impl Filling<'_> {
     /// Appends the mean of those texels that have values, and the labels of the first one. Says whether there are any.
     fn add_mean(&self, texels: impl Iterator<Item = usize>, means: &mut Vec<f32>) -> bool {
         let (first, mut known, mut one) = (means.len(), 0.0, None);
-        means.resize(first + self.count, 0.0);
+        means.resize(first + self.stride, 0.0);
         for texel in texels.filter(|&texel| self.known[texel]) {
-            let values = &self.values[texel * self.count..][..self.count];
+            let values = &self.values[texel * self.stride..][..self.stride];
             means[first..].iter_mut().zip(values).for_each(|(sum, &value)| *sum += value);
             known += 1.0;
             one = one.or(Some(texel));
@@ -123,12 +125,12 @@ impl Filling<'_> {
             return false;
         };
         means[first..].iter_mut().for_each(|sum| *sum /= known);
-        self.labels.iter().for_each(|&label| means[first + label] = self.values[one * self.count + label]);
+        self.labels.iter().for_each(|&label| means[first + label] = self.values[one * self.stride + label]);
         true
     }
 
     fn set(&mut self, texel: usize, values: &[f32]) {
-        self.values[texel * self.count..][..self.count].copy_from_slice(values);
+        self.values[texel * self.stride..][..self.stride].copy_from_slice(values);
         self.known[texel] = true;
     }
 }

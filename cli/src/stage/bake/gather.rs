@@ -1,13 +1,13 @@
 //! Collects for each texel what the input shows there.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3A};
 use lodpack::decode::texels::Map;
 
 use super::fill::finished;
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, for_each_sample, texel_at};
 use super::strangers::Strangers;
-use super::values::{Storage, Sums};
+use super::values::Sums;
 use super::{BakedPatch, Source};
 use crate::stage::certify::{Hint, TriangleBvh};
 
@@ -22,9 +22,8 @@ pub(super) fn gather(
     map: &Map,
     drawn: &Drawn,
     source: &mut impl Source,
-    storage: &Storage,
+    mut sums: Sums<'_>,
 ) -> Vec<f32> {
-    let mut sums = Sums::new(drawn.depth.len(), storage);
     let (pieces, strangers) = (projections(patch, map), Strangers::new(patch, map, &source.areas_beyond()));
     let mut samples = Samples::default();
     for triangle in 0..source.triangle_count() {
@@ -36,7 +35,7 @@ pub(super) fn gather(
             let is_wanted = normal.dot(projection.normal) > 0.0 && projection.touches([low, high]);
             if is_wanted && !strangers.has(piece, source.area(triangle)) {
                 samples.find(projection, corners, map, drawn);
-                samples.add_to(&mut sums, triangle, source, storage.count());
+                samples.add_to(&mut sums, triangle, source);
             }
         }
     }
@@ -47,7 +46,7 @@ pub(super) fn gather(
 /// Points of a triangle, each on a texel.
 #[derive(Default)]
 struct Samples {
-    texels: Vec<usize>,
+    texels: Vec<u32>,
     points: Vec<[f32; 3]>,
     /// The weight of each of them.
     weight: f32,
@@ -58,11 +57,11 @@ struct Samples {
 
 impl Samples {
     /// Adds their values, and forgets them.
-    fn add_to(&mut self, sums: &mut Sums<'_>, triangle: usize, source: &mut impl Source, count: usize) {
+    fn add_to(&mut self, sums: &mut Sums<'_>, triangle: usize, source: &mut impl Source) {
         if !self.points.is_empty() {
             source.shade(triangle, &self.points, self.footprint as f32, &mut self.values);
-            for (&texel, values) in self.texels.iter().zip(self.values.chunks_exact(count)) {
-                sums.add(texel, values, self.weight);
+            for (&texel, values) in self.texels.iter().zip(self.values.chunks_exact(sums.count())) {
+                sums.add(texel as usize, values, self.weight);
             }
         }
         self.texels.clear();
@@ -82,23 +81,24 @@ impl Samples {
         }
         for k in 0..3 {
             if (0..2).all(|axis| low[axis] - 0.5 <= places[k][axis] && places[k][axis] < high[axis] + 0.5) {
-                let point = Vec3::new(places[k][0] as f32, places[k][1] as f32, depths[k] as f32);
-                let closest = drawn.closest(point, texel_at(places[k], map.size), map.size, projection.reach);
+                let point = Vec3A::new(places[k][0] as f32, places[k][1] as f32, depths[k] as f32);
+                let closest =
+                    drawn.closest(point, texel_at(places[k], map.size), map.size[0] as usize, projection.reach);
                 let step = (closest - point).as_dvec3();
                 (places[k], depths[k]) = ([places[k][0] + step.x, places[k][1] + step.y], depths[k] + step.z);
             }
         }
         let width = map.size[0] as usize;
         // Texels of the piece.
-        let [left, top] = low.map(|x| x as usize);
-        let [right, bottom] = high.map(|x| x as usize);
-        let mut visit = |texel: usize, weights: [f64; 3]| {
+        let [left, top] = low.map(|x| x as u32);
+        let [right, bottom] = high.map(|x| x as u32);
+        let mut visit = |[x, y]: [u32; 2], weights: [f64; 3]| {
             let depth = weights[0] * depths[0] + weights[1] * depths[1] + weights[2] * depths[2];
-            let (x, y) = (texel % width, texel / width);
+            let texel = y as usize * width + x as usize;
             let is_within = left <= x && x <= right && top <= y && y <= bottom;
             // Comparisons with NaN are false.
             if is_within && (drawn.depth[texel] - depth as f32).abs() <= projection.reach {
-                self.texels.push(texel);
+                self.texels.push(texel as u32);
                 self.points.push(weights.map(|weight| weight as f32));
             }
         };
@@ -112,10 +112,10 @@ impl Samples {
             }
             (self.weight, self.footprint) = (area as f32, length * projection.size);
         } else if length < SHORT {
-            for_each_sample(places, map.size, 2, visit);
+            for_each_sample(places, map.size, 1, visit);
             (self.weight, self.footprint) = (0.25, 0.5 * projection.size);
         } else {
-            for_each_sample(places, map.size, 1, visit);
+            for_each_sample(places, map.size, 0, visit);
             (self.weight, self.footprint) = (1.0, projection.size);
         }
     }

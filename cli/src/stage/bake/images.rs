@@ -79,9 +79,12 @@ fn add(stored: Stored, image: &ChannelImage, [x, y]: [u32; 2], share: f32, sums:
     match (stored, image) {
         (Stored::Colour { .. }, ChannelImage::Colours(image)) => {
             let texel = image.texel(x, y);
+            // Colours without opacity have three values.
             let opacity = texel.get(3).map_or(1.0, |&opacity| f32::from(opacity) / 255.0) * share;
             (0..3).for_each(|k| sums[k] += LINEAR_OF_BYTE[usize::from(texel[k])] * opacity);
-            sums[3] += opacity;
+            if let Some(sum) = sums.get_mut(3) {
+                *sum += opacity;
+            }
         }
         (Stored::Normal { .. }, ChannelImage::Normals(image)) => {
             let texel = image.texel(x, y);

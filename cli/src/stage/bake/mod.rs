@@ -26,6 +26,7 @@ use pieces::{Pieces, divide};
 use raster::Drawn;
 pub use surfels::Surfels;
 use surfels::gather_surfels;
+use values::Sums;
 pub use values::{Storage, Stored};
 
 /// The most texels of a patch.
@@ -99,57 +100,80 @@ pub struct Baked {
 /// Bytes of memory that baking a map of so many texels takes: the depth and slope of each and how it is used, sums with their weights, the
 /// image, and what is handed on.
 pub fn baking_bytes(texels: u64, storage: &Storage) -> u64 {
-    texels * (DRAWN_BYTES + 4 * (storage.count() + storage.weights()) + 2 * storage.packed_bytes()) as u64
+    texels * (DRAWN_BYTES + 4 * storage.stride() + 2 * storage.packed_bytes()) as u64
 }
 
-/// The images of a patch, with texels of 2^(exponent / 2) lattice units. None if nothing can be projected.
-pub fn bake(patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32, storage: &Storage) -> Option<Baked> {
-    let (map, bytes, drawn) = mapped(patch, exponent)?;
-    let values = gather(patch, &map, &drawn, source, storage);
-    Some(baked(patch, &map, bytes, &drawn, &values, storage))
+/// Gives patches images, one after another, with the memory that it took for those before: a build has billions of texels, and the system
+/// clears each page that it hands out.
+pub struct Baker<'s> {
+    storage: &'s Storage,
+    drawn: Drawn,
+    sums: Vec<f32>,
 }
 
-/// As [`bake`], from the texels of finer patches.
-pub fn bake_coarser<'a>(
-    patch: &BakedPatch<'_>,
-    finer: impl Iterator<Item = &'a Surfels> + Clone,
-    exponent: u32,
-    storage: &Storage,
-) -> Option<Baked> {
-    let (map, bytes, drawn) = mapped(patch, exponent)?;
-    let values = gather_surfels(patch, &map, &drawn, finer, storage);
-    Some(baked(patch, &map, bytes, &drawn, &values, storage))
-}
-
-fn baked(patch: &BakedPatch<'_>, map: &Map, bytes: Vec<u8>, drawn: &Drawn, values: &[f32], storage: &Storage) -> Baked {
-    let mut streams = vec![bytes];
-    streams.extend(storage.encode(map, values, &drawn.is_used));
-    Baked { streams, surfels: Surfels::new(patch, map, drawn, values, storage) }
-}
-
-/// Finds a map whose pieces do not overlap themselves by much.
-fn mapped(patch: &BakedPatch<'_>, mut exponent: u32) -> Option<(Map, Vec<u8>, Drawn)> {
-    let BakedPatch { positions, triangles, .. } = *patch;
-    let mut pieces = divide(patch);
-    for round in 0.. {
-        let Pieces { shapes, labels } = &pieces;
-        let Ok((map, bytes)) = encode_map(positions, triangles, exponent, shapes, labels, MAX_TEXELS) else {
-            // Fewer texels, until they fit.
-            exponent += 1;
-            if exponent > 127 {
-                return None;
-            }
-            continue;
-        };
-        let mut drawn = Drawn::new(patch, &map);
-        if round < MAX_ROUNDS && !drawn.hidden.is_empty() {
-            pieces.separate(&drawn.hidden, patch);
-            continue;
-        }
-        drawn.complete(patch, &map);
-        return Some((map, bytes, drawn));
+impl<'s> Baker<'s> {
+    /// For images that are stored like this.
+    pub fn new(storage: &'s Storage) -> Self {
+        Self { storage, drawn: Drawn::default(), sums: vec![] }
     }
-    None
+
+    /// Bytes of memory that it keeps.
+    pub fn bytes(&self) -> u64 {
+        (DRAWN_BYTES * self.drawn.depth.capacity() + 4 * self.sums.capacity()) as u64
+    }
+
+    /// The images of a patch, with texels of 2^(exponent / 2) lattice units. None if nothing can be projected.
+    pub fn bake(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
+        let (map, bytes) = self.mapped(patch, exponent)?;
+        let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.sums));
+        self.sums = gather(patch, &map, &self.drawn, source, sums);
+        Some(self.baked(patch, &map, bytes))
+    }
+
+    /// As [`Baker::bake`], from the texels of finer patches.
+    pub fn bake_coarser<'a>(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        finer: impl Iterator<Item = &'a Surfels> + Clone,
+        exponent: u32,
+    ) -> Option<Baked> {
+        let (map, bytes) = self.mapped(patch, exponent)?;
+        let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.sums));
+        self.sums = gather_surfels(patch, &map, &self.drawn, finer, sums);
+        Some(self.baked(patch, &map, bytes))
+    }
+
+    fn baked(&self, patch: &BakedPatch<'_>, map: &Map, bytes: Vec<u8>) -> Baked {
+        let Self { storage, drawn, sums: values } = self;
+        let mut streams = vec![bytes];
+        streams.extend(storage.encode(map, values, &drawn.is_used));
+        Baked { streams, surfels: Surfels::new(patch, map, drawn, values, storage) }
+    }
+
+    /// Finds a map whose pieces do not overlap themselves by much, and draws the patch on it.
+    fn mapped(&mut self, patch: &BakedPatch<'_>, mut exponent: u32) -> Option<(Map, Vec<u8>)> {
+        let BakedPatch { positions, triangles, .. } = *patch;
+        let mut pieces = divide(patch);
+        for round in 0.. {
+            let Pieces { shapes, labels } = &pieces;
+            let Ok((map, bytes)) = encode_map(positions, triangles, exponent, shapes, labels, MAX_TEXELS) else {
+                // Fewer texels, until they fit.
+                exponent += 1;
+                if exponent > 127 {
+                    return None;
+                }
+                continue;
+            };
+            self.drawn.draw(patch, &map);
+            if round < MAX_ROUNDS && !self.drawn.hidden.is_empty() {
+                pieces.separate(&self.drawn.hidden, patch);
+                continue;
+            }
+            self.drawn.complete(patch, &map);
+            return Some((map, bytes));
+        }
+        None
+    }
 }
 
 #[cfg(test)]

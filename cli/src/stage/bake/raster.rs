@@ -1,6 +1,6 @@
 //! Triangles on the texels of a map.
 
-use glam::Vec3;
+use glam::Vec3A;
 use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
@@ -33,13 +33,19 @@ pub(super) struct Drawn {
 }
 
 impl Drawn {
-    pub fn new(patch: &BakedPatch<'_>, map: &Map) -> Self {
+    /// Draws a patch, in place of what was drawn before.
+    pub fn draw(&mut self, patch: &BakedPatch<'_>, map: &Map) {
         let count = map.size[0] as usize * map.size[1] as usize;
-        let mut this = Self { depth: vec![f32::NAN; count], slope: vec![[0.0; 2]; count], ..Self::default() };
+        self.depth.clear();
+        self.depth.resize(count, f32::NAN);
+        // Where there is no depth, nobody asks for the slope.
+        self.slope.resize(count, [0.0; 2]);
+        self.areas.clear();
         if patch.areas.is_some() {
-            this.areas = vec![NONE; count];
+            self.areas.resize(count, NONE);
         }
-        let projections = projections(patch, map);
+        self.hidden.clear();
+        let (projections, width) = (projections(patch, map), map.size[0] as usize);
         for (number, corners) in (0..).zip(patch.triangles) {
             let projection = &projections[usize::from(map.labels[number as usize])];
             let points = corners.map(|corner| patch.position(corner));
@@ -47,29 +53,29 @@ impl Drawn {
             let depths = points.map(|point| projection.depth(point));
             let slope = slope(places, depths);
             let mut is_hidden = false;
-            for_each_sample(places, map.size, 1, |texel, weights| {
+            for_each_sample(places, map.size, 0, |[column, row], weights| {
+                let texel = row as usize * width + column as usize;
                 let at = (weights[0] * depths[0] + weights[1] * depths[1] + weights[2] * depths[2]) as f32;
-                let before = &mut this.depth[texel];
+                let before = &mut self.depth[texel];
                 if before.is_nan() {
                     *before = at;
-                    this.slope[texel] = slope;
+                    self.slope[texel] = slope;
                     if let Some(areas) = patch.areas {
-                        this.areas[texel] = areas.of_triangles[number as usize];
+                        self.areas[texel] = areas.of_triangles[number as usize];
                     }
                 } else if (*before - at).abs() > SAME_SHEET {
                     is_hidden = true;
                 }
             });
             if is_hidden {
-                this.hidden.push(number);
+                self.hidden.push(number);
             }
         }
-        this
     }
 
     /// Finds which texels are used, after everything is drawn.
     pub fn complete(&mut self, patch: &BakedPatch<'_>, map: &Map) {
-        self.is_covered = self.depth.iter().map(|depth| !depth.is_nan()).collect();
+        has_depth(&self.depth, &mut self.is_covered);
         self.add_vertices(patch, map);
         self.widen(map);
     }
@@ -83,7 +89,8 @@ impl Drawn {
             let places = points.map(|point| projection.place(point));
             let depths = points.map(|point| projection.depth(point));
             for (place, depth) in places.into_iter().zip(depths) {
-                let texel = texel_at(place, map.size);
+                let [column, row] = texel_at(place, map.size);
+                let texel = row as usize * map.size[0] as usize + column as usize;
                 if self.depth[texel].is_nan() {
                     self.depth[texel] = depth as f32;
                     self.slope[texel] = slope(places, depths);
@@ -95,62 +102,79 @@ impl Drawn {
     /// Texels beside the patch get the depth of their neighbours, twice: once for interpolation, once where finer borders reach.
     fn widen(&mut self, map: &Map) {
         let width = map.size[0] as usize;
-        let mut rows: Vec<Vec<bool>> = vec![];
+        let (mut rows, mut open): (Vec<Vec<bool>>, Vec<[usize; 2]>) = (vec![], vec![]);
         let mut beside: Vec<(usize, f32, [f32; 2])> = vec![];
         for piece in &map.pieces {
             let [[left, top], [right, bottom]] = piece.range().map(|corner| corner.map(|x| x as usize));
-            for _ in 0..2 {
-                // Of each texel whether it or one beside it in its row has a depth.
-                rows.resize_with(bottom - top + 1, Vec::new);
-                for (row, y) in rows.iter_mut().zip(top..=bottom) {
-                    row.clear();
-                    row.extend((left..=right).map(|x| !self.depth[y * width + x].is_nan()));
-                    widen_row(row);
-                }
-                for y in top..=bottom {
-                    let around = y.saturating_sub(1).max(top)..=(y + 1).min(bottom);
-                    for x in left..=right {
-                        let texel = y * width + x;
-                        if !self.depth[texel].is_nan() || !around.clone().any(|y| rows[y - top][x - left]) {
-                            continue;
+            let around = |x: usize, low: usize, high: usize| x.saturating_sub(1).max(low)..=(x + 1).min(high);
+            // Of each texel whether it or one beside it in its row has a depth.
+            rows.resize_with(bottom - top + 1, Vec::new);
+            for (row, y) in rows.iter_mut().zip(top..=bottom) {
+                row.clear();
+                row.extend(self.depth[y * width + left..=y * width + right].iter().map(|depth| !depth.is_nan()));
+                widen_row(row);
+            }
+            open.clear();
+            for y in top..=bottom {
+                let depths = &self.depth[y * width + left..=y * width + right];
+                let of_row = (left..).zip(depths).filter(|(_, depth)| depth.is_nan()).map(|(x, _)| [x, y]);
+                open.extend(of_row.filter(|[x, _]| around(y, top, bottom).any(|y| rows[y - top][x - left])));
+            }
+            for ring in 0..2 {
+                for &[x, y] in &open {
+                    let (mut sum, mut slopes, mut count) = (0.0, [0.0; 2], 0.0);
+                    let columns = around(x, left, right);
+                    for other in around(y, top, bottom).flat_map(|y| columns.clone().map(move |x| y * width + x)) {
+                        if !self.depth[other].is_nan() {
+                            (sum, count) = (sum + self.depth[other], count + 1.0);
+                            (0..2).for_each(|k| slopes[k] += self.slope[other][k]);
                         }
-                        let (mut sum, mut slopes, mut count) = (0.0, [0.0; 2], 0.0);
-                        let columns = x.saturating_sub(1).max(left)..=(x + 1).min(right);
-                        for other in around.clone().flat_map(|y| columns.clone().map(move |x| y * width + x)) {
-                            if !self.depth[other].is_nan() {
-                                (sum, count) = (sum + self.depth[other], count + 1.0);
-                                (0..2).for_each(|k| slopes[k] += self.slope[other][k]);
-                            }
-                        }
-                        beside.push((texel, sum / count, slopes.map(|slope| slope / count)));
                     }
+                    beside.push((y * width + x, sum / count, slopes.map(|slope| slope / count)));
                 }
                 for (texel, depth, slope) in beside.drain(..) {
                     (self.depth[texel], self.slope[texel]) = (depth, slope);
                 }
+                if ring == 0 {
+                    // What has no depth now lies beside those that have just got one.
+                    let all = open.iter().flat_map(|&[x, y]| {
+                        let columns = around(x, left, right);
+                        around(y, top, bottom).flat_map(move |y| columns.clone().map(move |x| [x, y]))
+                    });
+                    let mut next: Vec<[usize; 2]> = all.filter(|[x, y]| self.depth[y * width + x].is_nan()).collect();
+                    next.sort_unstable();
+                    next.dedup();
+                    open = next;
+                }
             }
         }
-        self.is_used = self.depth.iter().map(|depth| !depth.is_nan()).collect();
+        has_depth(&self.depth, &mut self.is_used);
     }
 
     /// The point of the patch that is closest to a point of the source, as far as the patch is as flat there as at the texel of the point: so
     /// the source is shown where a viewer would look for it, whatever the axis. Points are a place and a depth. A point that is further
     /// away than `reach` along the axis stays where it is.
     #[inline]
-    pub fn closest(&self, point: Vec3, texel: usize, size: [u32; 2], reach: f32) -> Vec3 {
-        let width = size[0] as usize;
+    pub fn closest(&self, point: Vec3A, [column, row]: [u32; 2], width: usize, reach: f32) -> Vec3A {
+        let texel = row as usize * width + column as usize;
         let [along, down] = self.slope[texel];
-        let centre = [(texel % width) as f32 + 0.5, (texel / width) as f32 + 0.5];
+        let centre = [column as f32 + 0.5, row as f32 + 0.5];
         let away = point.z - (self.depth[texel] + along * (point.x - centre[0]) + down * (point.y - centre[1]));
         // Comparisons with NaN are false.
         if away.abs() <= reach {
             let step = away / (1.0 + along * along + down * down);
-            let moved = Vec3::new(along * step, down * step, -step);
+            let moved = Vec3A::new(along * step, down * step, -step);
             if moved.x.abs().max(moved.y.abs()) <= MAX_STEP { point + moved } else { point }
         } else {
             point
         }
     }
+}
+
+/// Notes of each texel whether it has a depth.
+fn has_depth(depth: &[f32], result: &mut Vec<bool>) {
+    result.clear();
+    result.extend(depth.iter().map(|depth| !depth.is_nan()));
 }
 
 /// Spreads what is true of an element to both beside it.
@@ -172,30 +196,29 @@ fn slope([a, b, c]: [[f64; 2]; 3], depths: [f64; 3]) -> [f32; 2] {
     if slope.iter().all(|slope| slope.is_finite()) { slope } else { [0.0; 2] }
 }
 
-/// The texel in which a place lies.
-pub(super) fn texel_at(place: [f64; 2], size: [u32; 2]) -> usize {
+/// Column and row of the texel in which a place lies.
+pub(super) fn texel_at(place: [f64; 2], size: [u32; 2]) -> [u32; 2] {
     // The conversion saturates.
-    let [x, y] = [0, 1].map(|k| (place[k] as u32).min(size[k] - 1) as usize);
-    y * size[0] as usize + x
+    [0, 1].map(|k| (place[k] as u32).min(size[k] - 1))
 }
 
-/// Calls a function for each centre of `fineness` by `fineness` parts of a texel that lies in a triangle, with the number of the texel and the
-/// weights of the corners. The triangle may have either winding.
+/// Calls a function for each centre of a texel that lies in a triangle, with the column and row of the texel and the weights of the corners;
+/// or, with `fineness` 1, of each of its quarters. The triangle may have either winding.
 pub(super) fn for_each_sample(
     places: [[f64; 2]; 3],
     size: [u32; 2],
     fineness: u32,
-    mut visit: impl FnMut(usize, [f64; 3]),
+    mut visit: impl FnMut([u32; 2], [f64; 3]),
 ) {
     let [a, b, c] = places;
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     if area == 0.0 || !area.is_finite() {
         return;
     }
-    let (inverse, step) = (1.0 / area, 1.0 / f64::from(fineness));
+    let (inverse, step) = (1.0 / area, 1.0 / f64::from(1_u32 << fineness));
     let range = |axis: usize| {
         let [low, high] = [a[axis].min(b[axis]).min(c[axis]), a[axis].max(b[axis]).max(c[axis])];
-        let count = f64::from(size[axis] * fineness);
+        let count = f64::from(size[axis] << fineness);
         let first = (low / step - 0.5).ceil().clamp(0.0, count);
         let end = ((high / step - 0.5).floor() + 1.0).clamp(0.0, count);
         first as u32..end as u32
@@ -210,11 +233,10 @@ pub(super) fn for_each_sample(
         let first = [weight(b, c), weight(c, a), weight(a, b)];
         let weights = |column: u32| [0, 1, 2].map(|k| first[k] + f64::from(column) * growth[k]);
         let is_inside = |column: u32| weights(column).iter().all(|&weight| weight >= 0.0);
-        let texels = (row / fineness) as usize * size[0] as usize;
         if columns.len() <= FEW_COLUMNS {
             for (column, weights) in columns.clone().map(|column| (column, weights(column))) {
                 if weights.iter().all(|&weight| weight >= 0.0) {
-                    visit(texels + (column / fineness) as usize, weights);
+                    visit([column >> fineness, row >> fineness], weights);
                 }
             }
             continue;
@@ -239,7 +261,7 @@ pub(super) fn for_each_sample(
             end -= 1;
         }
         for column in start..end {
-            visit(texels + (column / fineness) as usize, weights(column));
+            visit([column >> fineness, row >> fineness], weights(column));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Texels as points of the surface: images of coarser patches are made of them, as they were before they were quantised.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec3A};
 use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
@@ -60,14 +60,6 @@ impl Run {
     fn count(&self) -> usize {
         self.rows.iter().map(|row| row.count_ones() as usize).sum()
     }
-
-    /// Columns and rows of those that are covered, in the order of their values.
-    fn places(&self) -> impl Iterator<Item = [f32; 2]> {
-        (0..).zip(self.rows).flat_map(|(y, row)| {
-            let columns = std::iter::successors(Some(row), |row| Some(row & row.wrapping_sub(1)));
-            columns.take_while(|&row| row != 0).map(move |row| [row.trailing_zeros() as f32, y as f32])
-        })
-    }
 }
 
 impl Surfels {
@@ -115,31 +107,44 @@ impl Surfels {
         values: &[f32],
         storage: &Storage,
     ) {
-        let texels = || (top..=bottom).flat_map(|y| (left..=right).map(move |x| (x, y, y * width + x)));
-        let covered = || texels().filter(|&(.., texel)| drawn.is_covered[texel]);
-        let (mut range, mut rows) = ([f32::INFINITY, f32::NEG_INFINITY], [0; SIDE]);
-        for (x, y, texel) in covered() {
-            let depth = drawn.depth[texel];
-            range = [range[0].min(depth), range[1].max(depth)];
-            rows[y - top] |= 1 << (x - left);
+        let texels = |y: usize| y * width + left..y * width + right + 1;
+        let point = |x: usize, y: usize, depth: f32| {
+            patch.origin() + projection.point([x as f64 + 0.5, y as f64 + 0.5], f64::from(depth))
+        };
+        let (mut range, mut rows) = ([f32::INFINITY, f32::NEG_INFINITY], [0_u16; SIDE]);
+        let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        for (row, y) in rows.iter_mut().zip(top..=bottom) {
+            let mut of_row = [f32::INFINITY, f32::NEG_INFINITY];
+            let depths = drawn.depth[texels(y)].iter().zip(&drawn.is_covered[texels(y)]);
+            for (x, (&depth, _)) in depths.enumerate().filter(|(_, (_, is_covered))| **is_covered) {
+                of_row = [of_row[0].min(depth), of_row[1].max(depth)];
+                *row |= 1 << x;
+            }
+            if *row != 0 {
+                // No point of the row is beyond these four.
+                let ends = [row.trailing_zeros(), row.ilog2()].map(|x| left + x as usize);
+                for point in ends.into_iter().flat_map(|x| of_row.map(|depth| point(x, y, depth))) {
+                    bounds = [bounds[0].min(point), bounds[1].max(point)];
+                }
+                range = [range[0].min(of_row[0]), range[1].max(of_row[1])];
+            }
         }
         if rows == [0; SIDE] {
             return;
         }
         let step = (range[1] - range[0]) / f32::from(u16::MAX);
-        let point = |x: usize, y: usize, depth: f32| {
-            patch.origin() + projection.point([x as f64 + 0.5, y as f64 + 0.5], f64::from(depth))
-        };
-        let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        let inverse = if step > 0.0 { 1.0 / step } else { 0.0 };
         let (first, first_area) = (self.depths.len(), self.areas.len());
-        for (x, y, texel) in covered() {
-            let depth = drawn.depth[texel];
-            let point = point(x, y, depth);
-            bounds = [bounds[0].min(point), bounds[1].max(point)];
-            // The conversion saturates, and NaN becomes 0.
-            self.depths.push(((depth - range[0]) / step + 0.5) as u16);
-            storage.pack(&values[texel * storage.count()..][..storage.count()], &mut self.values);
-            self.areas.extend(drawn.areas.get(texel));
+        for (&row, y) in rows.iter().zip(top..=bottom) {
+            let mut rest = row;
+            while rest != 0 {
+                let texel = texels(y).start + rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                // The conversion saturates.
+                self.depths.push(((drawn.depth[texel] - range[0]) * inverse + 0.5) as u16);
+                storage.pack(&values[texel * storage.stride()..][..storage.count()], &mut self.values);
+                self.areas.extend(drawn.areas.get(texel));
+            }
         }
         let areas = match &self.areas[first_area..] {
             [] => RunAreas::Unknown,
@@ -224,16 +229,19 @@ pub(super) fn gather_surfels<'a>(
     map: &Map,
     drawn: &Drawn,
     surfels: impl Iterator<Item = &'a Surfels> + Clone,
-    storage: &Storage,
+    mut sums: Sums<'_>,
 ) -> Vec<f32> {
-    let mut sums = Sums::new(drawn.depth.len(), storage);
+    let storage = sums.storage;
     let width = map.size[0] as usize;
     let tiles = Tiles::new(drawn, width);
     let strangers = Strangers::new(patch, map, &[]);
-    let mut values = Vec::with_capacity(storage.count());
+    let (size, mut values) = (storage.packed_bytes(), Vec::with_capacity(storage.count()));
     for (piece, projection) in projections(patch, map).into_iter().enumerate() {
-        let low = projection.range[0].map(|x| x as f32 - 0.5);
-        let high = projection.range[1].map(|x| x as f32 + 0.5);
+        let [low, high] = projection.range.map(|[x, y]| [x as f32, y as f32]);
+        let low = Vec3A::new(low[0] - 0.5, low[1] - 0.5, f32::NEG_INFINITY);
+        let high = Vec3A::new(high[0] + 0.5, high[1] + 0.5, f32::INFINITY);
+        // Comparisons with NaN are false.
+        let is_within = |at: Vec3A| (at.cmpge(low) & at.cmplt(high)).all();
         let has_strangers = !strangers.of(piece).is_empty();
         let runs = surfels.clone().flat_map(|surfels| surfels.runs.iter().map(move |run| (surfels, run)));
         for (surfels, run) in runs.filter(|(_, run)| run.normal.dot(projection.normal) > STEEP) {
@@ -247,30 +255,32 @@ pub(super) fn gather_surfels<'a>(
                 RunAreas::From(first) => strangers.has(piece, surfels.areas[first + number]),
             };
             let (first, [by_x, by_y, by_z]) = projection.around(run.origin - patch.origin());
-            let [beside, below, deeper] = run.steps.map(|step| by_x * step.x + by_y * step.y + by_z * step.z);
+            let of_step = |step: Vec3| Vec3A::from(by_x * step.x + by_y * step.y + by_z * step.z);
+            let (first, [beside, below, deeper]) = (Vec3A::from(first), run.steps.map(of_step));
             let own = run.first..run.first + run.count();
-            let size = storage.packed_bytes();
-            let packed = surfels.values[own.start * size..own.end * size].chunks_exact(size);
-            let points = run.places().zip(&surfels.depths[own]).zip(packed);
-            for (number, (([x, y], &depth), packed)) in points.enumerate() {
-                if has_strangers && is_strange(number) {
-                    continue;
-                }
-                let at = first + beside * x + below * y + deeper * f32::from(depth);
-                let is_beside = |at: Vec3| at.x < low[0] || at.y < low[1] || at.x >= high[0] || at.y >= high[1];
-                if is_beside(at) {
-                    continue;
-                }
-                let texel = at.y as usize * width + at.x as usize;
-                let at = drawn.closest(at, texel, map.size, projection.reach);
-                if is_beside(at) {
-                    continue;
-                }
-                let texel = at.y as usize * width + at.x as usize;
-                // Comparisons with NaN are false.
-                if (drawn.depth[texel] - at.z).abs() <= projection.reach {
-                    storage.unpack(packed, &mut values);
-                    sums.add(texel, &values, run.size);
+            let packed = &surfels.values[own.start * size..own.end * size];
+            let depths = &surfels.depths[own];
+            let mut number = 0;
+            for (y, mut row) in run.rows.into_iter().enumerate() {
+                let start = first + below * y as f32;
+                while row != 0 {
+                    let (x, this) = (row.trailing_zeros(), number);
+                    (row, number) = (row & (row - 1), number + 1);
+                    if has_strangers && is_strange(this) {
+                        continue;
+                    }
+                    let at = start + beside * x as f32 + deeper * f32::from(depths[this]);
+                    if !is_within(at) {
+                        continue;
+                    }
+                    let at = drawn.closest(at, [at.x as u32, at.y as u32], width, projection.reach);
+                    if !is_within(at) {
+                        continue;
+                    }
+                    let texel = at.y as u32 as usize * width + at.x as u32 as usize;
+                    if (drawn.depth[texel] - at.z).abs() <= projection.reach {
+                        sums.add_packed(texel, &packed[this * size..][..size], run.size, &mut values);
+                    }
                 }
             }
         }

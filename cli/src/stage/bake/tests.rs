@@ -29,15 +29,9 @@ struct Sphere {
     triangles: Vec<[u32; 3]>,
 }
 
-fn colour(point: DVec3) -> [f32; 4] {
+fn colour(point: DVec3) -> [f32; 3] {
     let n = point.normalize_or_zero();
-    [n.x, n.y, (n.z * 5.0).sin()]
-        .map(|x| (0.5 + 0.5 * x) as f32)
-        .into_iter()
-        .chain([1.0])
-        .collect::<Vec<_>>()
-        .try_into()
-        .unwrap()
+    [n.x, n.y, (n.z * 5.0).sin()].map(|x| (0.5 + 0.5 * x) as f32)
 }
 
 impl Source for Sphere {
@@ -69,7 +63,7 @@ fn a_coarse_sphere_shows_the_colours_of_a_fine_one() {
     let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 80.0, areas: None };
     let storage =
         Storage::new(vec![Stored::Colour { components: 3, step: 4 }, Stored::Scalar { low: -1000.0, step: 0.5 }]);
-    let baked = bake(&patch, &mut source, 8, &storage).unwrap();
+    let baked = Baker::new(&storage).bake(&patch, &mut source, 8).unwrap();
     let [map, colours, heights] = &baked.streams[..] else { panic!("a map, colours and heights") };
     let map = Map::decode(map, &positions, &triangles, MAX_TEXELS).unwrap();
     let image = Image::decode_colours(colours, map.size, 3).unwrap();
@@ -117,7 +111,7 @@ fn patches_without_area_and_without_a_source_have_an_image_or_none() {
     for positions in [[[0, 0, 0]; 3], [[0, 0, 0], [5, 0, 0], [9, 0, 0]], [[0, 0, 0], [1 << 40, 0, 0], [0, 1 << 40, 0]]]
     {
         let patch = BakedPatch { positions: &positions, triangles: &[[0, 1, 2]], reach: 1.0, areas: None };
-        if let Some(baked) = bake(&patch, &mut Nothing, 0, &storage) {
+        if let Some(baked) = Baker::new(&storage).bake(&patch, &mut Nothing, 0) {
             let map = Map::decode(&baked.streams[0], &positions, &[[0, 1, 2]], MAX_TEXELS).unwrap();
             Image::decode_colours(&baked.streams[1], map.size, 4).unwrap();
         }
@@ -181,7 +175,7 @@ fn a_piece_shows_nothing_of_the_piece_that_lies_beside_it_in_the_image() {
     // One side is known as far as it goes, the other one beyond its borders.
     for [left, right] in [[1.0, 1.5], [1.5, 1.0]] {
         let mut source = Numbered(vec![(scaled(0, left), 100.0), (scaled(1, right), 900.0)]);
-        let baked = bake(&patch, &mut source, 4, &numbers()).unwrap();
+        let baked = Baker::new(&numbers()).bake(&patch, &mut source, 4).unwrap();
         assert_eq!(numbers_shown(&positions, &triangles, &baked), [[100; 2], [900; 2]]);
     }
 }
@@ -193,9 +187,9 @@ fn a_piece_of_which_nothing_is_known_shows_what_lies_beside_it_on_the_surface() 
         let one = [triangles[side]];
         let corners = triangles[side].map(|v| positions[v as usize].map(|x| x as f64));
         let finer = BakedPatch { positions: &positions, triangles: &one, reach: 5.0, areas: None };
-        let finer = bake(&finer, &mut Numbered(vec![(corners, 700.0)]), 2, &numbers()).unwrap();
+        let finer = Baker::new(&numbers()).bake(&finer, &mut Numbered(vec![(corners, 700.0)]), 2).unwrap();
         let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas: None };
-        let baked = bake_coarser(&patch, std::iter::once(&finer.surfels), 4, &numbers()).unwrap();
+        let baked = Baker::new(&numbers()).bake_coarser(&patch, std::iter::once(&finer.surfels), 4).unwrap();
         assert_eq!(numbers_shown(&positions, &triangles, &baked), [[700; 2]; 2]);
     }
 }
@@ -214,7 +208,7 @@ fn points_of_the_source_are_shown_where_the_patch_is_closest_to_them() {
     });
     let mut source = Numbered(strips.collect());
     let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas: None };
-    let baked = bake(&patch, &mut source, 0, &numbers()).unwrap();
+    let baked = Baker::new(&numbers()).bake(&patch, &mut source, 0).unwrap();
     let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
     let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
     for (border, y) in (1..10_u16).flat_map(|border| (5..55).map(move |y| (border, y))) {
@@ -242,8 +236,8 @@ fn a_texel_has_the_label_of_most_of_it_and_none_between() {
     let triangles = [[0, 1, 2], [0, 2, 3]];
     let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0, areas: None };
     let storage = Storage::new(vec![Stored::Label { low: 3.0 }]);
-    let fine = bake(&patch, &mut Numbered(source), 2, &storage).unwrap();
-    let coarse = bake_coarser(&patch, std::iter::once(&fine.surfels), 7, &storage).unwrap();
+    let fine = Baker::new(&storage).bake(&patch, &mut Numbered(source), 2).unwrap();
+    let coarse = Baker::new(&storage).bake_coarser(&patch, std::iter::once(&fine.surfels), 7).unwrap();
     for (baked, size) in [(&fine, 2.0), (&coarse, 11.4)] {
         let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
         let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
@@ -292,8 +286,8 @@ fn nothing_is_blurred_over_a_line_at_which_colours_jump() {
     let jumps = Jumps::new(vec![[1, 2]]);
     let areas = Areas::of(&[1, 1, 2, 2], Some(&jumps));
     let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas };
-    let fine = bake(&patch, &mut source, 6, &numbers()).unwrap();
-    let coarse = bake_coarser(&patch, std::iter::once(&fine.surfels), 8, &numbers()).unwrap();
+    let fine = Baker::new(&numbers()).bake(&patch, &mut source, 6).unwrap();
+    let coarse = Baker::new(&numbers()).bake_coarser(&patch, std::iter::once(&fine.surfels), 8).unwrap();
     for baked in [fine, coarse] {
         let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
         let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();

@@ -8,8 +8,8 @@ use crate::mesh::srgb::srgb_byte;
 /// What a channel means, and how its values are stored.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stored {
-    /// A colour in linear light, with straight opacity: four values. Texels have three components, or four with opacity, as screens
-    /// encode them, quantised with a step, of 255.
+    /// A colour in linear light: three values, or four with straight opacity. Texels have as many components, as screens encode them,
+    /// quantised with a step, of 255.
     Colour {
         /// 3 or 4.
         components: u8,
@@ -44,7 +44,7 @@ impl Stored {
     /// Values of a point.
     pub fn values(self) -> usize {
         match self {
-            Self::Colour { .. } => 4,
+            Self::Colour { components, .. } => usize::from(components).max(3),
             Self::Normal { .. } => 3,
             Self::Factor { .. } | Self::Scalar { .. } | Self::Label { .. } => 1,
         }
@@ -69,6 +69,8 @@ pub struct Storage {
     count: usize,
     /// Weights of a texel: that of all samples, for each scalar that of samples which have it, and for each label its lead.
     weights: usize,
+    /// Whether there is nothing but one colour without opacity, as in most files: then a texel is four numbers, which are handled at once.
+    is_plain: bool,
 }
 
 impl Storage {
@@ -77,7 +79,8 @@ impl Storage {
         let count = channels.iter().map(|channel| channel.values()).sum();
         let is_number = |channel: &&Stored| matches!(channel, Stored::Scalar { .. } | Stored::Label { .. });
         let weights = 1 + channels.iter().filter(is_number).count();
-        Self { channels, count, weights }
+        let is_plain = matches!(channels[..], [Stored::Colour { components: 3, .. }]);
+        Self { channels, count, weights, is_plain }
     }
 
     /// The channels.
@@ -90,9 +93,9 @@ impl Storage {
         self.count
     }
 
-    /// Weights of a texel.
-    pub(super) fn weights(&self) -> usize {
-        self.weights
+    /// Numbers that are kept for a texel: its values, then its weights.
+    pub(super) fn stride(&self) -> usize {
+        self.count + self.weights
     }
 
     /// Bytes of the packed values of a point.
@@ -100,17 +103,21 @@ impl Storage {
         self.channels.iter().map(|channel| channel.packed_bytes()).sum()
     }
 
-    /// Appends the values of a point in fewer bytes: colours as square roots in 16 bits, which is as fine as 12 bits of sRGB, and what lies
-    /// between -1 and 1 in 16 bits. Numbers stay what they are.
+    /// Appends the values of a point in fewer bytes: colours in 16 bits of linear light, which is as fine as 12 bits of sRGB where it is
+    /// dark, and what lies between -1 and 1 in 16 bits. Numbers stay what they are.
+    #[inline]
     pub(super) fn pack(&self, values: &[f32], packed: &mut Vec<u8>) {
+        if let (true, &[red, green, blue, ..]) = (self.is_plain, values) {
+            let [[a, b], [c, d], [e, f]] = [share(red), share(green), share(blue)].map(u16::to_le_bytes);
+            return packed.extend_from_slice(&[a, b, c, d, e, f]);
+        }
         let mut rest = values;
         for channel in &self.channels {
             let (own, others) = rest.split_at(channel.values());
             match channel {
                 Stored::Colour { components, .. } => {
-                    own[..3].iter().for_each(|value| packed.extend(share(value.max(0.0).sqrt()).to_le_bytes()));
-                    packed
-                        .extend(own[3..usize::from(*components)].iter().flat_map(|&value| share(value).to_le_bytes()));
+                    let own = &own[..usize::from(*components)];
+                    packed.extend(own.iter().flat_map(|&value| share(value).to_le_bytes()));
                 }
                 Stored::Normal { .. } => {
                     // A direction may have any length, but how long it is beyond 1 says nothing.
@@ -126,8 +133,7 @@ impl Storage {
     }
 
     /// Replaces values by those of a packed point.
-    #[inline]
-    pub(super) fn unpack(&self, packed: &[u8], values: &mut Vec<f32>) {
+    fn unpack(&self, packed: &[u8], values: &mut Vec<f32>) {
         values.clear();
         let mut rest = packed;
         for channel in &self.channels {
@@ -136,9 +142,7 @@ impl Storage {
             let share = |k: usize| f32::from(u16::from_le_bytes(pair(k))) * (1.0 / 65535.0);
             match channel {
                 Stored::Colour { components, .. } => {
-                    let opacity = if *components == 4 { share(3) } else { 1.0 };
-                    values.extend([0, 1, 2].map(|k| share(k) * share(k)));
-                    values.push(opacity);
+                    values.extend((0..usize::from(*components)).map(share));
                 }
                 Stored::Normal { .. } => {
                     let part = |k: usize| f32::from(i16::from_le_bytes(pair(k))) * (1.0 / f32::from(i16::MAX));
@@ -163,12 +167,13 @@ impl Storage {
         starts.filter(|(channel, _)| matches!(channel, Stored::Label { .. })).map(|(_, start)| start).collect()
     }
 
-    /// The image of each channel, of texels that have these values. Texels that are not used may have any value afterwards.
+    /// The image of each channel, of texels that have these values, as [`Sums`] has them. Texels that are not used may have any value
+    /// afterwards.
     pub(super) fn encode(&self, map: &Map, values: &[f32], is_used: &[bool]) -> Vec<Vec<u8>> {
         let mut first = 0;
         let mut streams = vec![];
         for &channel in &self.channels {
-            let texels = values.chunks_exact(self.count).map(|texel| &texel[first..first + channel.values()]);
+            let texels = values.chunks_exact(self.stride()).map(|texel| &texel[first..first + channel.values()]);
             streams.push(match channel {
                 Stored::Colour { components, step } => {
                     encode_image(&colours(texels, map.size, components), is_used, step)
@@ -218,7 +223,7 @@ fn colours<'a>(texels: impl Iterator<Item = &'a [f32]>, size: [u32; 2], componen
     let count = usize::from(components);
     let mut data = vec![0; size[0] as usize * size[1] as usize * count];
     for (to, texel) in data.chunks_exact_mut(count).zip(texels) {
-        (0..3).for_each(|k| to[k] = srgb_byte(texel[k]));
+        to.iter_mut().zip(texel).take(3).for_each(|(to, &value)| *to = srgb_byte(value));
         if let Some(opacity) = to.get_mut(3) {
             *opacity = byte(texel[3]);
         }
@@ -239,55 +244,74 @@ fn vote(winner: &mut f32, lead: &mut f32, label: f32, weight: f32) {
 
 /// Weighted sums of values by texel. Colours are weighted with their opacity, missing scalars do not count, and labels are voted for.
 pub(super) struct Sums<'a> {
-    storage: &'a Storage,
-    /// The values of each texel.
+    pub storage: &'a Storage,
+    /// Of each texel its values, then its weights.
     pub sums: Vec<f32>,
-    weights: Vec<f32>,
 }
 
 impl<'a> Sums<'a> {
-    pub fn new(texels: usize, storage: &'a Storage) -> Self {
-        Self { storage, sums: vec![0.0; texels * storage.count], weights: vec![0.0; texels * storage.weights] }
+    /// `memory` is what earlier sums were kept in.
+    pub fn new(texels: usize, storage: &'a Storage, mut memory: Vec<f32>) -> Self {
+        memory.clear();
+        memory.resize(texels * storage.stride(), 0.0);
+        Self { storage, sums: memory }
     }
 
     /// Adds the values of a point.
     #[inline]
     pub fn add(&mut self, texel: usize, values: &[f32], weight: f32) {
-        let Storage { channels, count, weights } = self.storage;
-        let sums = &mut self.sums[texel * count..][..*count];
-        let weights = &mut self.weights[texel * weights..][..*weights];
+        if let (true, &[red, green, blue]) = (self.storage.is_plain, values) {
+            let of_texel = &mut self.sums.as_chunks_mut().0[texel];
+            return *of_texel = plus(*of_texel, [red, green, blue, 1.0], weight);
+        }
+        self.add_others(texel, values, weight);
+    }
+
+    /// Adds the values of a packed point; `values` is memory for them.
+    #[inline]
+    pub fn add_packed(&mut self, texel: usize, packed: &[u8], weight: f32, values: &mut Vec<f32>) {
+        if let (true, &[a, b, c, d, e, f]) = (self.storage.is_plain, packed) {
+            let share = |pair| f32::from(u16::from_le_bytes(pair)) * (1.0 / 65535.0);
+            let of_texel = &mut self.sums.as_chunks_mut().0[texel];
+            *of_texel = plus(*of_texel, [share([a, b]), share([c, d]), share([e, f]), 1.0], weight);
+            return;
+        }
+        self.storage.unpack(packed, values);
+        self.add_others(texel, values, weight);
+    }
+
+    /// As [`Sums::add`], for any channels.
+    fn add_others(&mut self, texel: usize, values: &[f32], weight: f32) {
+        let stride = self.storage.stride();
+        let (sums, weights) = self.sums[texel * stride..][..stride].split_at_mut(self.storage.count);
         weights[0] += weight;
         let (mut at, mut scalar) = (0, 1);
-        for channel in channels {
+        for channel in &self.storage.channels {
             match channel {
-                Stored::Colour { .. } => {
+                Stored::Colour { components: 4, .. } => {
                     let share = weight * values[at + 3];
                     (0..3).for_each(|k| sums[at + k] += values[at + k] * share);
                     sums[at + 3] += share;
-                    at += 4;
                 }
-                Stored::Normal { .. } => {
+                Stored::Colour { .. } | Stored::Normal { .. } => {
                     (at..at + 3).for_each(|k| sums[k] += values[k] * weight);
-                    at += 3;
                 }
-                Stored::Factor { .. } => {
-                    sums[at] += values[at] * weight;
-                    at += 1;
-                }
+                Stored::Factor { .. } => sums[at] += values[at] * weight,
                 Stored::Scalar { .. } => {
                     if !values[at].is_nan() {
                         sums[at] += values[at] * weight;
                         weights[scalar] += weight;
                     }
-                    (at, scalar) = (at + 1, scalar + 1);
+                    scalar += 1;
                 }
                 Stored::Label { .. } => {
                     if !values[at].is_nan() {
                         vote(&mut sums[at], &mut weights[scalar], values[at], weight);
                     }
-                    (at, scalar) = (at + 1, scalar + 1);
+                    scalar += 1;
                 }
             }
+            at += channel.values();
         }
     }
 
@@ -301,26 +325,42 @@ impl<'a> Sums<'a> {
         self.storage.count
     }
 
+    /// Numbers of a texel.
+    pub fn stride(&self) -> usize {
+        self.storage.stride()
+    }
+
     /// Whether anything was added to a texel.
+    #[inline]
     pub fn has(&self, texel: usize) -> bool {
-        self.weights[texel * self.storage.weights] > 0.0
+        self.sums[texel * self.storage.stride() + self.storage.count] > 0.0
     }
 
     /// Replaces the sums by means.
     pub fn divide(&mut self) {
-        let Storage { channels, count, weights } = self.storage;
-        for (sums, weights) in self.sums.chunks_exact_mut(*count).zip(self.weights.chunks_exact(*weights)) {
+        let Storage { channels, count, is_plain, .. } = self.storage;
+        if *is_plain {
+            for [red, green, blue, weight] in self.sums.as_chunks_mut().0 {
+                let inverse = if *weight > 0.0 { 1.0 / *weight } else { 0.0 };
+                (*red, *green, *blue) = (*red * inverse, *green * inverse, *blue * inverse);
+            }
+            return;
+        }
+        for texel in self.sums.chunks_exact_mut(self.storage.stride()) {
+            let (sums, weights) = texel.split_at_mut(*count);
             let (mut at, mut scalar) = (0, 1);
             let inverse = if weights[0] > 0.0 { 1.0 / weights[0] } else { 0.0 };
             for channel in channels {
                 let own = &mut sums[at..at + channel.values()];
                 match channel {
-                    Stored::Colour { .. } => {
+                    Stored::Colour { components: 4, .. } => {
                         let of_opacity = if own[3] > 0.0 { 1.0 / own[3] } else { 0.0 };
                         own[..3].iter_mut().for_each(|sum| *sum *= of_opacity);
                         own[3] = if weights[0] > 0.0 { own[3] * inverse } else { 1.0 };
                     }
-                    Stored::Normal { .. } | Stored::Factor { .. } => own.iter_mut().for_each(|sum| *sum *= inverse),
+                    Stored::Colour { .. } | Stored::Normal { .. } | Stored::Factor { .. } => {
+                        own.iter_mut().for_each(|sum| *sum *= inverse);
+                    }
                     Stored::Scalar { .. } => {
                         own[0] /= weights[scalar];
                         scalar += 1;
@@ -331,6 +371,12 @@ impl<'a> Sums<'a> {
             }
         }
     }
+}
+
+/// Four sums, and four values that count so much.
+#[inline(always)]
+fn plus(sums: [f32; 4], values: [f32; 4], weight: f32) -> [f32; 4] {
+    std::array::from_fn(|k| sums[k] + values[k] * weight)
 }
 
 #[cfg(test)]
@@ -349,8 +395,8 @@ mod tests {
         ];
         let storage = Storage::new(channels);
         let points = [
-            [0.0, 1.0, 0.5, 1.0, 0.001, 0.2, 0.9, 0.25, -1.0, 0.3, 0.0, 0.7, 12345.0],
-            [0.3, 0.3, 0.3, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1, 1.0, f32::NAN],
+            [0.0, 1.0, 0.5, 0.001, 0.2, 0.9, 0.25, -1.0, 0.3, 0.0, 0.7, 12345.0],
+            [0.3, 0.3, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1, 1.0, f32::NAN],
         ];
         let mut packed = vec![];
         points.iter().for_each(|point| storage.pack(point, &mut packed));
@@ -364,11 +410,11 @@ mod tests {
             }
         }
         // A longer direction keeps its direction, and what is out of range saturates.
-        let wild = [2.0, -1.0, f32::NAN, 1.0, 0.0, 0.0, 0.0, 7.0, 0.0, 4.0, -2.0, 1.5, f32::INFINITY];
+        let wild = [2.0, -1.0, f32::NAN, 0.0, 0.0, 0.0, 7.0, 0.0, 4.0, -2.0, 1.5, f32::INFINITY];
         packed.clear();
         storage.pack(&wild, &mut packed);
         storage.unpack(&packed, &mut values);
-        assert_eq!([values[0], values[1], values[2], values[7]], [1.0, 0.0, 0.0, 1.0]);
-        assert!((values[10] + 0.5).abs() < 1e-4 && values[9] == 1.0 && values[11] == 1.0);
+        assert_eq!([values[0], values[1], values[2], values[6]], [1.0, 0.0, 0.0, 1.0]);
+        assert!((values[9] + 0.5).abs() < 1e-4 && values[8] == 1.0 && values[10] == 1.0);
     }
 }

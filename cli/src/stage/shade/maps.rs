@@ -42,12 +42,12 @@ impl Face<'_> {
         own.unwrap_or_else(|| (b - a).cross(c - a).normalize_or(DVec3::Z))
     }
 
-    /// Light that it emits, linear; 1 is as bright as white paper. The last number is 1.
-    pub fn emissive(&self, weights: [f32; 3], footprint: f32) -> [f32; 4] {
+    /// Light that it emits, linear; 1 is as bright as white paper.
+    pub fn emissive(&self, weights: [f32; 3], footprint: f32) -> [f32; 3] {
         let [red, green, blue] = self.material.map_or([0.0; 3], |material| material.emissive);
         let texture = self.textures[Use::Emissive as usize].as_ref();
         let texel = texture.map_or([1.0; 4], |face| face.sample(weights, footprint));
-        [red * texel[0], green * texel[1], blue * texel[2], 1.0]
+        [red * texel[0], green * texel[1], blue * texel[2]]
     }
 
     /// Which share of the light from all around comes there.

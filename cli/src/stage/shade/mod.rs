@@ -187,7 +187,8 @@ impl TexturedFace {
 
     #[inline]
     fn with(&self, filter: &texture::Filter<'_>, weights: [f32; 3]) -> [f32; 4] {
-        let at = |axis: usize| (0..3).map(|k| self.uv[k][axis] * f64::from(weights[k])).sum();
+        let [a, b, c] = weights.map(f64::from);
+        let at = |axis: usize| self.uv[0][axis] * a + self.uv[1][axis] * b + self.uv[2][axis] * c;
         filter.sample([at(0), at(1)], self.wrap)
     }
 }
@@ -199,10 +200,19 @@ impl Face<'_> {
         self.base_colour_with(texture.map(|face| (face, face.filter(footprint))).as_ref(), weights)
     }
 
-    /// Appends the base colours of several points, as [`Face::base_colour`] has them.
-    pub fn base_colours(&self, weights: &[[f32; 3]], footprint: f32, values: &mut Vec<f32>) {
+    /// Appends the base colours of several points, as [`Face::base_colour`] has them, with or without alpha.
+    pub fn base_colours(&self, weights: &[[f32; 3]], footprint: f32, has_alpha: bool, values: &mut Vec<f32>) {
         let texture = self.textures[Use::Base as usize].as_ref().map(|face| (face, face.filter(footprint)));
-        weights.iter().for_each(|&weights| values.extend_from_slice(&self.base_colour_with(texture.as_ref(), weights)));
+        let texture = texture.as_ref();
+        if has_alpha {
+            weights.iter().for_each(|&weights| values.extend_from_slice(&self.base_colour_with(texture, weights)));
+            return;
+        }
+        values.reserve(3 * weights.len());
+        for &weights in weights {
+            let [red, green, blue, _] = self.base_colour_with(texture, weights);
+            values.extend_from_slice(&[red, green, blue]);
+        }
     }
 
     #[inline]
@@ -210,7 +220,7 @@ impl Face<'_> {
         let mut colour = self.material.map_or([1.0; 4], |material| material.base_colour);
         let mut multiply = |factor: [f32; 4]| (0..4).for_each(|i| colour[i] *= factor[i]);
         if let Some(place) = self.colour {
-            multiply([0, 1, 2, 3].map(|i| self.interpolated(place + i, weights)));
+            multiply(self.interpolated_colour(place, weights));
         }
         if let Some((face, filter)) = texture {
             multiply(face.with(filter, weights));
@@ -283,12 +293,15 @@ impl Face<'_> {
         self.vertex_density
     }
 
-    fn interpolated(&self, place: usize, weights: [f32; 3]) -> f32 {
-        self.records
-            .iter()
-            .zip(weights)
-            .map(|(record, weight)| weight * record.get(place).copied().unwrap_or(1.0))
-            .sum()
+    #[inline]
+    fn interpolated_colour(&self, place: usize, weights: [f32; 3]) -> [f32; 4] {
+        let mut sum = [0.0; 4];
+        for (record, weight) in self.records.iter().zip(weights) {
+            // A vertex without a colour is white.
+            let colour = record.get(place..).and_then(|rest| rest.first_chunk()).unwrap_or(&[1.0; 4]);
+            (0..4).for_each(|k| sum[k] += weight * colour[k]);
+        }
+        sum
     }
 }
 

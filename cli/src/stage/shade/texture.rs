@@ -3,6 +3,7 @@
 use crate::mesh::appearance::{Wrap, decode_image};
 use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
 use image::DynamicImage;
+use std::sync::OnceLock;
 
 /// What the numbers of an image are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +33,9 @@ impl Meaning {
 
 /// An image and its averages, each of half the size, down to one texel.
 pub(super) struct Texture {
-    levels: Vec<Level>,
+    finest: Level,
+    /// The size of each average, and the average once it is known.
+    coarser: Vec<([u32; 2], OnceLock<Level>)>,
 }
 
 struct Level {
@@ -83,32 +86,42 @@ impl Texture {
             let texels = image.into_rgba8().pixels().map(opaque).collect();
             if meaning == Meaning::Shares { Texels::Shares(texels) } else { Texels::Encoded(texels) }
         };
-        let mut levels = vec![Level { size, texels }];
-        while let Some(coarser) = levels.last().and_then(Level::coarser) {
-            levels.push(coarser);
-        }
-        Ok(Self { levels })
+        let coarser = std::iter::successors(coarser_size(size), |&size| coarser_size(size));
+        let coarser = coarser.map(|size| (size, OnceLock::new())).collect();
+        Ok(Self { finest: Level { size, texels }, coarser })
     }
 
     /// Columns and rows.
     pub(super) fn size(&self) -> [u32; 2] {
-        self.levels.first().map_or([1; 2], |level| level.size)
+        self.finest.size
     }
 
-    /// Bytes of memory that it takes.
+    /// Bytes of memory that it takes, with all its averages.
     pub(super) fn bytes(&self) -> u64 {
-        self.levels.iter().map(|level| level.bytes()).sum()
+        let is_opaque = self.finest.is_opaque();
+        let coarser = self.coarser.iter().map(|(size, _)| u64::from(size[0]) * u64::from(size[1]));
+        self.finest.bytes() + coarser.sum::<u64>() * if is_opaque { 6 } else { 8 }
+    }
+
+    /// Level 0 is the image. Averages are made when somebody asks for them: where texels of the result are as fine as the image, nobody
+    /// does.
+    fn level(&self, number: usize) -> &Level {
+        let mut level = &self.finest;
+        for (_, coarser) in &self.coarser[..number.min(self.coarser.len())] {
+            level = coarser.get_or_init(|| level.coarser());
+        }
+        level
     }
 
     /// What gives averages over a width in texels.
     pub(super) fn filter(&self, width: f32) -> Filter<'_> {
-        let (mut level, mut width, last) = (0, if width.is_finite() { width } else { 1.0 }, self.levels.len() - 1);
+        let (mut level, mut width, last) = (0, if width.is_finite() { width } else { 1.0 }, self.coarser.len());
         while width >= 2.0 && level < last {
             (level, width) = (level + 1, width / 2.0);
         }
         let share = if level < last { (width - 1.0).max(0.0) } else { 0.0 };
-        let coarse = if share > 0.0 { self.levels.get(level + 1) } else { None };
-        Filter { fine: &self.levels[level], coarse, share }
+        let coarse = (share > 0.0).then(|| self.level(level + 1));
+        Filter { fine: self.level(level), coarse, share }
     }
 }
 
@@ -157,7 +170,8 @@ impl Level {
     /// Linear light times alpha, and alpha, between four texels.
     #[inline]
     fn sample(&self, at: [f64; 2], wrap: [Wrap; 2]) -> [f32; 4] {
-        let [columns, rows] = [0, 1].map(|axis| neighbours(at[axis], self.size[axis], wrap[axis]));
+        let columns = neighbours(at[0], self.size[0], wrap[0]);
+        let rows = neighbours(at[1], self.size[1], wrap[1]);
         match &self.texels {
             Texels::Opaque(texels) => blended(texels.as_chunks().0, self.size[0], columns, rows, of_opaque),
             Texels::OpaqueRoot(texels) => blended(texels, self.size[0], columns, rows, of_opaque_root),
@@ -167,16 +181,17 @@ impl Level {
         }
     }
 
-    /// The level of half its size; none if it has one texel.
-    fn coarser(&self) -> Option<Self> {
-        if self.size == [1, 1] {
-            return None;
-        }
-        let size = self.size.map(|length| (length / 2).max(1));
+    fn is_opaque(&self) -> bool {
+        matches!(self.texels, Texels::Opaque(_) | Texels::OpaqueRoot(_))
+    }
+
+    /// The level of half its size.
+    fn coarser(&self) -> Self {
+        let size = coarser_size(self.size).unwrap_or(self.size);
         let columns = shares(self.size[0], size[0]);
         let rows = shares(self.size[1], size[1]);
         let count = size[0] as usize * size[1] as usize;
-        let is_opaque = matches!(self.texels, Texels::Opaque(_) | Texels::OpaqueRoot(_));
+        let is_opaque = self.is_opaque();
         let (mut texels, mut opaque) = match is_opaque {
             true => (vec![], Vec::with_capacity(count)),
             false => (Vec::with_capacity(count), vec![]),
@@ -194,14 +209,19 @@ impl Level {
                 if is_opaque { opaque.push([red, green, blue]) } else { texels.push([red, green, blue, alpha]) }
             }
         }
-        Some(Self { size, texels: if is_opaque { Texels::OpaqueRoot(opaque) } else { Texels::Root(texels) } })
+        Self { size, texels: if is_opaque { Texels::OpaqueRoot(opaque) } else { Texels::Root(texels) } }
     }
+}
+
+/// Half of a size; none of one texel.
+fn coarser_size(size: [u32; 2]) -> Option<[u32; 2]> {
+    (size != [1, 1]).then(|| size.map(|length| (length / 2).max(1)))
 }
 
 #[inline(always)]
 fn of_opaque(texel: [u8; 3]) -> [f32; 4] {
-    let [red, green, blue] = texel.map(|value| LINEAR_OF_BYTE[usize::from(value)]);
-    [red, green, blue, 1.0]
+    let [red, green, blue] = texel;
+    [LINEAR_OF_BYTE[usize::from(red)], LINEAR_OF_BYTE[usize::from(green)], LINEAR_OF_BYTE[usize::from(blue)], 1.0]
 }
 
 #[inline(always)]
@@ -243,9 +263,10 @@ fn blended<T: Copy>(
 ) -> [f32; 4] {
     let mut sum = [0.0; 4];
     for (y, of_row) in rows {
+        let row = &texels[y as usize * width as usize..][..width as usize];
         for (x, of_column) in columns {
-            let texel = value(texels[y as usize * width as usize + x as usize]);
-            (0..4).for_each(|i| sum[i] += of_row * of_column * texel[i]);
+            let (texel, share) = (value(row[x as usize]), of_row * of_column);
+            (0..4).for_each(|i| sum[i] += share * texel[i]);
         }
     }
     sum
@@ -267,6 +288,7 @@ fn shares(from: u32, to: u32) -> Vec<[(u32, f32); 3]> {
 }
 
 /// The two texels around a place, and their shares.
+#[inline]
 fn neighbours(at: f64, count: u32, wrap: Wrap) -> [(u32, f32); 2] {
     let length = f64::from(count);
     let within = match wrap {

@@ -25,13 +25,13 @@ impl Chance {
         (u32::from(self.0[0]) + u32::from(self.0[1])) >> 5
     }
 
+    #[inline]
     fn learn(&mut self, bit: bool) {
+        // After a zero, what is left to 1 becomes smaller; after a one, the estimate itself. Processors do not foresee which it is.
+        let flip = u16::from(bit).wrapping_sub(1);
         for (estimate, rate) in self.0.iter_mut().zip([4, 7]) {
-            if bit {
-                *estimate -= *estimate >> rate;
-            } else {
-                *estimate += (u16::MAX - *estimate) >> rate;
-            }
+            let rest = *estimate ^ flip;
+            *estimate = (rest - (rest >> rate)) ^ flip;
         }
     }
 }
@@ -143,47 +143,46 @@ fn too_large() -> Error {
 pub(super) struct BitEncoder {
     low: u64,
     range: u32,
-    /// The byte that a carry may still change, and how many bytes of 255 follow it.
-    held: Option<u8>,
-    full: u64,
+    /// One for each byte that a decoder takes beyond its first four. A carry may still change the last ones.
     bytes: Vec<u8>,
-    /// How often a decoder has taken a further byte.
-    taken: usize,
 }
 
 #[cfg(feature = "write")]
 impl BitEncoder {
     pub(super) fn new() -> Self {
-        Self { low: 0, range: u32::MAX, held: None, full: 0, bytes: vec![], taken: 0 }
+        Self { low: 0, range: u32::MAX, bytes: vec![] }
     }
 
+    #[inline]
     fn shift(&mut self) {
-        let carry = (self.low >> 32) as u8;
-        let top = (self.low >> 24) as u8;
-        if carry > 0 || top < u8::MAX {
-            self.bytes.extend(self.held.map(|held| held.wrapping_add(carry)));
-            self.bytes.extend((0..self.full).map(|_| u8::MAX.wrapping_add(carry)));
-            (self.full, self.held) = (0, Some(top));
-        } else {
-            self.full += 1;
+        if self.low >> 32 > 0 {
+            self.carry();
         }
+        self.bytes.push((self.low >> 24) as u8);
         self.low = (self.low & 0x00ff_ffff) << 8;
     }
 
-    fn narrow(&mut self, bound: u32, is_below: bool) {
-        if is_below {
-            self.range = bound;
-        } else {
-            self.low += u64::from(bound);
-            self.range -= bound;
-        }
-        while self.range < 1 << 24 {
-            self.range <<= 8;
-            self.shift();
-            self.taken += 1;
+    #[cold]
+    fn carry(&mut self) {
+        for byte in self.bytes.iter_mut().rev() {
+            *byte = byte.wrapping_add(1);
+            if *byte > 0 {
+                break;
+            }
         }
     }
 
+    #[inline]
+    fn narrow(&mut self, bound: u32, is_below: bool) {
+        self.low += if is_below { 0 } else { u64::from(bound) };
+        self.range = if is_below { bound } else { self.range - bound };
+        while self.range < 1 << 24 {
+            self.range <<= 8;
+            self.shift();
+        }
+    }
+
+    #[inline]
     pub(super) fn bit(&mut self, chance: &mut Chance, bit: bool) {
         self.narrow((self.range >> 12) * chance.of_zero(), !bit);
         chance.learn(bit);
@@ -193,6 +192,7 @@ impl BitEncoder {
         (0..count).rev().for_each(|k| self.narrow(self.range >> 1, value >> k & 1 == 0));
     }
 
+    #[inline]
     pub(super) fn number(&mut self, chances: &mut NumberChances, value: u32) {
         for (unary, chance) in (0..).zip(&mut chances.unary) {
             self.bit(chance, value > unary);
@@ -222,12 +222,11 @@ impl BitEncoder {
                 break;
             }
         }
+        let taken = self.bytes.len();
         (0..5).for_each(|_| self.shift());
-        self.bytes.extend(self.held);
-        self.bytes.extend((0..self.full).map(|_| u8::MAX));
         let length = self.bytes.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
         // It begins with four bytes.
-        let least = (self.taken + 4).saturating_sub(MOST_MISSING as usize);
+        let least = (taken + 4).saturating_sub(MOST_MISSING as usize);
         self.bytes.truncate(length.max(least));
         self.bytes
     }

@@ -60,24 +60,26 @@ fn activity(left: Known, above: Known, component: usize) -> usize {
     }
 }
 
-/// Four classes of places, by frequency.
-fn band(place: usize) -> usize {
-    match place {
-        0..=2 => 0,
-        3..=9 => 1,
-        10..=27 => 2,
-        _ => 3,
+/// Of each place its class, of four by frequency, and its number within the class.
+static PLACES: [[u8; 2]; AREA] = {
+    let (mut places, mut place) = ([[0; 2]; AREA], 0);
+    while place < AREA {
+        let [band, within] = match place {
+            0..=2 => [0, place],
+            3..=9 => [1, place - 3],
+            10..=27 => [2, if place < 25 { place - 10 } else { 15 }],
+            _ => [3, (place - 28) / 3],
+        };
+        places[place] = [band as u8, within as u8];
+        place += 1;
     }
-}
+    places
+};
 
-/// The place within its class.
-fn within(place: usize) -> usize {
-    match place {
-        0..=2 => place,
-        3..=9 => place - 3,
-        10..=27 => (place - 10).min(15),
-        _ => ((place - 28) / 3).min(15),
-    }
+/// The class of a place, and its number within the class.
+#[inline]
+fn class_of(place: usize) -> [usize; 2] {
+    PLACES[place].map(usize::from)
 }
 
 /// The mean that is expected of a block.
@@ -184,10 +186,14 @@ fn decode_others(
 ) -> Result<u8> {
     let (mut place, mut before, mut count) = (1, 0, 0);
     while place < AREA && bits.bit(&mut chances.more[class][place.min(15)]) {
-        while place < AREA - 1 && !bits.bit(&mut chances.significant[band(place)][within(place)][before]) {
+        while place < AREA - 1 {
+            let [band, within] = class_of(place);
+            if bits.bit(&mut chances.significant[band][within][before]) {
+                break;
+            }
             (place, before) = (place + 1, 0);
         }
-        let size = bits.number(&mut chances.magnitude[band(place)][before])?;
+        let size = bits.number(&mut chances.magnitude[class_of(place)[0]][before])?;
         let size = size.checked_add(1).and_then(|size| i32::try_from(size).ok()).ok_or_else(too_large)?;
         let value = scaled(size, step)?;
         coefficients[usize::from(ORDER[place])] = if bits.raw(1) == 1 { -value } else { value };
@@ -233,16 +239,15 @@ pub(super) fn encode(image: &Image<u8>, is_used: &[bool], step: u8) -> Vec<u8> {
             for (component, plane) in planes.iter().enumerate().take(count) {
                 let of_plane = &mut chances.planes[usize::from(is_difference(component, count))];
                 let class = activity(left, above, component);
-                let step = step_of(component, count, step) as f32;
-                let coefficients = forward(plane);
-                let limit = MOST as f32 / step;
-                let constant = (coefficients[0] / step).round().clamp(-limit, limit) as i32;
+                let (coefficients, inverse) = (forward(plane), 1.0 / step_of(component, count, step) as f32);
+                let limit = MOST as f32 * inverse;
+                let constant = (coefficients[0] * inverse).round().clamp(-limit, limit) as i32;
                 bits.signed(&mut of_plane.constant[class], constant - expected(left, above, component));
-                let levels: [i32; AREA] = std::array::from_fn(|place| {
-                    let c = coefficients[usize::from(ORDER[place])] / step;
-                    let size = (c.abs() + ROUNDING).min(limit) as i32;
+                let quantised = coefficients.map(|c| {
+                    let size = ((c * inverse).abs() + ROUNDING).min(limit) as i32;
                     if c < 0.0 { -size } else { size }
                 });
+                let levels = ORDER.map(|place| quantised[usize::from(place)]);
                 this.constant[component] = constant;
                 this.count[component] = encode_others(&mut bits, of_plane, class, &levels);
             }
@@ -263,15 +268,15 @@ fn encode_others(bits: &mut BitEncoder, chances: &mut PlaneChances, class: usize
             break;
         }
         while place < AREA - 1 {
-            let is_significant = levels[place] != 0;
-            bits.bit(&mut chances.significant[band(place)][within(place)][before], is_significant);
+            let (is_significant, [band, within]) = (levels[place] != 0, class_of(place));
+            bits.bit(&mut chances.significant[band][within][before], is_significant);
             if is_significant {
                 break;
             }
             (place, before) = (place + 1, 0);
         }
         let size = levels[place].unsigned_abs();
-        bits.number(&mut chances.magnitude[band(place)][before], size - 1);
+        bits.number(&mut chances.magnitude[class_of(place)[0]][before], size - 1);
         bits.raw(1, u32::from(levels[place] < 0));
         (place, before, count) = (place + 1, 1 + usize::from(size > 1), count + 1);
     }
@@ -285,29 +290,33 @@ fn planes(image: &Image<u8>, is_used: &[bool], [left, top]: [usize; 2]) -> Optio
     let count = usize::from(image.components);
     let mut planes = [[0.0; AREA]; 4];
     let mut used = 0_u64;
+    let columns = SIDE.min(width - left);
     for y in 0..SIDE.min(height - top) {
-        for x in 0..SIDE.min(width - left) {
-            let number = (top + y) * width + left + x;
-            let at = y * SIDE + x;
-            used |= u64::from(is_used[number]) << at;
-            let texel = &image.data[number * count..][..count];
-            let value = |component: usize| f32::from(texel[component]);
-            if let [red, green, blue, ..] = *texel {
-                let [red, green, blue] = [red, green, blue].map(f32::from);
-                let brightness = 0.299 * red + 0.587 * green + 0.114 * blue;
-                planes[0][at] = brightness - 128.0;
-                planes[1][at] = (blue - brightness) * (256.0 / 454.0);
-                planes[2][at] = (red - brightness) * (256.0 / 359.0);
-                if count > 3 {
-                    planes[3][at] = value(3) - 128.0;
-                }
-            } else {
-                (0..count).for_each(|component| planes[component][at] = value(component) - 128.0);
-            }
+        let first = (top + y) * width + left;
+        for (x, &is_used) in is_used[first..first + columns].iter().enumerate() {
+            used |= u64::from(is_used) << (y * SIDE + x);
+        }
+        let texels = &image.data[first * count..(first + columns) * count];
+        let value = |byte: u8| f32::from(byte) - 128.0;
+        let places = y * SIDE..;
+        match count {
+            3 => places.zip(texels.as_chunks().0).for_each(|(at, &[red, green, blue])| {
+                [planes[0][at], planes[1][at], planes[2][at]] = [value(red), value(green), value(blue)];
+            }),
+            _ => places.zip(texels.chunks_exact(count)).for_each(|(at, texel)| {
+                planes.iter_mut().zip(texel).for_each(|(plane, &byte)| plane[at] = value(byte));
+            }),
         }
     }
     if used == 0 {
         return None;
+    }
+    if let ([red, green, blue, _], true) = (&mut planes, count >= 3) {
+        for ((red, green), blue) in red.iter_mut().zip(green).zip(blue) {
+            let brightness = 0.299 * *red + 0.587 * *green + 0.114 * *blue;
+            let differences = [(*blue - brightness) * (256.0 / 454.0), (*red - brightness) * (256.0 / 359.0)];
+            [*red, *green, *blue] = [brightness, differences[0], differences[1]];
+        }
     }
     fill(&mut planes[..count], used);
     Some(planes)

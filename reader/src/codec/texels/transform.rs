@@ -69,38 +69,46 @@ fn row(sum: i32) -> i32 {
     (sum + (1 << 14)) >> 15
 }
 
-/// The coefficients of a block. Eight sums at a time, each in the order of its values, so that compilers use vectors and nothing depends on
-/// which.
+/// The coefficients of a block. Columns are transformed eight at a time, so that compilers use vectors, and nothing depends on which.
 #[cfg(feature = "write")]
 pub(super) fn forward(values: &[f32; AREA]) -> [f32; AREA] {
-    let mut of_rows = [[0.0; SIDE]; SIDE];
-    for (sums, row) in of_rows.iter_mut().zip(values.as_chunks::<SIDE>().0) {
-        for (n, value) in row.iter().enumerate() {
-            (0..SIDE).for_each(|k| sums[k] += value * SHARES[n][k]);
-        }
-        sums.iter_mut().for_each(|sum| *sum /= 4096.0);
-    }
+    transposed(&of_columns(&transposed(&of_columns(values))))
+}
+
+/// The sums of the eight columns with cosines. Those of even rows are symmetric and those of odd ones antisymmetric, and half of the even ones
+/// are symmetric again.
+#[cfg(feature = "write")]
+#[inline]
+fn of_columns(values: &[f32; AREA]) -> [f32; AREA] {
+    type Row = [f32; SIDE];
+    let plus = |a: Row, b: Row| -> Row { std::array::from_fn(|x| a[x] + b[x]) };
+    let minus = |a: Row, b: Row| -> Row { std::array::from_fn(|x| a[x] - b[x]) };
+    let times = |row: Row, k: usize, n: usize| row.map(|value| value * (COSINES[k][n] as f32 / 4096.0));
+    let rows = values.as_chunks::<SIDE>().0;
+    let even = [0, 1, 2, 3].map(|n| plus(rows[n], rows[7 - n]));
+    let odd = [0, 1, 2, 3].map(|n| minus(rows[n], rows[7 - n]));
+    let outer = [plus(even[0], even[3]), plus(even[1], even[2])];
+    let inner = [minus(even[0], even[3]), minus(even[1], even[2])];
     let mut result = [0.0; AREA];
-    for (k, sums) in result.as_chunks_mut::<SIDE>().0.iter_mut().enumerate() {
-        for (n, row) in of_rows.iter().enumerate() {
-            (0..SIDE).for_each(|x| sums[x] += row[x] * SHARES[n][k]);
-        }
-        sums.iter_mut().for_each(|sum| *sum /= 4096.0);
+    let sums = result.as_chunks_mut::<SIDE>().0;
+    for k in [0, 4] {
+        sums[k] = plus(times(outer[0], k, 0), times(outer[1], k, 1));
+    }
+    for k in [2, 6] {
+        sums[k] = plus(times(inner[0], k, 0), times(inner[1], k, 1));
+    }
+    for k in [1, 3, 5, 7] {
+        let halves = [0, 2].map(|n| plus(times(odd[n], k, n), times(odd[n + 1], k, n + 1)));
+        sums[k] = plus(halves[0], halves[1]);
     }
     result
 }
 
-/// The cosines, by place and then by frequency.
 #[cfg(feature = "write")]
-const SHARES: [[f32; SIDE]; SIDE] = {
-    let mut shares = [[0.0; SIDE]; SIDE];
-    let mut at = 0;
-    while at < AREA {
-        shares[at % SIDE][at / SIDE] = COSINES[at / SIDE][at % SIDE] as f32;
-        at += 1;
-    }
-    shares
-};
+#[inline]
+fn transposed(values: &[f32; AREA]) -> [f32; AREA] {
+    std::array::from_fn(|at| values[at % SIDE * SIDE + at / SIDE])
+}
 
 #[cfg(test)]
 mod tests {
