@@ -189,9 +189,9 @@ class Header:
 
 # ---- 5 Section directory --------------------------------------------------------------------------------------------------
 
-SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS, PLACEMENT, HEIGHTS, HEIGHT_INDEX, RAMP = range(1, 14)
+SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS, PLACEMENT, HEIGHTS, HEIGHT_INDEX, RAMP, GROUND = range(1, 15)
 SECTION_FLAGS = {SOURCE: 0, LEVELS: 1, TABLES: 1, CLUSTERS: 1, INDEX: 3, PAGES: 3, OVERVIEW: 0, CHANNELS: 0, TEXELS: 2, PLACEMENT: 0}
-SECTION_FLAGS |= {HEIGHTS: 1, HEIGHT_INDEX: 3, RAMP: 0}
+SECTION_FLAGS |= {HEIGHTS: 1, HEIGHT_INDEX: 3, RAMP: 0, GROUND: 2}
 FIRST_PRIVATE_KIND = 0x80000000
 
 
@@ -221,6 +221,8 @@ def read_sections(file, header):
     for kind in (TABLES, PAGES) + (() if has_heights else of_a_mesh):
         must(kind in sections, f"section {kind} is missing")
     must(has_heights or RAMP not in sections, "RAMP lies beside a mesh")
+    must(not has_heights or GROUND not in sections, "GROUND lies beside heights")
+    must(GROUND not in sections or header.minor >= 3, "a file of a version before 4.3 has a ground")
     must(not has_heights or header.minor >= 2, "a file of a version before 4.2 has heights")
     must(not has_heights or not any(kind in sections for kind in of_a_mesh + (CHANNELS,)), "heights lie beside a mesh")
     must(not has_heights or (header.origin, header.step_log2) == ([0.0] * 3, 0), "heights have a lattice")
@@ -1936,6 +1938,7 @@ class File:
             self.decode_page(l, page, states)
         self.channels = Channels(sections[CHANNELS]) if CHANNELS in sections else None
         self.texels = read_texels(sections[TEXELS], self.channels, self.index) if self.channels else None
+        self.ground = Ground(sections[GROUND], self.placement) if GROUND in sections else None
 
     def decode_arcs(self, l, numbers, stream):
         for a in numbers:
@@ -2531,6 +2534,35 @@ def bits_of(x):
     return struct.pack(">d", x).hex()
 
 
+# ---- 23 Section GROUND ----------------------------------------------------------------------------------------------------
+
+
+class Ground:
+    """The heights that a mesh stands on, and what takes them to the space of the mesh."""
+
+    def __init__(self, data, placement):
+        header = Header(data)
+        sections = read_sections(data, header)
+        must(HEIGHTS in sections, "GROUND holds a mesh")
+        self.heights = Heights(header, sections)
+        must(not self.heights.is_globe, "GROUND lies on a globe")
+        nothing = Placement(0, 0.0, [0.0] * 3, "")
+        own, mesh = self.heights.placement or nothing, placement or nothing
+        must(own.crs == mesh.crs or "" in (own.crs, mesh.crs), "GROUND is in another coordinate reference system than the mesh")
+        self.units = [own.unit or 1.0, mesh.unit or 1.0]
+        must(all(u <= 1e15 and 1 / u <= 1e15 for u in self.units), "GROUND or the mesh on it has a unit beyond 10^15")
+        must(all(abs(x) <= 1e15 for x in own.origin + mesh.origin), "GROUND or the mesh on it has an origin beyond 10^15")
+        self.origins = [own.origin, mesh.origin]
+        self.is_in_place = self.units[0] == self.units[1] and own.origin == mesh.origin
+        self.is_y_up = mesh.up == 1
+        self.scale = 1.0 if self.is_in_place else self.units[0] / self.units[1]
+
+    def point(self, p):
+        if not self.is_in_place:
+            p = [((a * self.units[0] + b) - c) / self.units[1] for a, b, c in zip(p, *self.origins)]
+        return (p[0], p[2], -p[1]) if self.is_y_up else tuple(p)
+
+
 def print_json(file, out):
     step_log2 = file.header.step_log2
 
@@ -2586,6 +2618,13 @@ def print_json(file, out):
         text = "".join(c if "!" <= c <= "~" and c not in '"\\' else utf16(c) for c in crs)
         head = line({"up": up, "unit": bits_of(unit or 0.0), "origin": [bits_of(x) for x in origin]})
         members.append(f'"placement":{head[:-1]},"crs":"{text}"}}')
+    if file.ground is not None:
+        heights = file.ground.heights
+        places = [Drawn(heights, tile).places[SIDE**2 // 2] for tile in heights.tiles if tile[0] == 0]
+        middles = [[bits_of(x) for x in file.ground.point(place)] for place in places]
+        columns, rows = heights.counts
+        ground = {"columns": columns, "rows": rows, "scale": bits_of(file.ground.scale), "middles": middles}
+        members.append(f'"ground":{line(ground)}')
     out.write("{\n" + ",\n".join(members) + "\n}\n")
 
 

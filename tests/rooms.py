@@ -17,7 +17,7 @@ import sys
 
 # Each crate: the name that its own programs import it by, where its sources are, and its rooms from the top down.
 ORDER = {
-    "reader": ("lodpack", "reader/src", "open verify file stream heights decode select index write format codec lattice source limits sorted error"),
+    "reader": ("lodpack", "reader/src", "open verify ground file stream heights decode select index write format codec lattice source limits sorted error"),
     "cli": (
         "lodpack_cli",
         "cli/src",

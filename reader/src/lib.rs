@@ -60,6 +60,7 @@
 //! **Heights.** A file may hold a grid of heights instead, and [`Opened`] opens either kind ([`OpenedIndex`] from bytes that the caller reads).
 //! [`heights::Heights`] opens it, with a [`heights::HeightsIndex`] that reads nothing itself, chooses a [`heights::HeightsCut`] of tiles for a
 //! [`heights::HeightsQuery`], makes a [`heights::HeightsMesh`] of it, and reads windows of samples. The page of [`heights`] places its types.
+//! A mesh may stand on heights: [`File::ground`] opens its [`Ground`], whose [`GroundFrame`] takes heights to the mesh's space.
 //!
 //! **Writing.** With the feature `write`, module `write` turns models into files; its page places its types.
 //!
@@ -79,6 +80,7 @@ mod error;
 mod file;
 #[cfg_attr(not(feature = "write"), expect(dead_code, reason = "only the writer calls what writes records"))]
 mod format;
+mod ground;
 #[cfg_attr(not(feature = "write"), expect(dead_code, unused_imports, reason = "only the writer calls encoders"))]
 pub mod heights;
 pub mod index;
@@ -106,6 +108,9 @@ pub(crate) mod tests;
 pub use decode::{Mesh, Overview};
 pub use error::{Error, Result};
 pub use file::File;
+#[cfg(feature = "write")]
+pub use ground::join_ground;
+pub use ground::{Ground, GroundFrame};
 pub use index::{Index, Opener};
 pub use lattice::{Lattice, LatticePoint};
 pub use limits::Limits;

@@ -42,7 +42,7 @@ impl<S: ReadAt> Heights<S> {
 }
 
 impl<S: ReadAt> File<S> {
-    /// Reads the whole file and compares all checksums, including those of unknown sections.
+    /// Reads the whole file and compares all checksums, including those of unknown sections. A ground is decoded: see [`Heights::verify`].
     ///
     /// # Errors
     /// [`Error::Format`] with the location of the first damage, [`Error::Io`].
@@ -61,6 +61,9 @@ impl<S: ReadAt> File<S> {
                 let location = || format!("section of kind {}", section.kind);
                 return Err(Error::format("the checksum does not match").at(location));
             }
+        }
+        if let Some(ground) = self.ground()? {
+            ground.heights.verify().map_err(|error| error.at(|| "section ground".to_string()))?;
         }
         // Reading a list checks it, too.
         self.load_lists()?;

@@ -2,8 +2,9 @@
 //! `format-spec/vectors/README.md` describes the layout.
 
 use lodpack::{
-    File, LatticePoint, Overview, ReadAt, Result,
+    File, Ground, LatticePoint, Overview, ReadAt, Result,
     decode::Patch,
+    heights::SIDE,
     index::{BlockContents, ChannelInfo, Placement, RootContents, TexelBytes},
 };
 use std::fmt::{Display, Write};
@@ -55,7 +56,24 @@ pub fn dump<R: ReadAt>(file: &File<R>) -> Result<String> {
             .collect();
         members.push(format!(r#""placement":{{"up":{up},"unit":{unit},"origin":{origin},"crs":"{crs}"}}"#));
     }
+    if let Some(ground) = file.ground()? {
+        members.push(format!(r#""ground":{}"#, ground_text(&ground)?));
+    }
     Ok(format!("{{\n{}\n}}\n", members.join(",\n")))
+}
+
+/// The size of a ground, and where the middles of its first tiles are under the surface.
+fn ground_text<R: ReadAt>(Ground { heights, frame }: &Ground<R>) -> Result<String> {
+    let [columns, rows] = heights.grid().cells();
+    let mut middles = vec![];
+    for &root in heights.roots() {
+        if let Some(tile) = heights.tile(root)? {
+            let middle = heights.draw(root, &tile, f64::INFINITY).position(SIDE * SIDE / 2);
+            middles.push(list(frame.point(middle).map(bits)));
+        }
+    }
+    let (scale, middles) = (bits(frame.scale()), list(middles));
+    Ok(format!(r#"{{"columns":{columns},"rows":{rows},"scale":{scale},"middles":{middles}}}"#))
 }
 
 /// A character of a text as UTF-16 in ASCII.

@@ -21,6 +21,7 @@
 //! - [`terrain`]: rasters of heights become the surface that they describe, on planes and globes
 //! - [`heights`]: files of heights keep their promises on planes and globes, and commands work with them
 //! - [`heights_jobs`]: files of heights in parts: kills, changed files, the bytes of one build
+//! - [`ground`]: a mesh on its ground of heights in one file: joined, taken apart, verified, exported, refused
 //! - [`tin`]: few triangles of any shape out of files of heights, within a tolerance
 //! - [`bad_terrain`]: every kind of bad raster gives a correct file or one clear error
 //! - [`stability`]: generated meshes, from easy to impossible, give sound files or clear errors
@@ -44,6 +45,7 @@ mod compiled;
 mod damage;
 mod determinism;
 mod drawings;
+mod ground;
 mod heights;
 mod heights_jobs;
 mod house;

@@ -18,7 +18,7 @@ use crate::{
     gpu::{Gpu, Targets},
     picture::{BACKGROUND, Picture},
     pool::{List, Place, Pool},
-    scene::{Report, Scene, milliseconds},
+    scene::{GroundScene, Report, Scene, milliseconds},
     texels::{Texels, look_number, mean},
 };
 
@@ -144,6 +144,19 @@ pub struct Renderer {
     stamp: Option<u64>,
     infos: Infos,
     made: Made,
+    /// Draws the ground of a mesh into the same picture.
+    ground: Option<Box<Self>>,
+}
+
+/// Which of the things in one picture a renderer draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Turn {
+    /// All there is.
+    Only,
+    /// What comes first: others are drawn over it, where they are nearer.
+    First,
+    /// What comes last.
+    Last,
 }
 
 /// How deep a root that is drawn is in its tree. All above it is known, since cuts come down from the top.
@@ -188,6 +201,7 @@ impl Renderer {
             stamp: None,
             infos: Infos { buffer: gpu.buffer::<RootInfo>(&[], BufferUsages::STORAGE), changed: Vec::new() },
             made: Made::default(),
+            ground: None,
         }
     }
 
@@ -426,14 +440,22 @@ impl Renderer {
     }
 
     pub fn draw(&self, targets: &Targets, view: &View) {
+        self.draw_in_turn(targets, view, Turn::Only);
+    }
+
+    /// Draws into a picture with others, which share its depth buffer.
+    pub fn draw_in_turn(&self, targets: &Targets, view: &View, turn: Turn) {
         let [colour, where_from, depth, _] = &targets.views;
         let [r, g, b, a] = BACKGROUND.0.map(|x| f64::from(x) / 255.0);
         let attachment = |view, colour| {
-            let ops = Operations { load: LoadOp::Clear(colour), store: StoreOp::Store };
+            let load = if turn == Turn::Last { LoadOp::Load } else { LoadOp::Clear(colour) };
+            let ops = Operations { load, store: StoreOp::Store };
             Some(wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops })
         };
         let colours = [attachment(colour, Color { r, g, b, a }), attachment(where_from, Color::TRANSPARENT)];
-        let depth_ops = Some(Operations { load: LoadOp::Clear(0.0), store: StoreOp::Discard });
+        let load = if turn == Turn::Last { LoadOp::Load } else { LoadOp::Clear(0.0) };
+        let store = if turn == Turn::First { StoreOp::Store } else { StoreOp::Discard };
+        let depth_ops = Some(Operations { load, store });
         self.pass(&colours, DepthStencil { view: depth, depth_ops, stencil_ops: None }, view);
     }
 
@@ -513,12 +535,37 @@ impl Renderer {
         }
     }
 
-    /// Uploads and draws the current surfaces of a scene, and records the time.
+    /// Uploads and draws the current surfaces of a scene and of its ground, and records the time.
     pub fn draw_scene(
         &mut self,
         targets: &Targets,
         scene: &Scene,
-        (view, overlays, is_unlit): (&View, &[Overlay], bool),
+        look: (&View, &[Overlay], bool),
+        report: &mut Report,
+    ) -> Result<()> {
+        let Some(GroundScene { scene: below, frame, .. }) = scene.ground() else {
+            self.ground = None;
+            return self.draw_part(targets, scene, (look, Turn::Only), report);
+        };
+        self.draw_part(targets, scene, (look, Turn::First), report)?;
+        let of_mesh = *report;
+        let mut ground = self.ground.take().unwrap_or_else(|| Box::new(Self::new(&self.gpu, self.way)));
+        ground.images_per_frame = self.images_per_frame;
+        let view = frame.view_of_ground(look.0);
+        let drawn = ground.draw_part(targets, below, ((&view, look.1, look.2), Turn::Last), report);
+        self.problems.extend(ground.take_problems());
+        self.ground = Some(ground);
+        report.upload_ms += of_mesh.upload_ms;
+        report.record_ms += of_mesh.record_ms;
+        report.draw_ms += of_mesh.draw_ms;
+        drawn
+    }
+
+    fn draw_part(
+        &mut self,
+        targets: &Targets,
+        scene: &Scene,
+        ((view, overlays, is_unlit), turn): ((&View, &[Overlay], bool), Turn),
         report: &mut Report,
     ) -> Result<()> {
         let begun = Instant::now();
@@ -537,7 +584,7 @@ impl Renderer {
         self.gpu.wait()?;
         report.upload_ms = milliseconds(begun.elapsed());
         let begun = Instant::now();
-        self.draw(targets, view);
+        self.draw_in_turn(targets, view, turn);
         report.record_ms = milliseconds(begun.elapsed());
         self.gpu.wait()?;
         report.draw_ms = milliseconds(begun.elapsed());

@@ -4,11 +4,11 @@ use std::{cell::OnceCell, collections::HashSet, sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail};
 use lodpack::{
-    Cut, File, Lattice, Limiter, Limits, Mesh, Node, Opened, Outside, Query, ReadAt, View,
+    Cut, File, Ground, GroundFrame, Lattice, Limiter, Limits, Mesh, Node, Opened, Outside, Query, ReadAt, View,
     heights::Heights,
-    index::ChannelInfo,
+    index::{ChannelInfo, UpAxis},
     select::{Adapter, Coherence, TileTree, Unification, unify_cuts},
-    source::{Http, HttpOptions},
+    source::{Http, HttpOptions, Within},
     stream::{Counters, HeightsStreamer, Mode, Options, Picture, Streamed, Streamer, StreamerOptions},
 };
 
@@ -67,6 +67,28 @@ pub struct Report {
 }
 
 impl Report {
+    /// Of two things in one picture.
+    fn and(self, other: &Self) -> Self {
+        Self {
+            select_ms: self.select_ms + other.select_ms,
+            fetch_ms: self.fetch_ms + other.fetch_ms,
+            decode_ms: self.decode_ms + other.decode_ms,
+            update_ms: self.update_ms + other.update_ms,
+            nodes: self.nodes + other.nodes,
+            triangles: self.triangles + other.triangles,
+            bytes: self.bytes + other.bytes,
+            stalls: self.stalls.max(other.stalls),
+            late: self.late + other.late,
+            late_textures: self.late_textures + other.late_textures,
+            error_px: self.error_px.max(other.error_px),
+            texel_px: self.texel_px.max(other.texel_px),
+            surface: self.surface.min(other.surface),
+            is_complete: self.is_complete && other.is_complete,
+            exceeded: self.exceeded.or(other.exceeded),
+            ..self
+        }
+    }
+
     /// Says that a budget is too small for the view, if it is.
     pub(crate) fn complaint(&self) -> Option<String> {
         let what = match self.exceeded? {
@@ -87,6 +109,16 @@ pub struct Scene {
     /// The channel that is shown.
     pub(crate) channel: Option<ShownChannel>,
     content: Content,
+    /// What a mesh stands on, drawn into the same picture.
+    ground: Option<Box<GroundScene>>,
+}
+
+/// The ground of a mesh: a scene of its own, which is looked at in its own space.
+pub(crate) struct GroundScene {
+    pub scene: Scene,
+    pub frame: GroundFrame,
+    /// The box of the mesh alone.
+    mesh_bounds: Bounds,
 }
 
 /// What a file holds, and what decides how it is drawn.
@@ -174,16 +206,26 @@ impl Scene {
 
     /// Opens a file of which samples of heights may be so large on the screen, in pixels; if infinite, tiles are as fine as triangles have to be.
     pub(crate) fn open_with(source: Source, mode: Mode, sample_px: f64) -> Result<Self> {
+        let bytes = Arc::clone(&source);
         match Opened::open(source, Limits::default()).context("the file cannot be opened")? {
             Opened::Mesh(file) => {
-                let bounds = file.bounds().context("the file is empty: it has no roots")?;
+                let mesh_bounds = file.bounds().context("the file is empty: it has no roots")?;
+                let mut bounds = mesh_bounds;
+                let mut ground = None;
+                if let (Some(range), Some(Ground { frame, .. })) = (file.index().ground_range(), file.ground()?) {
+                    let scene = Self::open_with(Arc::new(Within::new(bytes, range)), mode, sample_px)?;
+                    let [low, high] = frame.bounds(scene.bounds);
+                    let [least, most] = bounds;
+                    bounds = [[0, 1, 2].map(|k| least[k].min(low[k])), [0, 1, 2].map(|k| most[k].max(high[k]))];
+                    ground = Some(Box::new(GroundScene { scene, frame, mesh_bounds }));
+                }
                 // In a tree, what comes into view is drawn by a root above it until it is there. Where all that is outside is drawn too, at
                 // its coarsest, that one is near; otherwise it could be the top, in place of the whole picture.
                 let has_tree = file.top_count() < file.root_count();
                 let outside = if has_tree && mode != Mode::Synchronous { Outside::Coarsest } else { Outside::Drop };
                 let mesh = MeshContent::new(file, mode)?;
                 let query = Query { outside, ..Query::default() };
-                Ok(Self { bounds, query, channel: None, content: Content::Mesh(Box::new(mesh)) })
+                Ok(Self { bounds, query, channel: None, content: Content::Mesh(Box::new(mesh)), ground })
             }
             Opened::Heights(file) => {
                 let bounds = file.index().bounds().context("the file is empty: it has no tiles")?;
@@ -196,7 +238,7 @@ impl Scene {
                     channels: channels_of_heights(file.ramp().is_some()),
                     file,
                 }));
-                Ok(Self { bounds, query: Query::default(), channel: None, content })
+                Ok(Self { bounds, query: Query::default(), channel: None, content, ground: None })
             }
         }
     }
@@ -220,9 +262,28 @@ impl Scene {
         }
     }
 
-    /// What a view of all of it has to know. Heights go along z, and are looked at from near the ground.
+    /// What the mesh stands on.
+    pub(crate) fn ground(&self) -> Option<&GroundScene> {
+        self.ground.as_deref()
+    }
+
+    /// Takes the ground away, so that only the mesh is drawn.
+    pub(crate) fn take_ground(&mut self) -> Option<GroundScene> {
+        let ground = self.ground.take()?;
+        self.bounds = ground.mesh_bounds;
+        Some(*ground)
+    }
+
+    /// What a view of all of it has to know. Heights go along z, and are looked at from near the ground; so is a mesh that stands on some, unless
+    /// it says that y is up.
     pub(crate) fn extent(&self) -> Extent {
-        let (up, near_share) = if self.heights().is_some() { ("z", 1e-2) } else { ("y", 1.0) };
+        let is_upright = |file: &File<Source>| file.placement().is_none_or(|placement| placement.up != UpAxis::Y);
+        let (up, near_share) = match (&self.content, &self.ground) {
+            (Content::Heights(_), _) => ("z", 1e-2),
+            (Content::Mesh(mesh), Some(_)) if is_upright(&mesh.file) => ("z", 1e-2),
+            (Content::Mesh(_), Some(_)) => ("y", 1e-2),
+            (Content::Mesh(_), None) => ("y", 1.0),
+        };
         Extent { bounds: self.bounds, up, near_share }
     }
 
@@ -300,6 +361,7 @@ impl Scene {
             Content::Mesh(mesh) => mesh.streamer.session_mut().retry_failed(),
             Content::Heights(heights) => heights.streamer.session_mut().retry_failed(),
         }
+        self.ground.iter_mut().for_each(|ground| ground.scene.retry_failed());
     }
 
     fn settle(&self) {
@@ -307,11 +369,13 @@ impl Scene {
             Content::Mesh(mesh) => mesh.streamer.settle(),
             Content::Heights(heights) => heights.streamer.settle(),
         }
+        self.ground.iter().for_each(|ground| ground.scene.settle());
     }
 
-    /// Takes the limits of cuts from the command line.
+    /// Takes the limits of cuts from the command line. A mesh and its ground have them each.
     pub(crate) fn limit(&mut self, args: &Args) {
         (self.query.max_triangles, self.query.max_nodes) = (args.max_triangles, args.max_nodes);
+        self.ground.iter_mut().for_each(|ground| ground.scene.limit(args));
     }
 
     /// Shows the channel of the command line.
@@ -319,6 +383,11 @@ impl Scene {
     /// # Errors
     /// If the file has no such channel.
     pub fn choose_channel(&mut self, args: &Args) -> Result<()> {
+        if let Some(ground) = &mut self.ground {
+            // A name is one of the mesh.
+            let named = args.channel.as_deref().filter(|&name| name == "none");
+            ground.scene.show_channel(find(ground.scene.channels(), named)?)?;
+        }
         self.show_channel(find(self.channels(), args.channel.as_deref())?)?;
         if let (Some(channel), Some(range)) = (&mut self.channel, args.range) {
             channel.set_values(range);
@@ -371,7 +440,11 @@ impl Scene {
             }
         };
         let [error_px, texel_px] = [error_px, texel_px].map(rounded);
-        Ok(Report { error_px, texel_px, ..self.report(&streamed) })
+        let report = Report { error_px, texel_px, ..self.report(&streamed) };
+        match &mut self.ground {
+            None => Ok(report),
+            Some(ground) => Ok(report.and(&ground.scene.follow(&ground.frame.view_of_ground(view))?)),
+        }
     }
 
     /// Draws what the view shows, after everything for it is loaded: of a large file, more of the tree is known after each frame.
@@ -432,7 +505,9 @@ impl Scene {
             Content::Mesh(mesh) => mesh.streamer.session().take_problems(),
             Content::Heights(heights) => heights.streamer.session().take_problems(),
         };
-        problems.iter().map(|problem| format!("{}: {}", problem.location, problem.error)).collect()
+        let own = problems.iter().map(|problem| format!("{}: {}", problem.location, problem.error));
+        let of_ground = self.ground.iter().flat_map(|ground| ground.scene.take_problems());
+        own.chain(of_ground.map(|problem| format!("ground: {problem}"))).collect()
     }
 
     /// The cut for a view from scratch, independent of previous frames.
@@ -448,6 +523,9 @@ impl Scene {
     /// the visible ones are stitched as in all other tiles.
     pub(crate) fn tile(&self, view: &View, [at, counts]: Tile) -> Result<(View, Vec<Node>)> {
         let mesh = self.mesh().context("pictures cannot be drawn in tiles")?;
+        if self.ground.is_some() {
+            bail!("pictures of a mesh on its ground cannot be drawn in tiles");
+        }
         let ([columns, rows], [width, height]) = (counts, view.viewport);
         if !columns.is_power_of_two() || !(columns == rows || columns == 2 * rows) {
             bail!("tiles come in powers of two, as many rows as columns or half as many: 1x1, 2x1, 2x2, 4x2 and so on");

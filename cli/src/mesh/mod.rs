@@ -4,6 +4,7 @@ pub mod appearance;
 pub mod attributes;
 pub mod export;
 pub mod glb;
+pub mod glb_nodes;
 pub mod layers;
 pub mod pages;
 pub mod shaded;
@@ -99,30 +100,24 @@ impl Adjacency {
             start[v + 1] += start[v];
         }
         let mut slot = start.clone();
-        let mut sorted = vec![0u32; half_edge_count as usize];
+        // Each with its larger vertex before it.
+        let mut sorted = vec![0u64; half_edge_count as usize];
         for h in 0..half_edge_count {
             let (a, b) = edge(h);
             let s = &mut slot[a.min(b) as usize];
-            sorted[*s as usize] = h;
+            sorted[*s as usize] = u64::from(a.max(b)) << 32 | u64::from(h);
             *s += 1;
         }
         let mut opposite = vec![NONE; half_edge_count as usize];
         for v in 0..vertex_count {
             let bucket = &mut sorted[start[v] as usize..start[v + 1] as usize];
-            bucket.sort_unstable_by_key(|&h| {
-                let (a, b) = edge(h);
-                (a.max(b), h)
-            });
-            for run in bucket.chunk_by(|&g, &h| {
-                let ((a, b), (c, d)) = (edge(g), edge(h));
-                a.max(b) == c.max(d)
-            }) {
+            bucket.sort_unstable();
+            for run in bucket.chunk_by(|g, h| g >> 32 == h >> 32) {
                 if let &[g, h] = run
-                    && edge(g).0 == edge(h).1
-                    && edge(g).1 == edge(h).0
+                    && edge(g as u32).0 != edge(h as u32).0
                 {
-                    opposite[g as usize] = h;
-                    opposite[h as usize] = g;
+                    opposite[g as u32 as usize] = h as u32;
+                    opposite[h as u32 as usize] = g as u32;
                 }
             }
         }

@@ -11,6 +11,10 @@ pub fn find(parent: &mut [u32], mut number: u32) -> u32 {
 
 /// Makes one set of two.
 pub fn unite(parent: &mut [u32], a: u32, b: u32) {
+    // Neighbours of neighbours mostly are in one set already, and have one parent.
+    if parent[a as usize] == parent[b as usize] {
+        return;
+    }
     let (a, b) = (find(parent, a), find(parent, b));
     parent[a.max(b) as usize] = a.min(b);
 }

@@ -102,7 +102,7 @@ impl ChartWork<'_> {
     }
 
     /// The input's chart beside a decoded patch.
-    pub fn compared<'s>(&mut self, original: &'s Surface, drawn: &'s Surface, seam: &BorderPairing) -> Comparison<'s> {
+    pub fn compared(&mut self, original: &Surface, drawn: &Surface, seam: &BorderPairing) -> Comparison {
         let start = thread_cpu_time();
         let compared = Comparison::new(original, drawn, seam);
         self.times.certify += thread_cpu_time() - start;
@@ -138,7 +138,7 @@ impl ChartWork<'_> {
     }
 
     /// The chart's triangles where the patch is too far from them, or they from the patch, ascending.
-    pub fn exceeding(&mut self, compared: &Comparison) -> Vec<u32> {
+    pub fn exceeding(&mut self, compared: &mut Comparison) -> Vec<u32> {
         let start = thread_cpu_time();
         // A little below the tolerance, so that there is always something to find.
         let found = compared.exceeding(self.charted.scale.tolerance * 0.9, u64::MAX);

@@ -177,7 +177,7 @@ impl ChartWork<'_> {
             if *failures > MAX_REFINEMENTS || error > HOPELESS * last {
                 return Outcome::Unfit;
             }
-            let triangles = self.exceeding(&compared);
+            let triangles = self.exceeding(&mut compared);
             let centre = |&t: &u32| {
                 cut.mesh.triangles[t as usize].map(|v| filling.embedding.uv[v as usize]).iter().sum::<DVec2>() / 3.0
             };

@@ -102,7 +102,7 @@ impl ChartWork<'_> {
                 return Outcome::Done(Box::new(self.root(cut, original, Filling::Irregular, coded, [error, rms])));
             }
             *failures += 1;
-            let mut triangles = self.exceeding(&compared);
+            let mut triangles = self.exceeding(&mut compared);
             // Triangles are often too far off because of their neighbourhood, so every failure takes in one more ring.
             let mut beyond = vec![];
             for _ in 0..*failures {

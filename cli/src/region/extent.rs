@@ -31,14 +31,18 @@ impl Extent {
     /// Measures a mesh of so many components.
     pub fn of(mesh: &Mesh, adjacency: &Adjacency, component_count: u64) -> Self {
         let (mut doubled, mut inner_edges, mut bends) = (0.0, 0, 0.0);
+        let normals: Vec<DVec3> = (0..mesh.triangles.len() as u32)
+            .map(|t| {
+                let area = mesh.doubled_area(t);
+                doubled += area.length();
+                area.normalize_or_zero()
+            })
+            .collect();
         for (t, opposite) in (0..).zip(adjacency.opposite.as_chunks::<3>().0) {
-            let area = mesh.doubled_area(t);
-            doubled += area.length();
-            let normal = area.normalize_or_zero();
             // Each edge once.
             for &other in opposite.iter().filter(|&&other| other != NONE && other / 3 > t) {
                 inner_edges += 1;
-                bends += normal.distance(mesh.doubled_area(other / 3).normalize_or_zero());
+                bends += normals[t as usize].distance(normals[other as usize / 3]);
             }
         }
         Self {

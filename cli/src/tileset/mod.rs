@@ -8,6 +8,7 @@
 mod archive;
 mod geodesy;
 mod glb;
+mod joined;
 mod json;
 mod material;
 mod place;
@@ -16,6 +17,7 @@ mod terrain;
 mod tree;
 
 pub use archive::{ARCHIVE_EXTENSION, write_archive};
+pub use joined::{folder_of, write_joined};
 pub use json::Frame;
 pub use place::{PlaceError, Placed, Projection, place};
 pub use quantized::{LAYER, QuantizedSummary, is_on_wgs84, write_quantized};

@@ -31,6 +31,8 @@ pub(crate) const VERSION: (u16, u16) = (4, 0);
 pub(crate) const VERSION_WITH_CHANNELS: (u16, u16) = (4, 1);
 /// The version of files of heights.
 pub(crate) const VERSION_WITH_HEIGHTS: (u16, u16) = (4, 2);
+/// The version of files of a mesh that stands on a ground of heights.
+pub(crate) const VERSION_WITH_GROUND: (u16, u16) = (4, 3);
 /// Size of the header.
 pub(crate) const HEADER_BYTES: usize = 64;
 /// Size of a directory entry.
@@ -71,6 +73,8 @@ pub(crate) mod kind {
     pub(crate) const HEIGHT_INDEX: u32 = 12;
     /// Colours by height (optional, with HEIGHTS).
     pub(crate) const RAMP: u32 = 13;
+    /// The heights that a mesh stands on: a whole file of them (optional, not with HEIGHTS).
+    pub(crate) const GROUND: u32 = 14;
 
     /// The name of a kind of section.
     pub(crate) fn name(kind: u32) -> &'static str {
@@ -88,6 +92,7 @@ pub(crate) mod kind {
             HEIGHTS => "heights",
             HEIGHT_INDEX => "height index",
             RAMP => "ramp",
+            GROUND => "ground",
             _ => "unknown",
         }
     }
@@ -99,7 +104,7 @@ pub(crate) mod kind {
             SOURCE | OVERVIEW | CHANNELS | PLACEMENT | RAMP => Some(0),
             LEVELS | TABLES | CLUSTERS | HEIGHTS => Some(FLAG_REQUIRED),
             INDEX | PAGES | HEIGHT_INDEX => Some(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS),
-            TEXELS => Some(FLAG_CHECKED_BY_PARTS),
+            TEXELS | GROUND => Some(FLAG_CHECKED_BY_PARTS),
             _ => None,
         }
     }
@@ -287,6 +292,12 @@ fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Header> {
     if has_heights && ([kind::LEVELS, kind::CLUSTERS, kind::INDEX].into_iter().any(has) || has_channels) {
         return Err(Error::format("a file has heights, and sections of a mesh beside them"));
     }
+    if has(kind::GROUND) && has_heights {
+        return Err(Error::format("a file has heights, and a ground of heights beside them"));
+    }
+    if has(kind::GROUND) && span.version < VERSION_WITH_GROUND {
+        return Err(Error::format("a file of a version before 4.3 has a ground"));
+    }
     if has(kind::RAMP) && !has_heights {
         return Err(Error::format("a file of a mesh has a ramp of heights"));
     }
@@ -337,6 +348,20 @@ mod tests {
         assert!(matches!(refused, Err(Error::Unsupported { .. })));
         assert!(parse(&header(&[(kind::PAGES, true), (99, false)]).write()).is_err());
         assert!(parse(&header(&[(99, false), (99, false), (kind::PAGES, true)]).write()).is_err());
+    }
+
+    #[test]
+    fn a_ground_is_in_files_of_version_4_3_and_not_beside_heights() {
+        let mut file = header(&[(kind::GROUND, false), (kind::PAGES, true)]);
+        file.sections[0].checksum = None;
+        assert!(parse(&file.write()).unwrap_err().to_string().contains("version before 4.3"));
+        file.version = VERSION_WITH_GROUND;
+        assert!(parse(&file.write()).is_ok());
+        let heights = header(&[(kind::HEIGHTS, true), (kind::HEIGHT_INDEX, true)]);
+        file.sections.splice(..0, heights.sections);
+        file.sections[1].checksum = None;
+        file.lattice = Lattice::default();
+        assert!(parse(&file.write()).unwrap_err().to_string().contains("beside them"));
     }
 
     #[test]

@@ -13,6 +13,7 @@ mod object_store;
 pub(crate) mod requests;
 #[cfg(any(feature = "http", feature = "object-store"))]
 mod start;
+mod within;
 
 use std::{io, ops::Range};
 
@@ -24,6 +25,7 @@ pub use http::{Http, HttpOptions};
 pub use map::Map;
 #[cfg(feature = "object-store")]
 pub use object_store::Object;
+pub use within::Within;
 
 use crate::error::{Error, Result};
 

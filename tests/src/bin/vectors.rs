@@ -24,7 +24,7 @@ use lodpack_cli::mesh::tolerance::Tolerance;
 use lodpack_cli::pipeline::{Fillings, ModelOptions};
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, torus};
-use lodpack_tests::handmade::{Handmade, HandmadeTexels, Section, TABLES, faults, flat_tables, placement};
+use lodpack_tests::handmade::{Handmade, HandmadeTexels, Section, TABLES, faults, flat_tables, grounded, placement};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -62,6 +62,7 @@ fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
         ("flat_tables", Handmade::example().container().bytes()),
         ("newer_minor_version", newer.bytes()),
         ("placement", placed.bytes()),
+        ("ground", grounded().bytes()),
         ("polygon_grid", Handmade::grid().container().bytes()),
         ("fan_grid", Handmade::fan().container().bytes()),
         ("long_polygon", Handmade::long_polygon().container().bytes()),

@@ -3,9 +3,9 @@
 use super::symbols::{CONTEXT_COUNT, contexts, flat_table_numbers};
 use super::{
     BOX_SIZE, CHANNELS, CHILD_CHILDREN, CHILD_HALF_ARCS, CHILD_TRIANGLES, CHILDREN, CLUSTERS, COARSE_ERROR, Container,
-    FINE_BEGINS, FIRST_ARC, FIRST_ARC_SAMPLES, FIRST_CORNER_LEVEL, HALF_ARC_COUNT, HALF_ARCS, Handmade,
-    HandmadeChannel, HandmadeTexels, INDEX, LAST_ARC, LEVEL_SET, LEVELS, PAGES, ROOT, SECOND_CORNER_LEVEL, Section,
-    TABLES, TEXELS, pack_bits,
+    FINE_BEGINS, FIRST_ARC, FIRST_ARC_SAMPLES, FIRST_CORNER_LEVEL, GROUND, HALF_ARC_COUNT, HALF_ARCS, Handmade,
+    HandmadeChannel, HandmadeTexels, INDEX, LAST_ARC, LEVEL_SET, LEVELS, PAGES, PLACEMENT, ROOT, SECOND_CORNER_LEVEL,
+    Section, TABLES, TEXELS, ground, pack_bits,
 };
 
 /// A file that must be refused.
@@ -72,8 +72,13 @@ pub fn faults() -> Vec<Fault> {
         edit(&mut texels);
         Fault { name, what, bytes: texels.put_into(Handmade::example().container()).bytes() }
     });
+    let grounded = ground_faults().into_iter().map(|(name, what, edit)| {
+        let mut container = ground::grounded();
+        edit(&mut container);
+        Fault { name, what, bytes: container.bytes() }
+    });
     let geometry = whole.chain(sections).chain(tables).chain(lists).chain(symbols).chain(trees).chain(grids);
-    geometry.chain(with_channels).chain(channels).chain(drawn).collect()
+    geometry.chain(with_channels).chain(channels).chain(drawn).chain(grounded).collect()
 }
 
 type Edit<T> = (&'static str, &'static str, fn(&mut T));
@@ -422,6 +427,34 @@ fn channel_section_faults() -> Vec<Edit<Container>> {
         ("texels_flags", "TEXELS is not checked by parts (5)", |c| c.section(TEXELS).flags = 0),
         ("channels_longer", "a byte follows the last channel (20.1)", |c| c.section(CHANNELS).content.push(0)),
         ("channels_short", "CHANNELS ends within a channel (20.1)", |c| c.section(CHANNELS).content.truncate(20)),
+    ]
+}
+
+fn ground_faults() -> Vec<Edit<Container>> {
+    vec![
+        ("ground_of_version_4_2", "a file of version 4.2 has a ground (4)", |c| c.version[1] = 2),
+        ("ground_flags", "GROUND is marked as required (5)", |c| c.section(GROUND).flags = 3),
+        ("ground_checksum", "GROUND has a checksum of its own (5)", |c| c.section(GROUND).flags = 0),
+        ("ground_empty", "GROUND has no bytes (23)", |c| c.section(GROUND).content.clear()),
+        ("ground_short", "GROUND ends within its file (23)", |c| {
+            c.section(GROUND).content.pop();
+        }),
+        ("ground_longer", "a byte follows the file in GROUND (23)", |c| c.section(GROUND).content.push(0)),
+        ("ground_damaged", "a byte of the heights in GROUND has changed (23)", |c| c.section(GROUND).content[400] ^= 1),
+        ("ground_of_a_mesh", "GROUND holds a mesh (23)", |c| {
+            c.section(GROUND).content = Handmade::example().container().bytes();
+        }),
+        ("ground_in_ground", "the heights in GROUND have a ground (23)", |c| {
+            c.section(GROUND).content = ground::ground_in_ground();
+        }),
+        ("ground_on_a_globe", "the heights in GROUND lie on an ellipsoid (23)", |c| {
+            c.section(GROUND).content = ground::globe();
+        }),
+        ("ground_elsewhere", "the heights in GROUND name another CRS than the mesh (23)", |c| {
+            *c.section(PLACEMENT) = ground::placement(1, 0.25, [16.0, -4.0, 0.5], "EPSG:32632");
+            c.section(GROUND).content = ground::heights_in("EPSG:32633");
+        }),
+        ("ground_beside_heights", "heights lie beside a mesh and its ground (5)", ground::heights_beside),
     ]
 }
 

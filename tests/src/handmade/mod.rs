@@ -7,11 +7,13 @@
 mod channels;
 mod container;
 mod faults;
+mod ground;
 mod symbols;
 
 pub use channels::{HandmadeChannel, HandmadeTexels};
 pub use container::{Container, Section};
 pub use faults::{Fault, faults};
+pub use ground::grounded;
 pub use symbols::{CONTEXT_COUNT, encode, flat_tables, pack_bits};
 
 /// LEVELS, TABLES, CLUSTERS, INDEX and PAGES.
@@ -28,6 +30,14 @@ pub const PAGES: u32 = 6;
 pub const CHANNELS: u32 = 8;
 /// See [`LEVELS`].
 pub const TEXELS: u32 = 9;
+/// See [`LEVELS`].
+pub const PLACEMENT: u32 = 10;
+/// See [`LEVELS`].
+pub const HEIGHTS: u32 = 11;
+/// See [`LEVELS`].
+pub const HEIGHT_INDEX: u32 = 12;
+/// See [`LEVELS`].
+pub const GROUND: u32 = 14;
 
 /// Codes of fillings.
 pub const IRREGULAR: u16 = 0;

@@ -5,6 +5,7 @@
 //! - **error**: every drawn point is as near to the original mesh as the certified error of its root says, and vice
 //!   versa.
 //! - **ways**: pulled and stitched pictures are equal, and equal to the picture of the extracted mesh.
+//! - **together**: in a picture of a mesh on its ground, each pixel shows whichever of both is nearer where each is drawn alone.
 //! - **accuracy**: the share of pixels that look as at full resolution (Correa 2004, section 4.6); reported, not
 //!   judged.
 
@@ -13,6 +14,7 @@ mod error;
 mod flight;
 pub mod mesh_file;
 pub mod reference;
+mod together;
 mod views;
 
 use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
@@ -20,8 +22,9 @@ use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 use anyhow::{Context, Result};
 use glam::DVec3;
 use lodpack::{
-    Cut, Mesh, Node, Outside, Query, View,
+    Cut, Limits, Mesh, Node, Opened, Outside, Query, View,
     heights::{HeightsMesh, HeightsQuery},
+    source::Within,
     stream::Mode,
 };
 
@@ -79,8 +82,26 @@ pub fn check_file(args: &Args) -> Result<bool> {
     Ok(outcome.failures.is_empty())
 }
 
-/// Checks a file against the mesh from which it was built or, without one, against its own finest level.
+/// Checks a file against the mesh from which it was built or, without one, against its own finest level. A ground is checked like a file of
+/// its own, and then both in one picture.
 pub fn check(source: Source, input: Option<Mesh>, options: &Options) -> Result<Outcome> {
+    let mut outcome = check_alone(Arc::clone(&source), input, options)?;
+    let range = match Opened::open(Arc::clone(&source), Limits::default())? {
+        Opened::Mesh(file) => file.index().ground_range(),
+        Opened::Heights(_) => None,
+    };
+    if let Some(range) = range {
+        let ground = Arc::new(Within::new(Arc::clone(&source), range));
+        let others = [check_alone(ground, None, options)?, together::check_together(source, options)?];
+        for (other, name) in others.into_iter().zip(["its ground: ", "both in one picture: "]) {
+            outcome.lines.extend(other.lines.into_iter().map(|line| format!("{name}{line}")));
+            outcome.failures.extend(other.failures);
+        }
+    }
+    Ok(outcome)
+}
+
+fn check_alone(source: Source, input: Option<Mesh>, options: &Options) -> Result<Outcome> {
     let mut check = Check::new(source, options)?;
     let finest = check.finest()?;
     let (reference, slack, against) = match input {
@@ -185,6 +206,7 @@ impl Check {
         let gpu = Arc::new(Gpu::headless()?);
         // What is checked is geometry, of tiles of all depths.
         let mut scene = Scene::open_with(source, Mode::Synchronous, f64::INFINITY)?;
+        scene.take_ground();
         scene.query.outside = Outside::Coarsest;
         let renderer = |way| Renderer::new(&gpu, way);
         let mut renderers = [Way::Stitched, Way::Pulled].map(renderer);

@@ -9,14 +9,25 @@ use std::{
 };
 
 use glam::DVec3;
-use lodpack::View;
+use lodpack::{
+    File, Limits, View,
+    heights::Heights,
+    index::{Placement, UpAxis},
+    join_ground,
+};
 use lodpack_cli::{
     heights::{HeightsOptions, build},
     import::raster::{HeightSource, RasterOptions, SurfaceKind},
+    job::{BuildOptions, build as build_mesh},
+    mesh::Mesh,
     mesh::tolerance::Tolerance,
+    pipeline::ModelOptions,
     progress::Silent,
 };
-use lodpack_tests::terrain::{Fractal, Grid};
+use lodpack_tests::{
+    generate::{save_ply, torus},
+    terrain::{Fractal, Grid},
+};
 use lodpack_view::{
     check::{Fault, Options, Outcome, check, fly},
     picture::{BACKGROUND, load},
@@ -252,4 +263,39 @@ fn a_ramp_colours_the_picture() {
         count += 1;
     }
     assert!(count > 1000 && greens.len() > 40, "{count} {}", greens.len());
+}
+
+/// The file of a mesh that says where it is.
+fn placed(mesh: &Mesh, placement: Placement) -> Vec<u8> {
+    let path = folder("heights-placed").join("mesh.ply");
+    save_ply(mesh, &path).unwrap();
+    let model = ModelOptions { placement: Some(placement), ..ModelOptions::default() };
+    let options = BuildOptions { inputs: vec![path], model, ..BuildOptions::default() };
+    let mut bytes = vec![];
+    build_mesh(&options, &mut bytes, &Silent).unwrap();
+    bytes
+}
+
+#[test]
+fn a_mesh_and_its_ground_share_a_depth_buffer() {
+    if !has_gpu() {
+        return;
+    }
+    let heights = Heights::open(std::fs::read(flat()).unwrap(), Limits::default()).unwrap();
+    // A ring that is half in the ground and half above it, in kilometres around a sample of it, with y up: the ground has to be turned, scaled and
+    // moved to it.
+    let (sample, surface) = ([150_u64, 86], heights.surface());
+    let [x, y] = [0, 1].map(|k| surface.first[k] + surface.spacing[k] * sample[k] as f64);
+    let height = heights.window(sample[0]..sample[0] + 1, sample[1]..sample[1] + 1).unwrap()[0];
+    let placement = Placement { up: UpAxis::Y, unit: Some(1000.0), origin: [x, y, height], crs: String::new() };
+    let file = placed(&torus(24), placement);
+    let surface = File::open(file, Limits::default()).unwrap();
+    let mut both = vec![];
+    join_ground(&surface, &heights, &mut both).unwrap();
+    let options = Options { views: 8, size_px: 120, difference: None, fault: None };
+    let outcome = check(Arc::new(both), None, &options).unwrap();
+    assert!(outcome.failures.is_empty(), "{:#?}", outcome.lines);
+    let hidden = outcome.lines.iter().find(|line| line.contains("hides its ground")).expect("both are compared");
+    let counts: Vec<u32> = hidden.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+    assert!(counts.len() == 2 && counts.iter().all(|&count| count > 10), "each hides the other somewhere: {hidden}");
 }

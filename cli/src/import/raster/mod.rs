@@ -146,6 +146,12 @@ pub(crate) fn survey(paths: &[PathBuf], options: &RasterOptions) -> Result<Optio
     Ok(Some(RasterPlace { unit, placement }))
 }
 
+/// Whether a file is a raster.
+#[must_use]
+pub fn is_raster(path: &Path) -> bool {
+    format_of(path).is_some()
+}
+
 /// Whether the inputs are rasters.
 ///
 /// # Errors
@@ -157,7 +163,7 @@ pub(super) fn are_rasters(paths: &[PathBuf]) -> Parsed<bool> {
         (Some(raster), Some(other)) if paths[other].exists() => Err(grid_error(
             &paths[raster],
             &format!(
-                "is a raster, and {} is not: rasters and meshes cannot become one model yet; build a file of each",
+                "is a raster, and {} is not: rasters and meshes cannot become one surface; give the rasters with --ground, and the meshes stand on them",
                 paths[other].display()
             ),
         )),

@@ -1,6 +1,6 @@
 //! The surfaces of a group's members as one: what the group simplifies, and what it is certified against.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use super::super::coarse::{error_sum, filled};
 use super::NodeSurface;
@@ -50,19 +50,25 @@ pub(super) fn join(borders: &Borders, parts: &[Part], coarsest: u8) -> Joined {
     let mut positions = vec![DVec3::ZERO; count];
     let (mut triangles, mut areas) = (vec![], vec![]);
     let has_areas = parts.iter().any(|part| !part.surface.areas.is_empty());
-    let mut edges: HashMap<[u32; 2], u32> = HashMap::new();
+    let mut edges: Vec<[u32; 2]> = vec![];
     let surfaces = || parts.iter().map(|part| part.surface).zip(&vertices.firsts);
     for (surface, &first) in surfaces() {
         let of_part = |v: u32| numbers[(first + v) as usize];
         (0..).zip(&surface.positions).for_each(|(v, &position)| positions[of_part(v) as usize] = position);
-        for corners in &surface.triangles {
-            sides(corners.map(of_part)).for_each(|edge| *edges.entry(edge).or_default() += 1);
-        }
+        edges.extend(surface.triangles.iter().flat_map(|corners| sides(corners.map(of_part))));
     }
+    edges.sort_unstable();
+    let crowded: Vec<[u32; 2]> = edges.chunk_by(|a, b| a == b).filter(|run| run.len() > 2).map(|run| run[0]).collect();
     for (surface, &first) in surfaces() {
         let of_part = |v: u32| numbers[(first + v) as usize];
-        let crowded = |edge: [u32; 2]| edges[&ordered(edge.map(of_part))] > 2;
-        let fans = divided(surface, crowded, of_part, &mut positions);
+        if crowded.is_empty() {
+            triangles.extend(surface.triangles.iter().map(|corners| corners.map(of_part)));
+            let area = |number: usize| surface.areas.get(number).copied().unwrap_or(NONE);
+            areas.extend((0..if has_areas { surface.triangles.len() } else { 0 }).map(area));
+            continue;
+        }
+        let is_crowded = |edge: [u32; 2]| crowded.binary_search(&ordered(edge.map(of_part))).is_ok();
+        let fans = divided(surface, is_crowded, of_part, &mut positions);
         if has_areas {
             let area = |number: usize| surface.areas.get(number).copied().unwrap_or(NONE);
             areas.extend(fans.iter().enumerate().flat_map(|(number, fan)| vec![area(number); fan.len()]));

@@ -46,6 +46,17 @@ const PLATE: f64 = 0.5;
 /// A query ends at any triangle within this share of the (squared) threshold.
 const NEAR: f64 = 0.25;
 
+/// A triangle that lies on `from`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Patch {
+    /// The slot of the triangle of `from` in which it lies.
+    pub within: u32,
+    /// Relative to the origin of `to`.
+    pub corners: [DVec3; 3],
+    /// The slot of a triangle of `to` that may be near.
+    pub hint: u32,
+}
+
 /// A waiting subtriangle, ordered by its squared bound. Among equals, the older one comes first.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
@@ -405,15 +416,14 @@ impl<'a> Search<'a> {
         self.finish()
     }
 
-    /// Bounds some triangles of `from`, by slot, and some triangles that lie on it. The latter are relative to the
-    /// origin of `to`, each with the slot of a triangle of `to` that may be near.
-    pub(super) fn run_on(mut self, slots: impl Iterator<Item = u32>, patches: &[([DVec3; 3], u32)]) -> Bound {
+    /// Bounds some triangles of `from`, by slot, and some triangles that lie on it.
+    pub(super) fn run_on(mut self, slots: impl Iterator<Item = u32>, patches: &[Patch]) -> Bound {
         for slot in slots {
             if let Some((bound, subtriangle)) = self.visit_triangle(slot) {
                 self.push(bound, subtriangle);
             }
         }
-        for &(corners, hint) in patches {
+        for &Patch { corners, hint, .. } in patches {
             if let Some((bound, subtriangle)) = self.visit_part(corners, hint) {
                 self.push(bound, subtriangle);
             }
@@ -437,24 +447,42 @@ impl<'a> Search<'a> {
     pub(super) fn exceeding(mut self, work_limit: u64) -> Vec<u32> {
         let mut found = Vec::new();
         self.visit(0, &mut |search, slot, bound, subtriangle| {
-            // Squares on the diagonal are distances of vertices, which no cut can lower.
-            let occurs = (0..3).map(|i| subtriangle.squares[i][i]).fold(0.0, f64::max);
-            let mut exceeds = occurs > search.threshold;
-            if !exceeds {
-                search.lower = 0.0;
-                search.settled = 0.0;
-                search.push(bound, subtriangle);
-                search.empty_queue(work_limit.min(search.work + WORK_PER_TRIANGLE));
-                exceeds = search.settled.max(search.lower) > search.threshold;
-                search.heap.clear();
-                search.subtriangles.clear();
-                search.free.clear();
-            }
-            if exceeds {
+            if search.exceeds(bound, subtriangle, work_limit) {
                 found.push(search.from.original[slot as usize]);
             }
         });
         found.sort_unstable();
         found
+    }
+
+    /// Those of some triangles of `from`, by slot, that are not proven to be within the threshold, ascending, as the caller numbered them.
+    pub(super) fn exceeding_among(mut self, slots: impl Iterator<Item = u32>, work_limit: u64) -> Vec<u32> {
+        let mut found = Vec::new();
+        for slot in slots {
+            if let Some((bound, subtriangle)) = self.visit_triangle(slot)
+                && self.exceeds(bound, subtriangle, work_limit)
+            {
+                found.push(self.from.original[slot as usize]);
+            }
+        }
+        found.sort_unstable();
+        found
+    }
+
+    /// Whether one subtriangle is not proven to be within the threshold.
+    fn exceeds(&mut self, bound: f64, subtriangle: Subtriangle, work_limit: u64) -> bool {
+        // Squares on the diagonal are distances of vertices, which no cut can lower.
+        if (0..3).any(|i| subtriangle.squares[i][i] > self.threshold) {
+            return true;
+        }
+        self.lower = 0.0;
+        self.settled = 0.0;
+        self.push(bound, subtriangle);
+        self.empty_queue(work_limit.min(self.work + WORK_PER_TRIANGLE));
+        let exceeds = self.settled.max(self.lower) > self.threshold;
+        self.heap.clear();
+        self.subtriangles.clear();
+        self.free.clear();
+        exceeds
     }
 }

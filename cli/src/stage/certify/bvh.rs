@@ -60,6 +60,13 @@ pub struct TriangleBvh {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hint(u32);
 
+impl Hint {
+    /// Begin at a triangle, given by its slot.
+    pub(super) fn at(slot: u32) -> Self {
+        Self(slot)
+    }
+}
+
 /// The answer to a closest-point query.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Closest {

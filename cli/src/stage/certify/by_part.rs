@@ -4,13 +4,14 @@
 //! to the wrong one. Each part on its own is bounded as a chart of its own would be. The largest of the bounds holds for all together:
 //! every point of a part has a point of its partner near it.
 
-use std::borrow::Cow;
+use std::sync::Arc;
 
 use glam::DVec3;
 
 use super::bvh::{Hint, TriangleBvh};
+use super::drape::Map;
 use super::surface::Surface;
-use super::{BorderPairing, Bound, CertifyOptions, drape, exceeding, two_sided};
+use super::{BorderPairing, Bound, CertifyOptions, exceeding, two_sided};
 use crate::mesh::NONE;
 use crate::mesh::union_find::components;
 
@@ -36,47 +37,51 @@ struct Parts {
 /// Two surfaces that are compared: as a whole, or part by part where both have several parts that correspond. What has been found of a
 /// part is kept from one question to the next. It is meant for surfaces of the same topology whose borders correspond, such as a chart and its
 /// drawn level.
-pub struct Comparison<'a> {
-    pairs: Vec<Pair<'a>>,
+pub struct Comparison {
+    pairs: Vec<Pair>,
     /// Whether there is no border.
     is_closed: bool,
 }
 
 /// Two surfaces, or parts of two.
-struct Pair<'a> {
-    fine: Side<'a>,
-    coarse: Side<'a>,
+struct Pair {
+    fine: Side,
+    coarse: Side,
     pairing: BorderPairing,
-    /// Whether one might be laid onto the other.
+    /// Whether one might be laid onto the other, and has not been yet.
     may_drape: bool,
+    /// How one is laid onto the other.
+    map: Option<Map>,
     known: Option<Bound>,
 }
 
 /// A surface or its part.
-struct Side<'a> {
-    surface: Cow<'a, TriangleBvh>,
+struct Side {
+    surface: Arc<TriangleBvh>,
     /// The numbers of its triangles in the surface, and of its vertices; none if they are the same.
     triangles: Option<Vec<u32>>,
     vertices: Option<Vec<u32>>,
 }
 
-impl<'a> Comparison<'a> {
+impl Comparison {
     /// `pairing` says how the borders correspond; `fine` should have the smaller triangles.
-    pub fn new(fine: &'a Surface, coarse: &'a Surface, pairing: &BorderPairing) -> Self {
+    pub fn new(fine: &Surface, coarse: &Surface, pairing: &BorderPairing) -> Self {
         let is_closed = pairing.is_empty();
         let points = || pairing.iter().flatten();
-        let of_fine = Parts::new(fine, points().map(|vertex| vertex.fine));
         let of_coarse = Parts::new(coarse, points().filter_map(|vertex| vertex.coarse));
+        // Nothing has to be known of one side's parts if the other has one.
+        let of_fine = (is_closed || of_coarse.is_some()).then(|| Parts::new(fine, points().map(|vertex| vertex.fine)));
+        let of_fine = of_fine.flatten();
         let is_several = of_coarse.is_some() || of_fine.is_some();
         let pairs = of_fine.zip(of_coarse).and_then(|parts| pairs_of([fine, coarse], parts, pairing));
         let whole = || {
             let [fine, coarse] = [fine, coarse].map(|surface| Side {
-                surface: Cow::Borrowed(surface.bvh()),
+                surface: Arc::clone(surface.bvh()),
                 triangles: None,
                 vertices: None,
             });
             // Parts that do not correspond are not laid onto each other as a whole either; a border may help.
-            vec![Pair { fine, coarse, pairing: pairing.clone(), may_drape: !(is_closed && is_several), known: None }]
+            vec![Pair { may_drape: !(is_closed && is_several), ..Pair::new(fine, coarse, pairing.clone()) }]
         };
         Self { pairs: pairs.unwrap_or_else(whole), is_closed }
     }
@@ -106,11 +111,14 @@ impl<'a> Comparison<'a> {
     /// Squared distances of every so many vertices of the finer surface from the coarser one, or from the part that corresponds.
     pub fn squares(&self, stride: usize) -> Vec<f64> {
         let mut squares = vec![];
-        for Pair { fine: Side { surface: fine, vertices, .. }, coarse, .. } in &self.pairs {
+        for Pair { fine: Side { surface: fine, vertices, .. }, coarse, map, .. } in &self.pairs {
             let mut hint = Hint::default();
             for (v, &own) in (0..).zip(&fine.vertex_of).filter(|&(_, &own)| own != NONE) {
                 let number = vertices.as_ref().map_or(v, |numbers| numbers[v] as usize);
                 if number % stride == 0 {
+                    if let Some(map) = map {
+                        hint = Hint::at(map.tile(own));
+                    }
                     let distance = coarse.surface.closest(fine.positions[own as usize], &mut hint).distance;
                     squares.push(distance * distance);
                 }
@@ -121,19 +129,35 @@ impl<'a> Comparison<'a> {
 
     /// The triangles of the finer surface, ascending, at which one surface is not proven to lie within `target` of the other; `work_limit`
     /// is that of [`super::exceeding`].
-    pub fn exceeding(&self, target: f64, work_limit: u64) -> Vec<u32> {
-        let is_open = |pair: &&Pair| pair.known.is_none_or(|bound| bound.upper > target);
+    pub fn exceeding(&mut self, target: f64, work_limit: u64) -> Vec<u32> {
+        let is_open = |pair: &&mut Pair| pair.known.is_none_or(|bound| bound.upper > target);
         let mut found: Vec<u32> =
-            self.pairs.iter().filter(is_open).flat_map(|pair| pair.exceeding(target, work_limit)).collect();
+            self.pairs.iter_mut().filter(is_open).flat_map(|pair| pair.exceeding(target, work_limit)).collect();
         found.sort_unstable();
         found.dedup();
         found
     }
 }
 
-impl Pair<'_> {
+impl Pair {
+    fn new(fine: Side, coarse: Side, pairing: BorderPairing) -> Self {
+        Self { fine, coarse, pairing, may_drape: true, map: None, known: None }
+    }
+
+    /// Asks the map between the two, if there is one; none if there is not.
+    fn on_map<T>(&mut self, ask: impl FnOnce(&mut Map) -> Option<T>) -> Option<T> {
+        let (fine, coarse) = (&self.fine.surface, &self.coarse.surface);
+        if std::mem::take(&mut self.may_drape) && !fine.is_empty() && !coarse.is_empty() {
+            self.map = Map::new(fine, coarse, &self.pairing);
+        }
+        let answer = ask(self.map.as_mut()?);
+        if answer.is_none() {
+            self.map = None;
+        }
+        answer
+    }
+
     fn two_sided(&mut self, options: &CertifyOptions) -> Bound {
-        let (fine, coarse) = (&*self.fine.surface, &*self.coarse.surface);
         let CertifyOptions { relative_gap, floor, lower, target, .. } = *options;
         if let Some(known) = self.known {
             let needed = (1.0 + relative_gap) * lower.max(known.lower);
@@ -141,9 +165,8 @@ impl Pair<'_> {
                 return known;
             }
         }
-        let may_drape = self.may_drape && !fine.is_empty() && !coarse.is_empty();
-        let draped = if may_drape { drape::two_sided(fine, coarse, &self.pairing, options) } else { None };
-        let mut bound = draped.unwrap_or_else(|| two_sided(fine, coarse, options));
+        let draped = self.on_map(|map| map.two_sided(options));
+        let mut bound = draped.unwrap_or_else(|| two_sided(&self.fine.surface, &self.coarse.surface, options));
         if let Some(known) = self.known {
             bound.upper = bound.upper.min(known.upper);
         }
@@ -151,10 +174,11 @@ impl Pair<'_> {
         bound
     }
 
-    fn exceeding(&self, target: f64, work_limit: u64) -> Vec<u32> {
+    fn exceeding(&mut self, target: f64, work_limit: u64) -> Vec<u32> {
+        let draped = self.on_map(|map| map.exceeding(target, work_limit));
         let (fine, coarse) = (&*self.fine.surface, &*self.coarse.surface);
-        let mut found = exceeding(fine, coarse, target, work_limit);
-        let beyond = exceeding(coarse, fine, target, work_limit);
+        let both = || [exceeding(fine, coarse, target, work_limit), exceeding(coarse, fine, target, work_limit)];
+        let [mut found, beyond] = draped.unwrap_or_else(both);
         let mut slot_of = vec![0; if beyond.is_empty() { 0 } else { coarse.triangle_count() }];
         if !beyond.is_empty() {
             (0..).zip(&coarse.original).for_each(|(slot, &t)| slot_of[t as usize] = slot);
@@ -176,11 +200,11 @@ impl Pair<'_> {
 }
 
 /// The pairs of parts that correspond, those with a border first; none if they do not.
-fn pairs_of<'a>(
+fn pairs_of(
     surfaces: [&Surface; 2],
     (of_fine, of_coarse): (Parts, Parts),
     pairing: &BorderPairing,
-) -> Option<Vec<Pair<'a>>> {
+) -> Option<Vec<Pair>> {
     let has_border = [of_fine.bordered.is_empty(), of_coarse.bordered.is_empty()];
     if has_border[0] != has_border[1] || of_fine.closed.len() != of_coarse.closed.len() {
         return None;
@@ -189,20 +213,20 @@ fn pairs_of<'a>(
     let mut pairs = vec![];
     if !of_fine.bordered.is_empty() {
         let [fine, coarse] = [(surfaces[0], &of_fine), (surfaces[1], &of_coarse)].map(|(surface, parts)| Side {
-            surface: Cow::Owned(TriangleBvh::new(surface.positions, &parts.bordered)),
+            surface: Arc::new(TriangleBvh::new(surface.positions, &parts.bordered)),
             triangles: Some(parts.numbers.clone()),
             vertices: None,
         });
-        pairs.push(Pair { fine, coarse, pairing: pairing.clone(), may_drape: true, known: None });
+        pairs.push(Pair::new(fine, coarse, pairing.clone()));
     }
     let side = |part: &Part| Side {
-        surface: Cow::Owned(TriangleBvh::new(&part.positions, &part.triangles)),
+        surface: Arc::new(TriangleBvh::new(&part.positions, &part.triangles)),
         triangles: Some(part.numbers.clone()),
         vertices: Some(part.vertices.clone()),
     };
     for (fine, partner) in of_fine.closed.iter().zip(partners) {
         let [fine, coarse] = [fine, &of_coarse.closed[partner]].map(side);
-        pairs.push(Pair { fine, coarse, pairing: vec![], may_drape: true, known: None });
+        pairs.push(Pair::new(fine, coarse, vec![]));
     }
     Some(pairs)
 }

@@ -1,6 +1,6 @@
 //! A surface that is going to be compared: its hierarchy is made once somebody asks for it.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
@@ -10,7 +10,7 @@ use super::bvh::TriangleBvh;
 pub struct Surface<'a> {
     pub(super) positions: &'a [DVec3],
     pub(super) triangles: &'a [[u32; 3]],
-    bvh: OnceLock<TriangleBvh>,
+    bvh: OnceLock<Arc<TriangleBvh>>,
 }
 
 impl<'a> Surface<'a> {
@@ -20,7 +20,7 @@ impl<'a> Surface<'a> {
     }
 
     /// All of them in one hierarchy.
-    pub fn bvh(&self) -> &TriangleBvh {
-        self.bvh.get_or_init(|| TriangleBvh::new(self.positions, self.triangles))
+    pub fn bvh(&self) -> &Arc<TriangleBvh> {
+        self.bvh.get_or_init(|| Arc::new(TriangleBvh::new(self.positions, self.triangles)))
     }
 }

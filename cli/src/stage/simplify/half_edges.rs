@@ -5,14 +5,21 @@
 
 use crate::mesh::{Adjacency, NONE, next_half_edge as next, previous_half_edge as previous};
 
+/// One side of an edge.
+#[derive(Clone, Copy, Debug)]
+struct HalfEdge {
+    /// The vertex at which it starts; [`NONE`] once its triangle is gone.
+    origin: u32,
+    /// The half-edge on the other side; [`NONE`] on the border.
+    twin: u32,
+    edge: u32,
+}
+
 /// Connectivity of an oriented manifold mesh, with or without border, while it is being simplified.
 #[derive(Debug)]
 pub(super) struct HalfEdges {
-    /// The vertex at which a half-edge starts; [`NONE`] once its triangle is gone.
-    origin: Vec<u32>,
-    /// The half-edge on the other side; [`NONE`] on the border.
-    twin: Vec<u32>,
-    edge_of: Vec<u32>,
+    /// Those of a triangle beside each other: a walk around a vertex asks for all of them.
+    half_edges: Vec<HalfEdge>,
     /// A half-edge of each edge; [`NONE`] once the edge is gone.
     half_edge_of: Vec<u32>,
     /// A half-edge that starts at the vertex; on the border, the one that runs along it. [`NONE`] once the vertex is
@@ -25,16 +32,20 @@ pub(super) struct HalfEdges {
 impl HalfEdges {
     /// Builds the structure. `None` if the triangles are not an oriented manifold, in which every vertex has one fan.
     pub fn new(triangles: &[[u32; 3]], vertex_count: usize) -> Option<Self> {
-        let twin = Adjacency::new(triangles, vertex_count).opposite;
-        let origin: Vec<u32> = triangles.as_flattened().to_vec();
+        let opposite = Adjacency::new(triangles, vertex_count).opposite;
+        let mut half_edges: Vec<HalfEdge> = triangles
+            .as_flattened()
+            .iter()
+            .zip(opposite)
+            .map(|(&origin, twin)| HalfEdge { origin, twin, edge: NONE })
+            .collect();
         let mut first = vec![NONE; vertex_count];
         let mut border = vec![false; vertex_count];
-        let mut edge_of = vec![NONE; origin.len()];
-        let mut half_edge_of = Vec::with_capacity(origin.len() / 2 + 1);
-        for h in 0..origin.len() as u32 {
-            let v = origin[h as usize] as usize;
-            let t = twin[h as usize];
-            if t == NONE {
+        let mut half_edge_of = Vec::with_capacity(half_edges.len() / 2 + 1);
+        for h in 0..half_edges.len() as u32 {
+            let HalfEdge { origin, twin, .. } = half_edges[h as usize];
+            let v = origin as usize;
+            if twin == NONE {
                 if border[v] {
                     return None;
                 }
@@ -43,18 +54,18 @@ impl HalfEdges {
             } else if !border[v] {
                 first[v] = h;
             }
-            if t > h {
-                edge_of[h as usize] = half_edge_of.len() as u32;
-                if t != NONE {
-                    edge_of[t as usize] = half_edge_of.len() as u32;
+            if twin > h {
+                half_edges[h as usize].edge = half_edge_of.len() as u32;
+                if twin != NONE {
+                    half_edges[twin as usize].edge = half_edge_of.len() as u32;
                 }
                 half_edge_of.push(h);
             }
         }
-        let mesh = Self { origin, twin, edge_of, half_edge_of, first, border, triangle_count: triangles.len() };
+        let mesh = Self { half_edges, half_edge_of, first, border, triangle_count: triangles.len() };
         // A vertex with two fans has half-edges that no fan reaches.
         let reached: usize = (0..vertex_count as u32).map(|v| mesh.fan(v).count()).sum();
-        (reached == mesh.origin.len()).then_some(mesh)
+        (reached == mesh.half_edges.len()).then_some(mesh)
     }
 
     pub fn edge_count(&self) -> usize {
@@ -68,13 +79,18 @@ impl HalfEdges {
 
     /// Corners of the triangles that remain, in the order of the input.
     pub fn triangles(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
-        self.origin.as_chunks::<3>().0.iter().copied().filter(|t| t[0] != NONE)
+        self.slots().map(|(_, corners)| corners)
     }
 
     /// The places in the input of the triangles that remain, in order. One that was made anew has the place of one that it replaces.
     pub fn remaining(&self) -> impl Iterator<Item = usize> + '_ {
-        let triangles = self.origin.as_chunks::<3>().0.iter().enumerate();
-        triangles.filter(|(_, corners)| corners[0] != NONE).map(|(slot, _)| slot)
+        self.slots().map(|(slot, _)| slot)
+    }
+
+    /// The triangles that remain, by their places in the input.
+    fn slots(&self) -> impl Iterator<Item = (usize, [u32; 3])> + '_ {
+        let triangles = self.half_edges.as_chunks::<3>().0.iter().map(|sides| sides.map(|side| side.origin));
+        triangles.enumerate().filter(|(_, corners)| corners[0] != NONE)
     }
 
     pub fn is_alive(&self, vertex: u32) -> bool {
@@ -86,15 +102,19 @@ impl HalfEdges {
     }
 
     pub fn origin(&self, half_edge: u32) -> u32 {
-        self.origin[half_edge as usize]
+        self.half_edges[half_edge as usize].origin
     }
 
     pub fn target(&self, half_edge: u32) -> u32 {
-        self.origin[next(half_edge) as usize]
+        self.origin(next(half_edge))
     }
 
     pub fn twin(&self, half_edge: u32) -> u32 {
-        self.twin[half_edge as usize]
+        self.half_edges[half_edge as usize].twin
+    }
+
+    fn edge(&self, half_edge: u32) -> u32 {
+        self.half_edges[half_edge as usize].edge
     }
 
     /// A half-edge of an edge (the only one, if the edge lies on the border); `None` once the edge is gone.
@@ -126,11 +146,11 @@ impl HalfEdges {
         edges.clear();
         let mut last = NONE;
         for h in self.fan(vertex) {
-            edges.push(self.edge_of[h as usize]);
+            edges.push(self.edge(h));
             last = h;
         }
         if last != NONE && self.border[vertex as usize] {
-            edges.push(self.edge_of[previous(last) as usize]);
+            edges.push(self.edge(previous(last)));
         }
     }
 
@@ -154,24 +174,23 @@ impl HalfEdges {
         let mut h = self.first[removed as usize];
         let start = h;
         while h != NONE {
-            self.origin[h as usize] = kept;
-            h = self.twin[previous(h) as usize];
+            self.half_edges[h as usize].origin = kept;
+            h = self.twin(previous(h));
             if h == start {
                 break;
             }
         }
-        self.half_edge_of[self.edge_of[half_edge as usize] as usize] = NONE;
+        let edge = self.edge(half_edge);
+        self.half_edge_of[edge as usize] = NONE;
         let mut leaving_kept = NONE;
-        for (side, starts_at_removed) in
-            [(half_edge, from == removed), (self.twin[half_edge as usize], from != removed)]
-        {
+        for (side, starts_at_removed) in [(half_edge, from == removed), (self.twin(half_edge), from != removed)] {
             if side == NONE {
                 continue;
             }
             let (n, p) = (next(side), previous(side));
-            let apex = self.origin[p as usize];
-            let (after, before) = (self.twin[n as usize], self.twin[p as usize]);
-            let (mut keep, mut drop) = (self.edge_of[n as usize], self.edge_of[p as usize]);
+            let apex = self.origin(p);
+            let (after, before) = (self.twin(n), self.twin(p));
+            let (mut keep, mut drop) = (self.edge(n), self.edge(p));
             if !starts_at_removed {
                 std::mem::swap(&mut keep, &mut drop);
             }
@@ -179,12 +198,12 @@ impl HalfEdges {
             self.half_edge_of[keep as usize] = if after != NONE { after } else { before };
             for (one, other) in [(after, before), (before, after)] {
                 if one != NONE {
-                    self.twin[one as usize] = other;
-                    self.edge_of[one as usize] = keep;
+                    let side = &mut self.half_edges[one as usize];
+                    (side.twin, side.edge) = (other, keep);
                 }
             }
             for dead in [side, n, p] {
-                self.origin[dead as usize] = NONE;
+                self.half_edges[dead as usize].origin = NONE;
             }
             self.triangle_count -= 1;
             if self.first[apex as usize] / 3 == side / 3 {
@@ -194,23 +213,23 @@ impl HalfEdges {
         }
         self.first[removed as usize] = NONE;
         let first = self.first[kept as usize];
-        if self.border[kept as usize] || self.origin[first as usize] == NONE {
+        if self.border[kept as usize] || self.origin(first) == NONE {
             self.set_first(kept, leaving_kept);
         }
     }
 
     /// Replaces an inner edge by the other diagonal of its two triangles. That diagonal must not exist yet.
     pub fn flip(&mut self, half_edge: u32) {
-        let (h, t) = (half_edge, self.twin[half_edge as usize]);
+        let (h, t) = (half_edge, self.twin(half_edge));
         let (u, v) = (self.origin(h), self.origin(t));
         let (c, d) = (self.origin(previous(h)), self.origin(previous(t)));
-        let outer = |g: u32| (self.twin[g as usize], self.edge_of[g as usize]);
+        let outer = |g: u32| (self.twin(g), self.edge(g));
         let (vc, cu, ud, dv) = (outer(next(h)), outer(previous(h)), outer(next(t)), outer(previous(t)));
-        self.origin[h as usize] = c;
-        self.origin[t as usize] = d;
+        self.half_edges[h as usize].origin = c;
+        self.half_edges[t as usize].origin = d;
         for (g, from, (twin, edge)) in [(next(h), d, dv), (previous(h), v, vc), (next(t), c, cu), (previous(t), u, ud)]
         {
-            self.origin[g as usize] = from;
+            self.half_edges[g as usize].origin = from;
             self.link(g, twin, edge);
         }
         for (vertex, leaving) in [(u, previous(t)), (v, previous(h)), (c, h), (d, t)] {
@@ -227,14 +246,13 @@ impl HalfEdges {
         self.ring(vertex, &mut ring);
         self.edges(vertex, &mut spokes);
         let fan: Vec<u32> = self.fan(vertex).collect();
-        let outer: Vec<(u32, u32)> =
-            fan.iter().map(|&h| (self.twin[next(h) as usize], self.edge_of[next(h) as usize])).collect();
+        let outer: Vec<(u32, u32)> = fan.iter().map(|&h| (self.twin(next(h)), self.edge(next(h)))).collect();
         for &spoke in &spokes {
             self.half_edge_of[spoke as usize] = NONE;
         }
         for &h in &fan {
             let base = (h / 3 * 3) as usize;
-            self.origin[base..base + 3].fill(NONE);
+            self.half_edges[base..base + 3].iter_mut().for_each(|side| side.origin = NONE);
         }
         self.first[vertex as usize] = NONE;
         self.triangle_count = self.triangle_count + filling.len() - fan.len();
@@ -246,13 +264,13 @@ impl HalfEdges {
             for k in 0..3 {
                 let h = slot / 3 * 3 + k as u32;
                 let (from, to) = (corners[k], corners[(k + 1) % 3]);
-                self.origin[h as usize] = ring[from];
+                self.half_edges[h as usize].origin = ring[from];
                 if to == from + 1 {
                     let (twin, edge) = outer[from];
                     self.link(h, twin, edge);
                 } else if let Some(found) = open.iter().position(|&(a, b, _)| (a, b) == (to, from)) {
                     let (_, _, twin) = open.swap_remove(found);
-                    self.link(h, twin, self.edge_of[twin as usize]);
+                    self.link(h, twin, self.edge(twin));
                 } else {
                     // There are always enough: as many spokes as ring vertices, and two fewer new edges.
                     self.link(h, NONE, free_edges.next().unwrap_or(NONE));
@@ -274,12 +292,12 @@ impl HalfEdges {
     }
 
     fn link(&mut self, half_edge: u32, twin: u32, edge: u32) {
-        self.twin[half_edge as usize] = twin;
-        self.edge_of[half_edge as usize] = edge;
+        let side = &mut self.half_edges[half_edge as usize];
+        (side.twin, side.edge) = (twin, edge);
         self.half_edge_of[edge as usize] = half_edge;
         if twin != NONE {
-            self.twin[twin as usize] = half_edge;
-            self.edge_of[twin as usize] = edge;
+            let other = &mut self.half_edges[twin as usize];
+            (other.twin, other.edge) = (half_edge, edge);
         }
     }
 
@@ -287,8 +305,8 @@ impl HalfEdges {
     fn set_first(&mut self, vertex: u32, leaving: u32) {
         let mut h = leaving;
         if self.border[vertex as usize] {
-            while self.twin[h as usize] != NONE {
-                h = next(self.twin[h as usize]);
+            while self.twin(h) != NONE {
+                h = next(self.twin(h));
             }
         }
         self.first[vertex as usize] = h;
@@ -310,7 +328,7 @@ impl Iterator for Fan<'_> {
         if h == NONE {
             return None;
         }
-        self.current = self.mesh.twin[previous(h) as usize];
+        self.current = self.mesh.twin(previous(h));
         if self.current == self.start {
             self.current = NONE;
         }

@@ -3,13 +3,13 @@
 //! Quadric errors only grow while a mesh is simplified, so a cost computed earlier is a lower bound: an entry is
 //! evaluated again when it reaches the top, not whenever a neighbour changes. Each edge has at most one entry.
 
-use std::collections::BinaryHeap;
+use dary_heap::QuaternaryHeap;
 
 /// Edges in the order of (cost, edge), cheapest first. Ties go to the lower edge, so the order is deterministic.
 #[derive(Debug, Default)]
 pub(super) struct EdgeQueue {
     /// The complement of (bits of the cost as f32, edge): non-negative floats sort like their bits.
-    heap: BinaryHeap<u64>,
+    heap: QuaternaryHeap<u64>,
     queued: Vec<bool>,
 }
 
@@ -20,7 +20,7 @@ pub(super) fn rank(cost: f64) -> u32 {
 
 impl EdgeQueue {
     pub fn new(edge_count: usize) -> Self {
-        Self { heap: BinaryHeap::with_capacity(edge_count), queued: vec![false; edge_count] }
+        Self { heap: QuaternaryHeap::with_capacity(edge_count), queued: vec![false; edge_count] }
     }
 
     pub fn contains(&self, edge: u32) -> bool {

@@ -132,6 +132,11 @@ pub struct BuildArgs {
     /// neighbours, on average.
     #[arg(long, conflicts_with_all = ["job", "workers", "resume", "extensible", "drape", "channels", "color_quality", "effort", "levels", "fillings", "up"])]
     pub heights: bool,
+    /// What a mesh stands on: a raster of heights, which may be given several times for a mosaic, or one file that was built with --heights. The file
+    /// then holds both, and everything that reads it has both: a city and its ground. --crs, --origin and the tolerance count for rasters, too. `lodpack merge --ground` puts
+    /// a ground under a file that is there already.
+    #[arg(long, value_name = "DEM", conflicts_with_all = ["job", "heights", "workers"])]
+    pub ground: Vec<PathBuf>,
     /// Directory for temporary files. By default that of the output.
     #[arg(long, value_name = "DIR")]
     pub temp: Option<PathBuf>,

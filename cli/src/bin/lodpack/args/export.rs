@@ -1,5 +1,6 @@
 //! Arguments of `export`.
 
+use super::read::GroundChoice;
 use super::values::{ProgressStyle, UpAxis, parse_threads};
 use clap::{Args, ValueEnum};
 use lodpack_cli::mesh::tolerance::Tolerance;
@@ -41,6 +42,10 @@ pub struct ExportArgs {
     /// Leave the file's place on the globe out: metres from its own origin.
     #[arg(long)]
     pub local: bool,
+    /// Of a file whose mesh stands on a ground: auto writes both as one tileset, with --tolerance for each; none the mesh alone, only the ground alone.
+    /// glb-lod has the mesh alone.
+    #[arg(long, value_enum, default_value_t, value_name = "auto|none|only")]
+    pub ground: GroundChoice,
     /// auto: tiles show colours and what else materials have, if the file has them; none: the shape alone.
     #[arg(long, default_value = "auto", value_name = "C", value_parser = ["auto", "none"])]
     pub channels: String,

@@ -141,9 +141,13 @@ impl From<StageName> for Stage {
 /// Arguments of `merge`.
 #[derive(Args, Debug)]
 pub struct MergeArgs {
-    /// A job, a directory of parts, or parts one by one.
+    /// A job, a directory of parts, or parts one by one; with --ground also a finished file of a mesh.
     #[arg(required = true, value_name = "PARTS")]
     pub parts: Vec<PathBuf>,
+    /// Put this file of heights, built with --heights, under the mesh: the file then holds both. A ground that it had is replaced. Nothing is built
+    /// again, so no other byte of the mesh changes. Both must be in the same coordinate reference system, as far as they name one.
+    #[arg(long, value_name = "TERRAIN.lodpack")]
+    pub ground: Option<PathBuf>,
     /// The file to write. By default it lies beside the job (or the directory of parts) and has the planned name.
     #[arg(short, long, value_name = "OUT.lodpack")]
     pub output: Option<PathBuf>,

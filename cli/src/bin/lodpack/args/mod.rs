@@ -15,10 +15,10 @@ pub use build::{AtlasArgs, BuildArgs, ModelArgs, RunArgs};
 pub use export::{ExportArgs, ExportFormat};
 pub use job::{AddArgs, JobArgs, MergeArgs, PlanArgs, StatusArgs, SubmitArgs, WorkArgs};
 pub use measure::{ReportArgs, SelftestArgs, VerifyArgs};
-pub use read::{ExtractArgs, InfoArgs, OutputFormat, ViewArgs};
+pub use read::{ExtractArgs, GroundChoice, InfoArgs, OutputFormat, ViewArgs};
 pub use serve::ServeArgs;
 pub use shell::{CompletionsArgs, ManArgs};
-pub use values::{PartRange, ProgressStyle, UpAxis};
+pub use values::{BoundingBox, PartRange, ProgressStyle, UpAxis};
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;

@@ -32,8 +32,20 @@ pub enum OutputFormat {
     Glb,
 }
 
+/// What becomes of the ground that a mesh stands on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum GroundChoice {
+    /// Both, where there is a ground.
+    #[default]
+    Auto,
+    /// The mesh alone.
+    None,
+    /// The ground alone.
+    Only,
+}
+
 /// Arguments of `extract`.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub struct ExtractArgs {
     /// The file: a path or an address (http://, https://; s3://, gs://, az:// where built in).
     pub file: PathBuf,
@@ -70,6 +82,11 @@ pub struct ExtractArgs {
     /// no meaning; 170 to 190 crosses the date line.
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]
     pub bbox: Option<BoundingBox>,
+    /// Of a file whose mesh stands on a ground: auto writes both, none the mesh alone, only the ground alone. --tolerance holds for each, and so for both;
+    /// --triangles for their sum, which is divided so that both have about the same error. GLB gets two nodes, each with its look; other formats get
+    /// one mesh of the shape alone. A .tif is of the ground.
+    #[arg(long, value_enum, default_value_t, value_name = "auto|none|only")]
+    pub ground: GroundChoice,
     /// With --bbox: also write the rest of the model, at its coarsest.
     #[arg(long, requires = "bbox")]
     pub context: bool,

@@ -1,5 +1,6 @@
 //! `lodpack build`
 
+use super::ground::{self, Target, WithGround};
 use super::inputs::find_inputs;
 use super::state::{begin_in, beside_first, naming, with_advice, work_directory};
 use super::summary::print;
@@ -9,6 +10,7 @@ use crate::interrupt;
 use crate::output::{PendingFile, bytes, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
+use lodpack_cli::import::raster::RasterOptions;
 use lodpack_cli::job::{BuildOptions, BuiltPart, FILE_EXTENSION, PlannedJob, build};
 use lodpack_cli::storage::memory::machine_bytes;
 use std::io::BufWriter;
@@ -35,10 +37,12 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
     }
     let work = work_directory(output, args.temp.as_deref());
     begin_in(&work, args.resume, args.force)?;
-    let options = BuildOptions { work: work.clone(), resume: args.resume, ..options(inputs, &args.model, &args.run) };
+    let mut options =
+        BuildOptions { work: work.clone(), resume: args.resume, ..options(inputs, &args.model, &args.run) };
     // A build that was killed at the very end has left both the file and its state.
     let overwrite = args.force || args.resume && work.exists();
-    let (pending, file) = PendingFile::create(output, overwrite, options.inputs.iter().map(|p| p.as_path()))?;
+    let inputs = options.inputs.iter().chain(&args.ground).map(|path| path.as_path());
+    let (pending, file) = PendingFile::create(output, overwrite, inputs)?;
     if let Some(workers) = args.workers {
         let summary = workers::run(args, workers, &options, output, pending, file)?;
         if args.json {
@@ -49,21 +53,31 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     interrupt::on_stop(&work, "run the same command with --resume to continue");
+    let folder = args.temp.clone().or_else(|| output.parent().map(Path::to_owned)).unwrap_or_default();
+    let under = ground::open(&find_inputs(&args.ground)?, &options.model, &args.run, &folder)?;
+    if under.is_some() {
+        // They are said of the ground.
+        options.model.raster = RasterOptions::default();
+    }
+    let (target, file) = Target::new(file, under, &folder)?;
     let mut out = BufWriter::new(file);
-    let summary = {
+    let (summary, ground) = {
         let progress = Terminal::working_in(args.run.progress, progress_bar::BUILD, &work);
         let built = build(&options, &mut out, &progress);
         let summary = built.map_err(|error| with_advice(error, output, &work))?;
         let written = out.into_inner().map_err(|error| error.into_error());
-        pending.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
+        let (written, ground) =
+            target.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
+        pending.finish(written)?;
         progress.complete();
-        summary
+        (summary, ground)
     };
     if args.json {
-        print_json(&summary)?;
-    } else {
-        print(&summary, output)?;
+        print_json(&WithGround { summary, ground })?;
+        return Ok(ExitCode::SUCCESS);
     }
+    print(&summary, output)?;
+    ground.iter().try_for_each(ground::print)?;
     Ok(ExitCode::SUCCESS)
 }
 

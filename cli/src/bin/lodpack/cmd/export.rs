@@ -1,21 +1,22 @@
 //! `lodpack export`
 
-use super::open::{Opened, Source, in_file, open_any, tolerance_in, tolerance_in_heights};
+use super::open::{Opened, Source, in_file, open_any, open_ground, tolerance_in, tolerance_in_heights};
 use super::{levels, print_json, use_threads};
-use crate::args::{ExportArgs, ExportFormat, UpAxis};
+use crate::args::{ExportArgs, ExportFormat, GroundChoice, UpAxis};
 use crate::interrupt;
 use crate::messages;
 use crate::output::{PendingFile, PendingFolder, bytes, count, length, say};
 use crate::progress_bar::{self, Terminal};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use lodpack::heights::Heights;
 use lodpack::index::{Placement, UpAxis as AxisUp};
 use lodpack_cli::progress::Progress;
 use lodpack_cli::tileset::{
-    ARCHIVE_EXTENSION, ENTRY, Frame, Projection, TilesetOptions, TilesetSummary, bounds_of, is_product, place,
-    write_archive, write_terrain, write_tileset,
+    ARCHIVE_EXTENSION, ENTRY, Frame, Projection, TilesetOptions, TilesetSummary, bounds_of, folder_of, is_product,
+    place, write_archive, write_joined, write_terrain, write_tileset,
 };
 use std::fs::File;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// Writes a file in a format of levels.
@@ -29,12 +30,21 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     interrupt::on_stop_leave_nothing();
     // An unsuitable output is refused before anything is read.
     let product = Product::create(args)?;
-    let file = open_any(&args.file)?;
+    let file = match open_any(&args.file)? {
+        Opened::Mesh(mesh) if args.ground == GroundChoice::Only => match open_ground(&args.file, &mesh)? {
+            Some((ground, _)) => Opened::Heights(ground),
+            None => bail!("{}: its mesh stands on no ground; omit --ground only", args.file.display()),
+        },
+        file => file,
+    };
     let stages = if product.archive.is_some() { progress_bar::EXPORT_ARCHIVE } else { progress_bar::EXPORT };
     let progress = Terminal::new(args.progress, stages);
     let folder = product.folder.unfinished();
     let cannot_export = || format!("cannot export {}", args.file.display());
     let summary = match &file {
+        Opened::Mesh(file) if file.index().ground_range().is_some() && args.ground != GroundChoice::None => {
+            both(file, args, folder, &progress)?
+        }
         Opened::Mesh(file) => {
             let options = TilesetOptions {
                 tolerance: args.tolerance.map(|tolerance| tolerance_in(file, tolerance)).transpose()?,
@@ -58,6 +68,52 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
         print(&summary, args)?
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// A mesh and its ground, each as a tileset in a folder of its own, in one that leads to both.
+fn both(
+    file: &lodpack::File<Source>,
+    args: &ExportArgs,
+    folder: &Path,
+    progress: &dyn Progress,
+) -> Result<TilesetSummary> {
+    let name = args.file.display();
+    let cannot_export = || format!("cannot export {name}");
+    if args.up.is_some() {
+        bail!("{name}: --up would turn the mesh and not its ground; add --ground none, or build the file with --up");
+    }
+    let Some((ground, to_mesh)) = open_ground(&args.file, file)? else { bail!("{name}: its mesh stands on no ground") };
+    let [mut of_mesh, mut of_ground] =
+        [file.placement(), ground.placement()].map(|placement| placement.cloned().unwrap_or_default());
+    // A ground goes along z, and a mesh on it, unless it says that y is up.
+    of_ground.up = AxisUp::Z;
+    if of_mesh.up == AxisUp::Unknown {
+        of_mesh.up = AxisUp::Z;
+    }
+    // They are in the same space, so what one says of it counts for both.
+    let crs = if of_mesh.crs.is_empty() { of_ground.crs.clone() } else { of_mesh.crs.clone() };
+    let crs = if args.local { String::new() } else { crs };
+    (of_mesh.crs, of_ground.crs) = (crs.clone(), crs);
+    if args.local {
+        of_ground.origin = [0, 1, 2].map(|k| of_ground.origin[k] - of_mesh.origin[k]);
+        of_mesh.origin = [0.0; 3];
+    }
+    let tolerance = args.tolerance.map(|tolerance| tolerance_in(file, tolerance)).transpose()?;
+    let frame = frame_of(&of_mesh, file.bounds().unwrap_or_default(), certified_of(file), args)?;
+    let options = TilesetOptions { tolerance, frame, with_channels: args.channels == "auto" };
+    let mesh = write_tileset(file, &folder.join(folder_of(0)), &options, progress).with_context(cannot_export)?;
+    let bounds = in_file(&args.file, bounds_of(&ground))?;
+    let projection = Projection::of(&of_ground);
+    // This also says whether there is such a place at all.
+    let placed =
+        frame_of(&of_ground, bounds, if projection.is_some() { f64::MAX } else { ground.info().sample_error }, args)?;
+    let frame = if projection.is_some() { Frame::local(false) } else { placed };
+    let tolerance = tolerance.map(|tolerance| tolerance / to_mesh.scale());
+    let options = TilesetOptions { tolerance, frame, with_channels: false };
+    let terrain = write_terrain(&ground, &folder.join(folder_of(1)), &options, projection.as_ref(), progress);
+    let mut terrain = terrain.with_context(cannot_export)?;
+    terrain.certified_error *= to_mesh.scale();
+    write_joined(folder, &[mesh, terrain]).with_context(cannot_export)
 }
 
 /// What is written: a folder, or an archive of a folder that does not stay.
@@ -93,10 +149,13 @@ impl Product {
 
 /// Where the file says that it is, or a local frame.
 fn frame(file: &lodpack::File<Source>, args: &ExportArgs) -> Result<Frame> {
-    let certified =
-        file.level_count().checked_sub(1).and_then(|level| file.level(level)).map_or(0.0, |level| level.max_error);
     let placement = file.placement().cloned().unwrap_or_default();
-    frame_at(placement, file.bounds().unwrap_or_default(), certified, args)
+    frame_at(placement, file.bounds().unwrap_or_default(), certified_of(file), args)
+}
+
+/// The error of the finest level.
+fn certified_of(file: &lodpack::File<Source>) -> f64 {
+    file.level_count().checked_sub(1).and_then(|level| file.level(level)).map_or(0.0, |level| level.max_error)
 }
 
 /// The same of heights, which have z up; or the projection in which they are, whose places are on the globe already.
@@ -122,7 +181,12 @@ fn frame_at(mut placement: Placement, bounds: [[f64; 3]; 2], certified: f64, arg
     if args.local {
         placement = Placement { crs: String::new(), origin: [0.0; 3], ..placement };
     }
-    let placed = place(&placement, args.up.map(UpAxis::axis), bounds)
+    frame_of(&placement, bounds, certified, args)
+}
+
+/// The frame of a placement as it is.
+fn frame_of(placement: &Placement, bounds: [[f64; 3]; 2], certified: f64, args: &ExportArgs) -> Result<Frame> {
+    let placed = place(placement, args.up.map(UpAxis::axis), bounds)
         .with_context(|| format!("cannot export {}", args.file.display()))?;
     let unit = placement.unit.unwrap_or(1.0);
     if placed.deviation > certified * unit {

@@ -1,9 +1,9 @@
 //! `lodpack extract`
 
 use super::heights;
-use super::open::{Opened, Source, in_file, open_any, tolerance_in, tolerance_in_heights};
+use super::open::{Opened, Source, in_file, open_any, open_ground, tolerance_in, tolerance_in_heights};
 use super::print_json;
-use crate::args::{ExtractArgs, OutputFormat};
+use crate::args::{ExtractArgs, GroundChoice, OutputFormat};
 use crate::interrupt;
 use crate::messages;
 use crate::output::{PendingFile, bytes, count, length, say};
@@ -13,6 +13,7 @@ use lodpack::index::{ChannelInfo, ChannelKind};
 use lodpack::{Cut, Lattice, Limiter, Outside, Query};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh};
 use lodpack_cli::mesh::glb::write_textured_glb;
+use lodpack_cli::mesh::glb_nodes::write_joined_glb;
 use lodpack_cli::mesh::layers::{Layer, Look};
 use lodpack_cli::mesh::pages::PagedMesh;
 use lodpack_cli::mesh::shaded::{Shading, write_shaded_mesh};
@@ -63,23 +64,45 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     // An unsuitable output is refused before anything is read.
     let output = Output::create(args)?;
     let (drawn, tolerance, (nodes, kind_of_nodes), traffic) = match open_any(&args.file)? {
-        Opened::Mesh(_) if args.tin => {
-            bail!("{} holds a mesh, and --tin is for grids of heights; omit it", args.file.display())
-        }
-        Opened::Mesh(file) => {
-            let tolerance = args.tolerance.map(|tolerance| tolerance_in(&file, tolerance)).transpose()?;
-            let (drawn, nodes) = mesh_of(&file, tolerance, format, args)?;
-            (drawn, tolerance, (nodes, "roots"), [file.source().byte_count(), file.source().read_count()])
-        }
+        Opened::Mesh(file) => drawn_of(&file, format, args)?,
         Opened::Heights(file) => {
             let tolerance = args.tolerance.map(|tolerance| tolerance_in_heights(&file, tolerance)).transpose()?;
             let (drawn, nodes) = match tolerance.filter(|_| args.tin) {
                 Some(tolerance) => heights::extract::tin_of(&file, tolerance, args)?,
                 None => heights::extract::mesh_of(&file, tolerance, args)?,
             };
-            (drawn, tolerance, nodes, [file.source().byte_count(), file.source().read_count()])
+            (vec![("heights", drawn)], tolerance, nodes, [file.source().byte_count(), file.source().read_count()])
         }
     };
+    for (_, part) in &drawn {
+        tell(part, tolerance, format, args);
+    }
+    output.write(args, format, &drawn)?;
+    let sum = |count: fn(&Drawn) -> usize| drawn.iter().map(|(_, part)| count(part) as u64).sum::<u64>();
+    let largest = |error: fn(&Drawn) -> f64| drawn.iter().map(|(_, part)| error(part)).fold(0.0, f64::max);
+    // What is farthest off says what keeps all of it from being finer.
+    let coarsest = drawn.iter().map(|(_, part)| part).max_by(|a, b| a.error.total_cmp(&b.error));
+    let Some(coarsest) = coarsest else { bail!("{}: nothing is drawn", args.file.display()) };
+    let summary = ExtractSummary {
+        triangles: sum(|part| part.triangles.len()),
+        vertices: sum(|part| part.positions.len()),
+        nodes,
+        kind_of_nodes,
+        simplified_from: drawn.iter().find_map(|(_, part)| part.cut_triangles),
+        topology: drawn.first().map_or(Topology::Kept, |(_, part)| part.topology),
+        certified_error: largest(|part| part.error_everywhere),
+        certified_error_in_box: args.bbox.map(|_| largest(|part| part.error)),
+        tolerance,
+        limited_by: name_of(coarsest.limited_by),
+        bytes_read: traffic[0],
+        requests: traffic[1],
+    };
+    print(&summary, args)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Notes what people may not expect of a mesh that is written.
+fn tell(drawn: &Drawn, tolerance: Option<f64>, format: MeshFormat, args: &ExtractArgs) {
     match drawn.topology {
         Topology::Kept => {}
         Topology::Resampled => {
@@ -89,7 +112,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
             messages::tell("note", "so few triangles leave no room for all parts: small ones are merged or gone")
         }
     }
-    if let Some(what) = shortfall(&drawn, tolerance, args) {
+    if let Some(what) = shortfall(drawn, tolerance, args) {
         messages::tell("note", &what);
     }
     let moved = rounding(format, &drawn.positions);
@@ -101,23 +124,62 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
             &format!("{output}: single precision moves coordinates by up to {moved}; write PLY or OBJ to keep them"),
         );
     }
-    output.write(args, format, &drawn)?;
-    let summary = ExtractSummary {
-        triangles: drawn.triangles.len() as u64,
-        vertices: drawn.positions.len() as u64,
-        nodes,
-        kind_of_nodes,
-        simplified_from: drawn.cut_triangles,
-        topology: drawn.topology,
-        certified_error: drawn.error_everywhere,
-        certified_error_in_box: args.bbox.map(|_| drawn.error),
-        tolerance,
-        limited_by: name_of(drawn.limited_by),
-        bytes_read: traffic[0],
-        requests: traffic[1],
+}
+
+/// What is written with their names, the tolerance in units of the file, how many nodes that is, and bytes and requests.
+type Answer = (Vec<(&'static str, Drawn)>, Option<f64>, (u64, &'static str), [u64; 2]);
+
+/// A mesh, its ground or both.
+fn drawn_of(file: &lodpack::File<Source>, format: MeshFormat, args: &ExtractArgs) -> Result<Answer> {
+    let name = args.file.display();
+    let traffic = |source: &Source| [source.byte_count(), source.read_count()];
+    let ground = match args.ground {
+        GroundChoice::None => None,
+        GroundChoice::Auto | GroundChoice::Only => open_ground(&args.file, file)?,
     };
-    print(&summary, args)?;
-    Ok(ExitCode::SUCCESS)
+    let Some(ground) = ground else {
+        if args.ground == GroundChoice::Only {
+            bail!("{name}: its mesh stands on no ground; omit --ground only");
+        }
+        if args.tin {
+            bail!("{name} holds a mesh, and --tin is for grids of heights; omit it");
+        }
+        let tolerance = args.tolerance.map(|tolerance| tolerance_in(file, tolerance)).transpose()?;
+        let (drawn, nodes) = mesh_of(file, tolerance, format, args)?;
+        return Ok((vec![("surface", drawn)], tolerance, (nodes, "roots"), traffic(file.source())));
+    };
+    if args.ground == GroundChoice::Only {
+        let tolerance = heights::ground::tolerance_alone(&ground, args)?;
+        let (drawn, nodes) = heights::ground::drawn_of(&ground, tolerance, args)?;
+        let [[bytes, reads], [more_bytes, more_reads]] = [traffic(file.source()), traffic(ground.0.source())];
+        return Ok((vec![("ground", drawn)], tolerance, nodes, [bytes + more_bytes, reads + more_reads]));
+    }
+    let tolerance = args.tolerance.map(|tolerance| tolerance_in(file, tolerance)).transpose()?;
+    let [of_surface, of_ground] = heights::ground::shares(file, &ground, tolerance, args)?;
+    let (mut drawn, mut nodes, mut kind) = (vec![], 0, "roots");
+    if let Some(args) = of_surface {
+        let (part, count) = mesh_of(file, tolerance, format, &args)?;
+        drawn.push(("surface", part));
+        nodes += count;
+    }
+    if let Some(args) = of_ground {
+        let (part, (count, of_ground)) = heights::ground::drawn_of(&ground, tolerance, &args)?;
+        kind = match (of_ground, drawn.is_empty()) {
+            (of_ground, true) => of_ground,
+            ("samples", false) => "roots and samples",
+            (_, false) => "roots and tiles",
+        };
+        drawn.push(("ground", part));
+        nodes += count;
+    }
+    if drawn.len() > 1 && format != MeshFormat::Glb && drawn.iter().any(|(_, part)| part.has_look()) {
+        messages::tell(
+            "note",
+            "the mesh and its ground become one mesh of the shape alone; GLB keeps what both look like",
+        );
+    }
+    let [[bytes, reads], [more_bytes, more_reads]] = [traffic(file.source()), traffic(ground.0.source())];
+    Ok((drawn, tolerance, (nodes, kind), [bytes + more_bytes, reads + more_reads]))
 }
 
 /// The part of a mesh that was asked for, and how many nodes its cut has.
@@ -204,6 +266,11 @@ impl Drawn {
     /// A cut as it is, with its look.
     fn textured(textured: TexturedMesh, look: Look, cut: &Cut) -> Self {
         Self { textured: Some((textured.clone(), look)), ..Self::new(textured.mesh, cut) }
+    }
+
+    /// Whether it carries more than its shape.
+    fn has_look(&self) -> bool {
+        self.textured.is_some() || self.shading.as_ref().is_some_and(|shading| shading.colours.is_some())
     }
 
     /// The cut, simplified to a number of triangles; `channels` are those of its images.
@@ -302,7 +369,7 @@ impl Output {
         Ok(Self::Stdout)
     }
 
-    fn write(self, args: &ExtractArgs, format: MeshFormat, mesh: &Drawn) -> Result<()> {
+    fn write(self, args: &ExtractArgs, format: MeshFormat, mesh: &[(&str, Drawn)]) -> Result<()> {
         let cannot_write = || format!("cannot write {}", args.output.display());
         match self {
             Self::Stdout => match write(io::stdout().lock(), args, format, mesh) {
@@ -322,7 +389,32 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
     error.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
 }
 
-fn write(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: &Drawn) -> Result<()> {
+/// Writes one mesh, or all of them as nodes or as one.
+fn write(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, meshes: &[(&str, Drawn)]) -> Result<()> {
+    if let [(_, mesh)] = meshes {
+        return write_one(out, args, format, mesh);
+    }
+    if format == MeshFormat::Glb {
+        let mut models = vec![];
+        for (name, mesh) in meshes {
+            let mut bytes = vec![];
+            write_one(&mut bytes, args, format, mesh)?;
+            models.push((*name, bytes));
+        }
+        return Ok(write_joined_glb(out, &models)?);
+    }
+    let (mut positions, mut triangles) = (vec![], vec![]);
+    for (_, mesh) in meshes {
+        let Ok(first) = u32::try_from(positions.len() + mesh.positions.len()).map(|_| positions.len() as u32) else {
+            bail!("the mesh and its ground have too many vertices for one mesh; ask for less with --tolerance");
+        };
+        positions.extend_from_slice(&mesh.positions);
+        triangles.extend(mesh.triangles.iter().map(|triangle| triangle.map(|vertex| first + vertex)));
+    }
+    Ok(write_mesh(out, format, &positions, &triangles)?)
+}
+
+fn write_one(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: &Drawn) -> Result<()> {
     if let Some(shading) = &mesh.shading {
         return Ok(write_shaded_mesh(out, format, (&mesh.positions, &mesh.triangles), shading)?);
     }

@@ -1,7 +1,8 @@
 //! `lodpack info`
 
 use super::heights;
-use super::open::{Opened, Source, in_file, open_any};
+use super::heights::ground::GroundInfo;
+use super::open::{Opened, Source, in_file, open_any, open_ground};
 use super::print_json;
 use super::why::{Account, Kind};
 use crate::args::InfoArgs;
@@ -34,6 +35,9 @@ struct Info {
     /// Bytes of the maps, which all channels share.
     map_bytes: u64,
     overview: Option<OverviewInfo>,
+    /// The heights that the mesh stands on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ground: Option<GroundInfo>,
     levels: Vec<Level>,
     #[serde(flatten)]
     account: Account,
@@ -121,7 +125,15 @@ pub fn run(args: &InfoArgs) -> Result<ExitCode> {
             return Ok(ExitCode::SUCCESS);
         }
     };
-    let info = in_file(&args.file, collect(&file, args.why))?;
+    let mut info = in_file(&args.file, collect(&file, args.why))?;
+    if let Some(ground) = open_ground(&args.file, &file)? {
+        let ground = in_file(&args.file, GroundInfo::new(&ground))?;
+        // Bits are those of the mesh.
+        info.bits_per_source_vertex *= 1.0 - ground.bytes as f64 / info.bytes.max(1) as f64;
+        info.bytes_read += ground.bytes_read;
+        info.requests += ground.requests;
+        info.ground = Some(ground);
+    }
     if args.json {
         print_json(&info)?;
     } else {
@@ -192,6 +204,7 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
         channels: channels.collect(),
         map_bytes: texel_bytes.first().copied().unwrap_or(0),
         overview,
+        ground: None,
         levels,
         account,
         bytes_read: file.source().byte_count(),
@@ -234,6 +247,7 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
     if !info.channels.is_empty() {
         say!("  {:<10} maps of all channels {}", "", bytes(info.map_bytes));
     }
+    info.ground.iter().try_for_each(GroundInfo::print)?;
     say!("  level    triangles        error   mean edges     blocks    arc bytes  block bytes");
     if let Some(o) = &info.overview {
         let (triangles, error) = (count(o.triangles), length(o.certified_error));

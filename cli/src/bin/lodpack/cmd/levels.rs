@@ -52,6 +52,9 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
             args.file.display()
         );
     };
+    if file.index().ground_range().is_some() {
+        messages::tell("note", "the ground that the mesh stands on is left out; --as 3dtiles has both");
+    }
     let progress = Terminal::new(args.progress, progress_bar::EXPORT_LEVELS);
     let levels = in_file(&args.file, levels_of(&file, args, &progress)?)?;
     let Some(finest) = levels.first() else { bail!("{}: the file has no triangle", args.file.display()) };

@@ -1,15 +1,16 @@
 //! `lodpack merge`
 
+use super::ground::{self, Target, WithGround};
 use super::print_json;
 use super::state::{folder_beside, naming};
 use super::summary::print;
 use crate::args::MergeArgs;
 use crate::interrupt;
-use crate::output::PendingFile;
+use crate::output::{PendingFile, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::heights::HeightsSummary;
-use lodpack_cli::job::{PART_EXTENSION, PARTS_NAME, Parts, merge, merge_heights, merged_file};
+use lodpack_cli::job::{FILE_EXTENSION, PART_EXTENSION, PARTS_NAME, Parts, merge, merge_heights, merged_file};
 use lodpack_cli::pipeline::summary::BuildSummary;
 use lodpack_cli::progress::Progress;
 use std::fs;
@@ -27,6 +28,11 @@ enum Merged {
 
 /// Checks parts, joins them and prints a summary.
 pub fn run(args: &MergeArgs) -> Result<ExitCode> {
+    if let ([file], Some(ground)) = (args.parts.as_slice(), &args.ground)
+        && file.extension().is_some_and(|extension| extension == FILE_EXTENSION)
+    {
+        return put_under(file, ground, args);
+    }
     args.parts.iter().try_for_each(|path| check_parts(path))?;
     let output = &match &args.output {
         Some(output) => output.clone(),
@@ -35,10 +41,16 @@ pub fn run(args: &MergeArgs) -> Result<ExitCode> {
     };
     interrupt::on_stop_leave_nothing();
     // Refused before the parts are read.
-    let (pending, file) = PendingFile::create(output, args.force, args.parts.iter().map(|p| p.as_path()))?;
-    let summary = {
+    let inputs = args.parts.iter().chain(&args.ground).map(|path| path.as_path());
+    let (pending, file) = PendingFile::create(output, args.force, inputs)?;
+    let under = args.ground.as_deref().map(ground::open_file).transpose()?;
+    let (target, file) = Target::new(file, under, &folder_beside(output))?;
+    let (summary, ground) = {
         let progress = Terminal::new(args.progress, progress_bar::MERGE);
         let parts = Parts::check(&args.parts, &progress)?;
+        if let (Some(ground), true) = (&args.ground, parts.are_heights()) {
+            bail!("{}: the parts are heights, which have no ground; omit --ground", ground.display());
+        }
         for input in &parts.changed_inputs {
             let input = input.display();
             progress
@@ -52,17 +64,39 @@ pub fn run(args: &MergeArgs) -> Result<ExitCode> {
         };
         let summary = merged.map_err(|error| naming(error, output, Some("-o")))?;
         let written = out.into_inner().map_err(|error| error.into_error());
-        pending.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
+        let (written, ground) =
+            target.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
+        pending.finish(written)?;
         progress.complete();
-        summary
+        (summary, ground)
     };
     if args.json {
-        print_json(&summary)?;
+        print_json(&WithGround { summary, ground })?;
         return Ok(ExitCode::SUCCESS);
     }
     match summary {
         Merged::Mesh(summary) => print(&summary, output)?,
         Merged::Heights(summary) => super::heights::build::print(&summary, output)?,
+    }
+    ground.iter().try_for_each(ground::print)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Puts a ground under a file that is there already.
+fn put_under(path: &Path, ground: &Path, args: &MergeArgs) -> Result<ExitCode> {
+    let Some(output) = &args.output else { bail!("name the file that will hold both with -o OUT.lodpack") };
+    interrupt::on_stop_leave_nothing();
+    let (pending, file) = PendingFile::create(output, args.force, [path, ground])?;
+    let surface = fs::File::open(path).with_context(|| format!("cannot open {}", path.display()))?;
+    let heights = ground::open_file(ground)?;
+    let (file, joined) = ground::join(surface, &heights, file).with_context(|| path.display().to_string())?;
+    pending.finish(file)?;
+    match args.json {
+        true => print_json(&joined)?,
+        false => {
+            say!("{}", output.display());
+            ground::print(&joined)?;
+        }
     }
     Ok(ExitCode::SUCCESS)
 }

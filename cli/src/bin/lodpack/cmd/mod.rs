@@ -5,6 +5,7 @@ pub mod build;
 pub mod completions;
 pub mod export;
 pub mod extract;
+mod ground;
 mod heights;
 pub mod info;
 mod inputs;

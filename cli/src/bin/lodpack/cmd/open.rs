@@ -5,7 +5,8 @@ use crate::messages;
 use crate::output::shell;
 use anyhow::{Context, Error, Result, anyhow, bail};
 use lodpack::heights::Heights;
-use lodpack::{File, Limits, Opener, ReadAt, source::Counting};
+use lodpack::source::{Counting, Within};
+use lodpack::{File, GroundFrame, Limits, Opener, ReadAt};
 use lodpack_cli::mesh::tolerance::Tolerance;
 use std::path::Path;
 use std::sync::Arc;
@@ -38,22 +39,7 @@ pub fn open_any(path: &Path) -> Result<Opened> {
 
 /// [`open_any`] with two results: the outer one fails if nothing can be read, the inner one if it is not a sound lodpack file.
 pub fn try_open(path: &Path) -> Result<Result<Opened>> {
-    let source: Arc<dyn ReadAt + Send + Sync> = match path.to_str().and_then(address) {
-        Some((scheme, url)) => match scheme.as_str() {
-            "http" | "https" => {
-                let options = lodpack::source::HttpOptions::default();
-                Arc::new(Watched::new(lodpack::source::Http::new(&url, options), url))
-            }
-            "s3" | "gs" | "az" => Arc::from(open_object(&url)?),
-            "file" => {
-                let name = url.trim_start_matches("file://").trim_start_matches("localhost");
-                bail!("{url}: name files of this machine by their path, as {name}")
-            }
-            _ => bail!("{}: addresses with {scheme}:// cannot be read; use http, https, or a path", path.display()),
-        },
-        None if path.is_dir() => bail!("{} is a directory; name a .lodpack file", path.display()),
-        None => Arc::new(std::fs::File::open(path).with_context(|| format!("cannot open {}", path.display()))?),
-    };
+    let source = source_of(path)?;
     match Opened::open(Counting::new(Box::new(source.clone())), Limits::default()) {
         Ok(file) => Ok(Ok(file)),
         Err(error @ lodpack::Error::Format { .. }) => {
@@ -68,6 +54,38 @@ pub fn try_open(path: &Path) -> Result<Result<Opened>> {
         }
         Err(error) => Err(named(path, error)),
     }
+}
+
+/// The bytes of a path or an address.
+fn source_of(path: &Path) -> Result<Arc<dyn ReadAt + Send + Sync>> {
+    Ok(match path.to_str().and_then(address) {
+        Some((scheme, url)) => match scheme.as_str() {
+            "http" | "https" => {
+                let options = lodpack::source::HttpOptions::default();
+                Arc::new(Watched::new(lodpack::source::Http::new(&url, options), url))
+            }
+            "s3" | "gs" | "az" => Arc::from(open_object(&url)?),
+            "file" => {
+                let name = url.trim_start_matches("file://").trim_start_matches("localhost");
+                bail!("{url}: name files of this machine by their path, as {name}")
+            }
+            _ => bail!("{}: addresses with {scheme}:// cannot be read; use http, https, or a path", path.display()),
+        },
+        None if path.is_dir() => bail!("{} is a directory; name a .lodpack file", path.display()),
+        None => Arc::new(std::fs::File::open(path).with_context(|| format!("cannot open {}", path.display()))?),
+    })
+}
+
+/// The ground of a file as a file of heights of its own, with requests that are counted apart, and how it lies under the mesh; none if the file has none.
+pub fn open_ground(path: &Path, file: &File<Source>) -> Result<Option<(Heights<Source>, GroundFrame)>> {
+    let Some(range) = file.index().ground_range() else { return Ok(None) };
+    let source: Box<dyn ReadAt + Send + Sync> = Box::new(Within::new(source_of(path)?, range));
+    let heights = in_file(path, Heights::open(Counting::new(source), Limits::default()))?;
+    if heights.surface().is_globe() {
+        bail!("{}: the ground of its mesh lies on a globe, not on a plane; build it again", path.display());
+    }
+    let frame = in_file(path, GroundFrame::new(heights.placement(), file.placement()))?;
+    Ok(Some((heights, frame)))
 }
 
 /// A tolerance in the units of a grid of heights.

@@ -1,8 +1,9 @@
 //! `lodpack verify`
 
+use super::ground::WithGround;
 use super::heights;
 use super::inputs::find_inputs;
-use super::open::{Opened, in_file, try_open};
+use super::open::{Opened, in_file, open_ground, try_open};
 use super::{print_json, use_threads};
 use crate::args::{ProgressStyle, VerifyArgs};
 use crate::interrupt;
@@ -11,6 +12,7 @@ use crate::output::{count, length, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result};
 use lodpack_cli::import::import_shape;
+use lodpack_cli::import::raster::is_raster;
 use lodpack_cli::measure::verify::{Problem, VerifyOptions, VerifyReport, verify};
 use lodpack_cli::progress::Progress;
 use lodpack_cli::stage::repair::repair;
@@ -34,6 +36,11 @@ pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
         Ok(Opened::Mesh(file)) => Ok(file),
         Err(error) => Err(error),
     };
+    // What is wrong with a ground that cannot be opened, the check of the mesh finds, too.
+    let ground = opened.as_ref().ok().map(|file| open_ground(name, file)).transpose().unwrap_or_default().flatten();
+    let (rasters, meshes): (Vec<PathBuf>, Vec<PathBuf>) =
+        meshes.iter().cloned().partition(|path| ground.is_some() && is_raster(path));
+    let meshes = &meshes;
     let against = if meshes.is_empty() {
         None
     } else {
@@ -52,13 +59,22 @@ pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
             VerifyReport { problems: vec![problem], ..VerifyReport::default() }
         }
     };
+    let of_ground = match ground.filter(|_| report.problems.is_empty()) {
+        Some((ground, _)) => Some(heights::verify::check(&ground, &rasters, &progress, args, name)?),
+        None => None,
+    };
     drop(progress);
+    let problems = report.problems.len() + of_ground.as_ref().map_or(0, |ground| ground.problems.len());
     if args.json {
-        print_json(&report)?;
+        print_json(&WithGround { summary: report, ground: of_ground })?;
     } else {
         print(&report, name)?;
+        if let Some(ground) = &of_ground {
+            say!("its ground:");
+            heights::verify::print(ground, name)?;
+        }
     }
-    Ok(if report.problems.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Ok(if problems == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 /// The file, and the meshes that it is compared with. If no file comes before `--against`, its last value is the file.

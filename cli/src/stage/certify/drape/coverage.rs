@@ -25,7 +25,7 @@ const POINTS: [[f64; 3]; 6] = [
 const CLEAR_OF_TILE: f64 = 1e-6;
 const CLEAR_OF_SURFACE: f64 = 1e-10;
 
-impl Drape<'_> {
+impl Drape {
     /// For each component without a border, a tile that is all covered. None unless the image covers all of them. `moves` are
     /// the squares of the most that the points of each triangle of the finer surface move. Those that are not mapped need no
     /// image in these tiles.

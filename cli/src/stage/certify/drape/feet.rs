@@ -1,5 +1,7 @@
 //! Feet: the points on the coarser surface onto which the vertices of the finer one are laid.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::super::bound::Search;
@@ -33,10 +35,10 @@ pub(super) struct Foot {
     pub hold: Hold,
 }
 
-impl<'a> Drape<'a> {
+impl Drape {
     /// Lays the border: each stretch of it along its border edge, from end to end. None unless the pairing covers the
     /// whole border of both surfaces and passes every vertex once.
-    pub(super) fn new(fine: &'a TriangleBvh, coarse: &'a TriangleBvh, pairing: &BorderPairing) -> Option<Self> {
+    pub(super) fn new(fine: &Arc<TriangleBvh>, coarse: &Arc<TriangleBvh>, pairing: &BorderPairing) -> Option<Self> {
         let fine_vertex = |v: u32| fine.vertex_of.get(v as usize).copied().filter(|&v| v != NONE);
         let coarse_vertex = |v: u32| coarse.vertex_of.get(v as usize).copied().filter(|&v| v != NONE);
         // For every border edge of the coarser surface: its ends, and the vertices of the finer one from the first end
@@ -83,6 +85,7 @@ impl<'a> Drape<'a> {
                 *foot = Foot { square: at.distance_squared(point), tile, hold };
             }
         }
+        let [fine, coarse] = [fine, coarse].map(Arc::clone);
         let drape = Self { fine, coarse, tiles, border, anchors: vec![], feet, points, corners };
         // The border must stay on the border: ways from tile to tile pass through the vertex between two border edges.
         let mut way = vec![];
@@ -112,7 +115,8 @@ impl<'a> Drape<'a> {
             }
             _ => 0,
         };
-        for corners in &self.fine.triangles {
+        let fine = Arc::clone(&self.fine);
+        for corners in &fine.triangles {
             for &v in corners {
                 if self.feet[v as usize].tile != NONE {
                     last = self.feet[v as usize].tile;
@@ -147,14 +151,15 @@ impl<'a> Drape<'a> {
         }
     }
 
-    /// Asks the hierarchy about vertices that move far: either they really are far, or there is a better foot.
-    pub(super) fn improve_feet(&mut self, search: &mut Search) {
+    /// Asks the hierarchy about vertices that move far: either they really are far, or there is a better foot. Marks those that get one.
+    pub(super) fn improve_feet(&mut self, search: &mut Search, changed: &mut [bool]) {
         let farthest = (0..self.feet.len()).max_by(|&a, &b| self.feet[a].square.total_cmp(&self.feet[b].square));
         for v in farthest.into_iter().chain(0..self.feet.len()) {
             if self.feet[v].square > search.threshold() {
                 let (square, tile) = search.query_vertex_nearly(v as u32);
                 if self.feet[v].hold == Hold::Free && square < self.feet[v].square {
                     self.feet[v] = Foot { square, tile, hold: Hold::Free };
+                    changed[v] = true;
                 }
             }
         }
@@ -173,16 +178,21 @@ impl<'a> Drape<'a> {
         }
     }
 
-    /// For each triangle the square of the most that its points move; infinity if it is not mapped. Feet may be moved
-    /// for the sake of triangles that move by more than the threshold.
-    pub(super) fn moves(&mut self, threshold: f64) -> Vec<f64> {
+    /// Brings `squares` up to date, where feet have changed: for each triangle the square of the most that its points move; infinity if it
+    /// is not mapped. Feet may be moved for the sake of triangles that move by more than the threshold.
+    pub(super) fn lay_all(&mut self, threshold: f64, squares: &mut [f64], mut changed: Vec<bool>) {
         let mut parts = Parts::default();
-        let slots = 0..self.fine.triangle_count() as u32;
-        let mut squares: Vec<f64> =
-            slots.map(|slot| self.lay(slot, &mut parts, None).unwrap_or(f64::INFINITY)).collect();
-        for _ in 0..GATHERINGS {
-            let far: Vec<u32> = (0..).zip(&squares).filter(|(_, s)| **s > threshold).map(|(slot, _)| slot).collect();
-            let mut changed = vec![false; if far.is_empty() { 0 } else { self.feet.len() }];
+        for gatherings in 0..=GATHERINGS {
+            for (slot, corners) in self.fine.triangles.iter().enumerate() {
+                if corners.iter().any(|&v| changed[v as usize]) {
+                    squares[slot] = self.lay(slot as u32, &mut parts, None).unwrap_or(f64::INFINITY);
+                }
+            }
+            if gatherings == GATHERINGS {
+                break;
+            }
+            changed.fill(false);
+            let far: Vec<u32> = (0..).zip(&*squares).filter(|(_, s)| **s > threshold).map(|(slot, _)| slot).collect();
             let mut any = false;
             for slot in far {
                 any |= self.gather(slot, threshold, &mut changed)
@@ -192,13 +202,7 @@ impl<'a> Drape<'a> {
             if !any {
                 break;
             }
-            for (slot, corners) in self.fine.triangles.iter().enumerate() {
-                if corners.iter().any(|&v| changed[v as usize]) {
-                    squares[slot] = self.lay(slot as u32, &mut parts, None).unwrap_or(f64::INFINITY);
-                }
-            }
         }
-        squares
     }
 
     /// Lays a triangle into the nearest of its corners' tiles, unless one of its points would then move too far.

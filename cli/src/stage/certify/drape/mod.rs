@@ -37,9 +37,11 @@ mod tests;
 mod tiles;
 mod unmapped;
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
-use super::bound::Search;
+use super::bound::{Patch, Search};
 use super::bvh::TriangleBvh;
 use super::{Bound, CertifyOptions};
 use feet::Foot;
@@ -67,10 +69,10 @@ const MAX_UNMAPPED: usize = 4;
 const SEEDED: usize = 64;
 
 /// The finer surface, laid onto the coarser.
-struct Drape<'a> {
-    fine: &'a TriangleBvh,
-    coarse: &'a TriangleBvh,
-    tiles: Tiles<'a>,
+struct Drape {
+    fine: Arc<TriangleBvh>,
+    coarse: Arc<TriangleBvh>,
+    tiles: Tiles,
     /// Ends of the border edges of the coarser surface.
     border: Vec<[u32; 2]>,
     /// For each component of the coarser surface without a border, a tile that is covered by triangles that are mapped.
@@ -86,66 +88,111 @@ struct Drape<'a> {
 /// mapped.
 type Move = (f64, u32);
 
-/// Bounds the Hausdorff distance like [`super::two_sided`]; none if the finer surface cannot be laid onto the coarser.
-/// Neither may be empty.
-pub(super) fn two_sided(
-    fine: &TriangleBvh,
-    coarse: &TriangleBvh,
-    pairing: &BorderPairing,
-    options: &CertifyOptions,
-) -> Option<Bound> {
-    if pairing.is_empty() && coarse.triangle_count() < FEW_TILES {
-        return None;
-    }
-    let mut drape = Drape::new(fine, coarse, pairing)?;
-    drape.find_feet();
-    let mut forward = Search::new(fine, coarse, options);
-    drape.improve_feet(&mut forward);
-
-    let moves = drape.moves(forward.threshold());
-    let unmapped = moves.iter().filter(|square| square.is_infinite()).count();
-    if unmapped > fine.triangle_count() / MAX_UNMAPPED {
-        return None;
-    }
-    drape.find_anchors(&moves)?;
-    let mut moved = 0.0f64;
-    let mut far: Vec<Move> = moves.into_iter().zip(0..).collect();
-    let mut settle = |far: &mut Vec<Move>, threshold: f64| {
-        far.retain(|&(square, _)| {
-            let open = square > threshold;
-            if !open {
-                moved = moved.max(square);
-            }
-            open
-        });
-    };
-    settle(&mut far, forward.threshold());
-    let mut backward = Search::new(coarse, fine, options);
-    if far.len() > SEEDED {
-        // Both searches learn all distances that occur, so fewer triangles are too far.
-        backward.seed();
-        forward.know(backward.lower());
-        settle(&mut far, forward.threshold());
-    }
-    let forward = forward.run_on(far.iter().map(|&(_, slot)| slot), &[]);
-    backward.know(forward.lower * forward.lower);
-    settle(&mut far, backward.threshold());
-    let (tiles, patches) = drape.images(&far);
-    let backward = backward.run_on(tiles.into_iter(), &patches);
-    let bound = forward.or_worse(backward);
-    Some(Bound { upper: bound.upper.max(Search::inflate(moved, fine, coarse)), ..bound })
+/// A map from the finer surface onto the coarser, kept from one question about the two to the next.
+pub(super) struct Map {
+    drape: Drape,
+    /// For each triangle of the finer surface, by slot, the square of the most that its points move.
+    moves: Vec<f64>,
+    /// Vertices of the finer surface whose feet have changed since.
+    changed: Vec<bool>,
 }
 
-impl Drape<'_> {
-    /// Where the images of some triangles are: all of some tiles, ascending, and parts of others. Parts are relative to
-    /// the origin of the finer surface, each with the slot of its triangle there.
-    fn images(&self, far: &[Move]) -> (Vec<u32>, Vec<([DVec3; 3], u32)>) {
+impl Map {
+    /// Lays the finer surface onto the coarser; none if it cannot be. Neither may be empty.
+    pub(super) fn new(fine: &Arc<TriangleBvh>, coarse: &Arc<TriangleBvh>, pairing: &BorderPairing) -> Option<Self> {
+        if pairing.is_empty() && coarse.triangle_count() < FEW_TILES {
+            return None;
+        }
+        let mut drape = Drape::new(fine, coarse, pairing)?;
+        drape.find_feet();
+        let moves = vec![f64::INFINITY; fine.triangle_count()];
+        let changed = vec![true; drape.feet.len()];
+        Some(Self { drape, moves, changed })
+    }
+
+    /// A triangle of the coarser surface, by slot, near a vertex of the finer one.
+    pub(super) fn tile(&self, vertex: u32) -> u32 {
+        self.drape.feet[vertex as usize].tile
+    }
+
+    /// Bounds the Hausdorff distance like [`super::two_sided`]; none if there is no map.
+    pub(super) fn two_sided(&mut self, options: &CertifyOptions) -> Option<Bound> {
+        let [fine, coarse] = [&self.drape.fine, &self.drape.coarse].map(Arc::clone);
+        let mut forward = Search::new(&fine, &coarse, options);
+        self.improve(&mut forward)?;
+        let mut moved = 0.0f64;
+        let mut far: Vec<Move> = self.moves.iter().copied().zip(0..).collect();
+        let mut settle = |far: &mut Vec<Move>, threshold: f64| {
+            far.retain(|&(square, _)| {
+                let open = square > threshold;
+                if !open {
+                    moved = moved.max(square);
+                }
+                open
+            });
+        };
+        settle(&mut far, forward.threshold());
+        let mut backward = Search::new(&coarse, &fine, options);
+        if far.len() > SEEDED {
+            // Both searches learn all distances that occur, so fewer triangles are too far.
+            backward.seed();
+            forward.know(backward.lower());
+            settle(&mut far, forward.threshold());
+        }
+        let forward = forward.run_on(far.iter().map(|&(_, slot)| slot), &[]);
+        backward.know(forward.lower * forward.lower);
+        settle(&mut far, backward.threshold());
+        let (tiles, patches) = self.drape.images(&far);
+        let backward = backward.run_on(tiles.into_iter(), &patches);
+        let bound = forward.or_worse(backward);
+        Some(Bound { upper: bound.upper.max(Search::inflate(moved, &fine, &coarse)), ..bound })
+    }
+
+    /// The triangles of the finer and of the coarser surface at which one is not proven to lie within `target` of the other, like
+    /// [`super::exceeding`] both ways; none if there is no map.
+    pub(super) fn exceeding(&mut self, target: f64, work_limit: u64) -> Option<[Vec<u32>; 2]> {
+        let [fine, coarse] = [&self.drape.fine, &self.drape.coarse].map(Arc::clone);
+        let mut forward = Search::with_threshold(&fine, &coarse, target);
+        self.improve(&mut forward)?;
+        let threshold = forward.threshold();
+        let moves = self.moves.iter().copied().zip(0..);
+        let far: Vec<Move> = moves.filter(|&(square, _)| square > threshold).collect();
+        let (mut tiles, patches) = self.drape.images(&far);
+        tiles.extend(patches.iter().map(|patch| patch.within));
+        tiles.sort_unstable();
+        tiles.dedup();
+        let backward = Search::with_threshold(&coarse, &fine, target);
+        Some([
+            forward.exceeding_among(far.iter().map(|&(_, slot)| slot), work_limit),
+            backward.exceeding_among(tiles.into_iter(), work_limit),
+        ])
+    }
+
+    /// Moves feet for the sake of triangles that move by more than the threshold of a search. None if there is no map then, or hardly any.
+    fn improve(&mut self, forward: &mut Search) -> Option<()> {
+        self.drape.improve_feet(forward, &mut self.changed);
+        let unchanged = vec![false; self.changed.len()];
+        let changed = std::mem::replace(&mut self.changed, unchanged);
+        self.drape.lay_all(forward.threshold(), &mut self.moves, changed);
+        let unmapped = self.moves.iter().filter(|square| square.is_infinite()).count();
+        if unmapped > self.moves.len() / MAX_UNMAPPED {
+            return None;
+        }
+        self.drape.find_anchors(&self.moves)
+    }
+}
+
+impl Drape {
+    /// Where the images of some triangles are: all of some tiles, ascending, and parts of others.
+    fn images(&self, far: &[Move]) -> (Vec<u32>, Vec<Patch>) {
         let mut parts = Parts::default();
         let (mut patches, mut lost) = (vec![], vec![]);
         let shift = self.coarse.origin - self.fine.origin;
         for &(_, slot) in far {
             let before = patches.len();
-            let mut add = |_, patch: [DVec3; 3]| patches.push((patch.map(|p| p + shift), slot));
+            let mut add = |tile, patch: [DVec3; 3]| {
+                patches.push(Patch { within: tile, corners: patch.map(|p| p + shift), hint: slot });
+            };
             if self.lay(slot, &mut parts, Some(&mut add)).is_none() {
                 patches.truncate(before);
                 lost.push(slot);

@@ -81,7 +81,7 @@ impl Parts {
     }
 }
 
-impl Drape<'_> {
+impl Drape {
     /// The square of the most that the points of a triangle move; none if it is not mapped. Its image goes to the sink,
     /// in part even if the triangle turns out not to be mapped.
     pub(super) fn lay(&self, slot: u32, parts: &mut Parts, mut sink: Option<Sink>) -> Option<f64> {

@@ -1,5 +1,7 @@
 //! The triangles of the coarser surface as tiles: their neighbours, and ways from tile to tile across edges.
 
+use std::sync::Arc;
+
 use super::super::bvh::TriangleBvh;
 use crate::mesh::NONE;
 
@@ -9,9 +11,8 @@ const MAX_STEPS: usize = 32;
 const MAX_SEARCHED: usize = 256;
 
 /// The triangles of a surface, by slot, with their neighbours.
-#[derive(Clone, Debug)]
-pub(super) struct Tiles<'a> {
-    surface: &'a TriangleBvh,
+pub(super) struct Tiles {
+    surface: Arc<TriangleBvh>,
     across: Vec<[u32; 3]>,
     /// The tiles of each component without a border.
     pub closed: Vec<Vec<u32>>,
@@ -22,10 +23,10 @@ pub(super) fn edge_key(a: u32, b: u32) -> u64 {
     u64::from(a.min(b)) << 32 | u64::from(a.max(b))
 }
 
-impl<'a> Tiles<'a> {
+impl Tiles {
     /// Finds neighbours, and the tile at each of the `border` edges. None unless the edges with one tile are exactly
     /// these, every other edge has two tiles of one winding, and no two tiles share two edges.
-    pub(super) fn new(surface: &'a TriangleBvh, border: &[[u32; 2]]) -> Option<(Self, Vec<u32>)> {
+    pub(super) fn new(surface: &Arc<TriangleBvh>, border: &[[u32; 2]]) -> Option<(Self, Vec<u32>)> {
         let mut edges: Vec<(u64, u32)> = Vec::with_capacity(3 * surface.triangles.len());
         for (slot, corners) in (0u32..).zip(&surface.triangles) {
             for k in 0..3 {
@@ -69,7 +70,7 @@ impl<'a> Tiles<'a> {
         if keys.windows(2).any(|pair| pair[0] == pair[1]) {
             return None;
         }
-        let mut tiles = Self { surface, across, closed: vec![] };
+        let mut tiles = Self { surface: Arc::clone(surface), across, closed: vec![] };
         let mut reached = vec![false; tiles.across.len()];
         tiles.reach(&at_border, &mut reached);
         for tile in 0..reached.len() as u32 {
@@ -162,32 +163,38 @@ impl<'a> Tiles<'a> {
 
     /// Appends the tiles of a way with the fewest edges, without the first tile.
     fn shortest_way(&self, from: u32, to: u32, found: &mut Vec<u32>) -> bool {
-        // Breadth first. An entry is a tile and the index of the entry before it.
-        let mut queue = vec![(from, 0)];
-        let mut seen = vec![0_u64; self.across.len().div_ceil(64)];
-        let mut is_new = |tile: u32| {
-            let (word, bit) = (&mut seen[tile as usize / 64], 1 << (tile % 64));
-            let is_new = *word & bit == 0;
-            *word |= bit;
-            is_new
-        };
-        is_new(from);
-        let mut at = 0;
-        while queue.get(at).is_some_and(|entry| entry.0 != to) && queue.len() < MAX_SEARCHED {
-            for next in self.across[queue[at].0 as usize] {
-                if next != NONE && is_new(next) {
-                    queue.push((next, at));
+        // Breadth first, beyond the ways found so far: the tiles seen, and for each the place of the one before it.
+        let start = found.len();
+        let mut before = [0u16; MAX_SEARCHED + 3];
+        found.push(from);
+        let mut at = start;
+        let mut end = None;
+        'search: while at < found.len() && found.len() - start < MAX_SEARCHED {
+            for next in self.across[found[at] as usize] {
+                if next != NONE && !found[start..].contains(&next) {
+                    before[found.len() - start] = (at - start) as u16;
+                    found.push(next);
+                    if next == to {
+                        end = Some(found.len() - 1 - start);
+                        break 'search;
+                    }
                 }
             }
             at += 1;
         }
-        let Some(mut at) = queue.iter().position(|entry| entry.0 == to) else { return false };
-        let start = found.len();
+        let Some(mut at) = end else {
+            found.truncate(start);
+            return false;
+        };
+        let mut way = [0u32; MAX_SEARCHED + 3];
+        let mut length = 0;
         while at > 0 {
-            found.push(queue[at].0);
-            at = queue[at].1;
+            way[length] = found[start + at];
+            length += 1;
+            at = usize::from(before[at]);
         }
-        found[start..].reverse();
+        found.truncate(start);
+        found.extend(way[..length].iter().rev());
         true
     }
 }

@@ -13,7 +13,7 @@ use super::tiles::edge_key;
 use super::{Drape, ordered};
 use crate::mesh::NONE;
 
-impl Drape<'_> {
+impl Drape {
     /// The tiles, ascending, in which some triangles that are not mapped could be; all tiles if nothing better is
     /// known.
     pub(super) fn tiles_around(&self, slots: &[u32]) -> Vec<u32> {

@@ -13,7 +13,7 @@ use lodpack_cli::mesh::shaded::Shading;
 use lodpack_cli::pipeline::Topology;
 
 /// How many tiles or samples a mesh was made of, and which of both.
-type Nodes = (u64, &'static str);
+pub type Nodes = (u64, &'static str);
 
 /// A budget is met after so many attempts, or not at all.
 const ATTEMPTS: usize = 24;

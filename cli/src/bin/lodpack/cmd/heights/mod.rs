@@ -2,6 +2,7 @@
 
 pub mod build;
 pub mod extract;
+pub mod ground;
 pub mod info;
 pub mod quantized;
 pub mod raster;

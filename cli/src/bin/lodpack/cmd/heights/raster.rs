@@ -1,6 +1,6 @@
 //! Rasters of files of heights.
 
-use super::super::open::{Opened, in_file, open_any, tolerance_in_heights};
+use super::super::open::{Opened, in_file, open_any, open_ground, tolerance_in_heights};
 use super::super::print_json;
 use crate::args::{ExtractArgs, ProgressStyle};
 use crate::output::{PendingFile, bytes, count, length, say};
@@ -32,11 +32,18 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         bail!("{name}: a raster has no triangles and no nodes: choose it with --bbox and --tolerance");
     }
     let (pending, out) = PendingFile::create(&args.output, args.force, [args.file.as_path()])?;
-    let Opened::Heights(file) = open_any(&args.file)? else {
-        bail!("{name} holds a mesh, and only grids of heights become rasters; write .ply, .obj, .stl or .glb");
+    // A box in the coordinates of a mesh is one in those of its ground, too.
+    let (file, bounds) = match open_any(&args.file)? {
+        Opened::Heights(file) => (file, args.bbox.map(|bbox| bbox.0)),
+        Opened::Mesh(mesh) => match open_ground(&args.file, &mesh)? {
+            Some((ground, frame)) => (ground, args.bbox.map(|bbox| frame.bounds_of_ground(bbox.0))),
+            None => {
+                bail!("{name} holds a mesh, and only grids of heights become rasters; write .ply, .obj, .stl or .glb")
+            }
+        },
     };
     let tolerance = args.tolerance.map(|tolerance| tolerance_in_heights(&file, tolerance)).transpose()?;
-    let bounds = args.bbox.map(|bbox| bbox.0.map(|[x, y, _]| [x, y]));
+    let bounds = bounds.map(|bounds| bounds.map(|[x, y, _]| [x, y]));
     let window = match window_of(&file, bounds, tolerance) {
         Err(lodpack::Error::Query { .. }) => {
             bail!("{name}: nothing touches the box; the grid reaches {}", super::reach(&file))

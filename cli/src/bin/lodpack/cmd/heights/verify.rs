@@ -19,19 +19,7 @@ pub fn run(
     args: &VerifyArgs,
     name: &Path,
 ) -> Result<bool> {
-    for path in rasters {
-        std::fs::metadata(path).with_context(|| format!("cannot open {}", path.display()))?;
-    }
-    let options = args.raster.options().like_heights(file.surface(), file.placement());
-    let source = match rasters {
-        [] => None,
-        _ => match HeightSource::open(rasters, &options, &progress)? {
-            None => bail!("{}: a grid of heights is compared with rasters, and --against names a mesh", name.display()),
-            source => source,
-        },
-    };
-    let checks = HeightsChecks { cuts: args.cuts, seed: args.seed };
-    let report = verify(file, source.as_ref(), checks, &progress)?;
+    let report = check(file, rasters, &progress, args, name)?;
     drop(progress);
     if args.json {
         print_json(&report)?;
@@ -41,7 +29,31 @@ pub fn run(
     Ok(report.problems.is_empty())
 }
 
-fn print(report: &HeightsReport, name: &Path) -> Result<()> {
+/// Checks a file or the ground of one, and compares it with rasters if there are any.
+pub fn check(
+    file: &Heights<Source>,
+    rasters: &[PathBuf],
+    progress: &Terminal,
+    args: &VerifyArgs,
+    name: &Path,
+) -> Result<HeightsReport> {
+    for path in rasters {
+        std::fs::metadata(path).with_context(|| format!("cannot open {}", path.display()))?;
+    }
+    let options = args.raster.options().like_heights(file.surface(), file.placement());
+    let source = match rasters {
+        [] => None,
+        _ => match HeightSource::open(rasters, &options, progress)? {
+            None => bail!("{}: a grid of heights is compared with rasters, and --against names a mesh", name.display()),
+            source => source,
+        },
+    };
+    let checks = HeightsChecks { cuts: args.cuts, seed: args.seed };
+    Ok(verify(file, source.as_ref(), checks, progress)?)
+}
+
+/// Prints the report.
+pub fn print(report: &HeightsReport, name: &Path) -> Result<()> {
     say!("{} tiles decoded, {} cuts made", count(report.tiles), report.cuts);
     if report.sample_distance.is_none() && report.problems.is_empty() {
         say!("no errors were measured: --against RASTER does that");

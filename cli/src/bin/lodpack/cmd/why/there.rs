@@ -72,6 +72,7 @@ fn section(facts: &Facts, name: &str, size: u64) -> There {
             "name, kind and range of values of {}, and how many bytes each takes",
             some(facts.file.channels().len() as u64, "channel")
         ),
+        "ground" => "the heights that the mesh stands on: a whole file of heights, which --ground put there; files without it have only their mesh".into(),
         _ => "optional, of a kind that this version of lodpack does not know".into(),
     };
     item(Kind::Section, name, size, why)

@@ -1,0 +1,223 @@
+//! The ground that a surface stands on: a file of heights within a file of a mesh (SPEC.md, "Section GROUND").
+
+#[cfg(feature = "write")]
+mod join;
+
+#[cfg(feature = "write")]
+pub use join::join_ground;
+
+use crate::{
+    error::{Error, Result},
+    file::File,
+    format::{
+        header::kind,
+        placement::{Placement, UpAxis},
+    },
+    heights::Heights,
+    index::Index,
+    select::View,
+    source::{ReadAt, Within},
+};
+
+/// Units and origins beyond it are refused, so that all coordinates stay finite.
+const LARGEST: f64 = 1e15;
+
+/// The heights of a file's ground, and where they are in the space of its surface.
+#[derive(Debug)]
+pub struct Ground<S> {
+    /// The heights, in coordinates of their own. All that applies to a file of heights applies to them: sessions, cuts, windows of samples.
+    pub heights: Heights<Within<S>>,
+    /// Takes their coordinates to those of the surface.
+    pub frame: GroundFrame,
+}
+
+/// Takes coordinates of a ground to those of the surface that stands on it. Both say where they are in the world in metres with z up, and
+/// this compares what they say. It turns, scales and moves; an error of the ground grows by [`GroundFrame::scale`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GroundFrame {
+    /// Metres in a unit: of the ground, of the surface.
+    units: [f64; 2],
+    /// What is added to coordinates in metres: of the ground, of the surface.
+    origins: [[f64; 3]; 2],
+    is_y_up: bool,
+}
+
+impl<S: ReadAt> Ground<S> {
+    /// The ground of a file that has this index and is read from `source`; none if it has none.
+    ///
+    /// # Errors
+    /// As [`Heights::open`]; [`Error::Format`] if it lies on a globe, or in another coordinate reference system than the surface.
+    pub fn open(index: &Index, source: S) -> Result<Option<Self>> {
+        let Some(range) = index.ground_range() else { return Ok(None) };
+        let open = || {
+            let heights = Heights::open(Within::new(source, range), *index.limits())?;
+            if heights.surface().is_globe() {
+                return Err(Error::format("the ground of a mesh lies on a globe, not on a plane"));
+            }
+            let frame = GroundFrame::new(heights.placement(), index.placement())?;
+            Ok(Some(Self { heights, frame }))
+        };
+        open().map_err(|error| error.at(|| "section ground".to_string()))
+    }
+}
+
+impl<S: ReadAt> File<S> {
+    /// The heights that the surface stands on, if the file has some: one more request of 16 KiB.
+    ///
+    /// # Errors
+    /// As [`Ground::open`].
+    pub fn ground(&self) -> Result<Option<Ground<&S>>> {
+        Ground::open(self.index(), self.source())
+    }
+}
+
+impl Index {
+    /// Where the file of the ground's heights lies in the file; none if there is none.
+    pub fn ground_range(&self) -> Option<std::ops::Range<u64>> {
+        let section = self.header().section(kind::GROUND)?;
+        Some(section.offset..section.offset.saturating_add(section.length))
+    }
+}
+
+impl GroundFrame {
+    /// The frame of a ground and a surface with these placements.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if they are in different coordinate reference systems (one that is not said is no other one), or a unit or an origin is
+    /// beyond what is measured.
+    pub fn new(ground: Option<&Placement>, surface: Option<&Placement>) -> Result<Self> {
+        let [ground, surface] = [ground, surface].map(|placement| placement.cloned().unwrap_or_default());
+        if !ground.crs.is_empty() && !surface.crs.is_empty() && ground.crs != surface.crs {
+            return Err(Error::format("the ground is in another coordinate reference system than the surface on it"));
+        }
+        let is_near = |x: f64| x.abs() <= LARGEST;
+        let has_place = |place: &Placement| {
+            place.origin.iter().copied().all(is_near)
+                && place.unit.is_none_or(|unit| is_near(unit) && is_near(1.0 / unit))
+        };
+        if !has_place(&ground) || !has_place(&surface) {
+            return Err(Error::format("a ground or the surface on it has a unit or an origin beyond 10^15"));
+        }
+        Ok(Self {
+            units: [ground.unit, surface.unit].map(|unit| unit.unwrap_or(1.0)),
+            origins: [ground.origin, surface.origin],
+            is_y_up: surface.up == UpAxis::Y,
+        })
+    }
+
+    /// Whether coordinates stay as they are.
+    pub fn is_identity(&self) -> bool {
+        self.is_in_place() && !self.is_y_up
+    }
+
+    /// How long a unit of the ground is in units of the surface.
+    pub fn scale(&self) -> f64 {
+        if self.is_in_place() { 1.0 } else { self.units[0] / self.units[1] }
+    }
+
+    /// A point of the ground in the space of the surface.
+    pub fn point(&self, point: [f64; 3]) -> [f64; 3] {
+        let moved = match self.is_in_place() {
+            true => point,
+            false => [0, 1, 2]
+                .map(|k| ((point[k] * self.units[0] + self.origins[0][k]) - self.origins[1][k]) / self.units[1]),
+        };
+        self.direction(moved)
+    }
+
+    /// A point of the surface's space in that of the ground: the way back, but for rounding.
+    pub fn point_of_ground(&self, point: [f64; 3]) -> [f64; 3] {
+        let [x, y, z] = point;
+        let turned = if self.is_y_up { [x, -z, y] } else { point };
+        match self.is_in_place() {
+            true => turned,
+            false => [0, 1, 2]
+                .map(|k| ((turned[k] * self.units[1] + self.origins[1][k]) - self.origins[0][k]) / self.units[0]),
+        }
+    }
+
+    /// A direction of the ground in the space of the surface.
+    pub fn direction<T: Copy + std::ops::Neg<Output = T>>(&self, [x, y, z]: [T; 3]) -> [T; 3] {
+        if self.is_y_up { [x, z, -y] } else { [x, y, z] }
+    }
+
+    /// A view of the surface as a view of the ground: both fill the same pixels, and have the same depths in a depth buffer.
+    pub fn view_of_ground(&self, view: &View) -> View {
+        let turned = |[x, y, z]: [f64; 3]| if self.is_y_up { [x, -z, y] } else { [x, y, z] };
+        View {
+            position: self.point_of_ground(view.position),
+            forward: turned(view.forward),
+            up: turned(view.up),
+            near: view.near / self.scale(),
+            ..*view
+        }
+    }
+
+    /// A box of the surface's space in that of the ground.
+    pub fn bounds_of_ground(&self, bounds: [[f64; 3]; 2]) -> [[f64; 3]; 2] {
+        let [a, b] = bounds.map(|corner| self.point_of_ground(corner));
+        [[0, 1, 2].map(|k| a[k].min(b[k])), [0, 1, 2].map(|k| a[k].max(b[k]))]
+    }
+
+    /// A box of the ground in the space of the surface.
+    pub fn bounds(&self, bounds: [[f64; 3]; 2]) -> [[f64; 3]; 2] {
+        let [a, b] = bounds.map(|corner| self.point(corner));
+        [[0, 1, 2].map(|k| a[k].min(b[k])), [0, 1, 2].map(|k| a[k].max(b[k]))]
+    }
+
+    fn is_in_place(&self) -> bool {
+        self.units[0] == self.units[1] && self.origins[0] == self.origins[1]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn placed(up: UpAxis, unit: f64, origin: [f64; 3], crs: &str) -> Placement {
+        Placement { up, unit: Some(unit), origin, crs: crs.into() }
+    }
+
+    #[test]
+    fn a_ground_is_turned_scaled_and_moved_to_its_surface_and_back() {
+        let ground = placed(UpAxis::Z, 1.0, [0.0; 3], "EPSG:32632");
+        let surface = placed(UpAxis::Y, 0.5, [500_000.0, 5_000_000.0, 100.0], "");
+        let frame = GroundFrame::new(Some(&ground), Some(&surface)).unwrap();
+        let point = [500_010.0, 5_000_020.0, 103.0];
+        assert_eq!(frame.point(point), [20.0, 6.0, -40.0]);
+        assert_eq!(frame.point_of_ground([20.0, 6.0, -40.0]), point);
+        assert_eq!((frame.scale(), frame.direction([1, 2, 3])), (2.0, [1, 3, -2]));
+        let bounds = frame.bounds([[500_000.0, 5_000_000.0, 100.0], point]);
+        assert_eq!(bounds, [[0.0, 0.0, -40.0], [20.0, 6.0, 0.0]]);
+        assert_eq!(frame.bounds_of_ground(bounds), [[500_000.0, 5_000_000.0, 100.0], point]);
+    }
+
+    #[test]
+    fn what_is_placed_alike_stays_bit_for_bit_and_another_crs_is_refused() {
+        let feet = placed(UpAxis::Z, 0.3048, [1.1, 2.2, 3.3], "EPSG:2225");
+        let frame = GroundFrame::new(Some(&feet), Some(&feet)).unwrap();
+        assert!(frame.is_identity() && frame.point([0.1, 0.7, 1e9]) == [0.1, 0.7, 1e9]);
+        assert!(GroundFrame::new(None, None).unwrap().is_identity());
+        let other = Placement { crs: "EPSG:32633".into(), ..feet.clone() };
+        assert!(GroundFrame::new(Some(&feet), Some(&other)).unwrap_err().to_string().contains("another coordinate"));
+        assert!(GroundFrame::new(Some(&feet), None).is_ok());
+        let far = Placement { origin: [0.0, 2e15, 0.0], ..feet.clone() };
+        assert!(GroundFrame::new(Some(&far), None).is_err());
+        assert!(GroundFrame::new(None, Some(&Placement { unit: Some(1e-300), ..feet })).is_err());
+    }
+
+    #[test]
+    fn a_view_of_the_ground_fills_the_same_pixels() {
+        let surface = placed(UpAxis::Y, 0.5, [100.0, 200.0, 10.0], "");
+        let frame = GroundFrame::new(None, Some(&surface)).unwrap();
+        let view = View { position: [1.0, 2.0, 3.0], forward: [0.0, -1.0, -1.0], near: 0.5, ..View::default() };
+        let below = frame.view_of_ground(&view);
+        let point = [130.0, 260.0, 4.0];
+        let seen = |view: &View, point: [f64; 3]| {
+            let offset = [0, 1, 2].map(|k| point[k] - view.position[k]);
+            view.axes().map(|axis| (0..3).map(|k| axis[k] * offset[k]).sum::<f64>() / view.near)
+        };
+        let [on_surface, on_ground] = [seen(&view, frame.point(point)), seen(&below, point)];
+        assert!((0..3).all(|k| (on_surface[k] - on_ground[k]).abs() < 1e-9), "{on_surface:?} {on_ground:?}");
+    }
+}
