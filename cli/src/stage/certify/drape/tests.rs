@@ -3,7 +3,7 @@
 use super::super::bound::MOST_WORK;
 use super::super::tests::{Random, height_field, sampled, sphere, surface, wavy};
 use super::super::{
-    BorderPairing, Bound, CertifyOptions, Comparison, Hint, PairedVertex, Surface, TriangleBvh, exceeding, two_sided,
+    BorderPairing, Bound, CertifyOptions, Comparison, Hint, PairedVertex, Surface, TriangleBvh, two_sided,
 };
 use super::Map;
 use crate::mesh::Mesh;
