@@ -212,8 +212,11 @@ impl Scene {
                 let mesh_bounds = file.bounds().context("the file is empty: it has no roots")?;
                 let mut bounds = mesh_bounds;
                 let mut ground = None;
-                if let (Some(range), Some(Ground { frame, .. })) = (file.index().ground_range(), file.ground()?) {
-                    let scene = Self::open_with(Arc::new(Within::new(bytes, range)), mode, sample_px)?;
+                if let Some(range) = file.index().ground_range() {
+                    let part: Source = Arc::new(Within::new(bytes, range));
+                    let opened = Ground::within(file.index(), part);
+                    let Ground { heights, frame } = opened.context("the ground of the mesh cannot be opened")?;
+                    let scene = Self::of_heights(heights, mode, sample_px)?;
                     let [low, high] = frame.bounds(scene.bounds);
                     let [least, most] = bounds;
                     bounds = [[0, 1, 2].map(|k| least[k].min(low[k])), [0, 1, 2].map(|k| most[k].max(high[k]))];
@@ -227,20 +230,19 @@ impl Scene {
                 let query = Query { outside, ..Query::default() };
                 Ok(Self { bounds, query, channel: None, content: Content::Mesh(Box::new(mesh)), ground })
             }
-            Opened::Heights(file) => {
-                let bounds = file.index().bounds().context("the file is empty: it has no tiles")?;
-                let source = Arc::new(Arc::clone(file.source()));
-                let session = Options { sample_px, ..session(mode) };
-                let options = StreamerOptions { session, ..StreamerOptions::default() };
-                let streamer = HeightsStreamer::new(Arc::clone(file.index()), source, options)?;
-                let content = Content::Heights(Box::new(HeightsContent {
-                    streamer,
-                    channels: channels_of_heights(file.ramp().is_some()),
-                    file,
-                }));
-                Ok(Self { bounds, query: Query::default(), channel: None, content, ground: None })
-            }
+            Opened::Heights(file) => Self::of_heights(file, mode, sample_px),
         }
+    }
+
+    fn of_heights(file: Heights<Source>, mode: Mode, sample_px: f64) -> Result<Self> {
+        let bounds = file.index().bounds().context("the file is empty: it has no tiles")?;
+        let source = Arc::new(Arc::clone(file.source()));
+        let session = Options { sample_px, ..session(mode) };
+        let options = StreamerOptions { session, ..StreamerOptions::default() };
+        let streamer = HeightsStreamer::new(Arc::clone(file.index()), source, options)?;
+        let channels = channels_of_heights(file.ramp().is_some());
+        let content = Content::Heights(Box::new(HeightsContent { streamer, channels, file }));
+        Ok(Self { bounds, query: Query::default(), channel: None, content, ground: None })
     }
 
     /// The mesh of the file.

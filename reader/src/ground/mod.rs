@@ -26,7 +26,7 @@ const LARGEST: f64 = 1e15;
 #[derive(Debug)]
 pub struct Ground<S> {
     /// The heights, in coordinates of their own. All that applies to a file of heights applies to them: sessions, cuts, windows of samples.
-    pub heights: Heights<Within<S>>,
+    pub heights: Heights<S>,
     /// Takes their coordinates to those of the surface.
     pub frame: GroundFrame,
 }
@@ -43,21 +43,34 @@ pub struct GroundFrame {
 }
 
 impl<S: ReadAt> Ground<S> {
-    /// The ground of a file that has this index and is read from `source`; none if it has none.
+    /// The ground of a file that has this index. `source` holds the ground alone: the bytes of [`Index::ground_range`].
     ///
     /// # Errors
-    /// As [`Heights::open`]; [`Error::Format`] if it lies on a globe, or in another coordinate reference system than the surface.
-    pub fn open(index: &Index, source: S) -> Result<Option<Self>> {
-        let Some(range) = index.ground_range() else { return Ok(None) };
+    /// As [`Heights::open`]; [`Error::Format`] if it holds no heights, if it lies on a globe, or in another coordinate reference system than
+    /// the surface.
+    pub fn within(index: &Index, source: S) -> Result<Self> {
         let open = || {
-            let heights = Heights::open(Within::new(source, range), *index.limits())?;
+            let heights = Heights::open(source, *index.limits()).map_err(|error| match error {
+                Error::Query { .. } => Error::format("the ground of a mesh is no file of heights"),
+                other => other,
+            })?;
             if heights.surface().is_globe() {
                 return Err(Error::format("the ground of a mesh lies on a globe, not on a plane"));
             }
             let frame = GroundFrame::new(heights.placement(), index.placement())?;
-            Ok(Some(Self { heights, frame }))
+            Ok(Self { heights, frame })
         };
-        open().map_err(|error| error.at(|| "section ground".to_string()))
+        open().map_err(|error: Error| error.at(|| "section ground".to_string()))
+    }
+}
+
+impl<S: ReadAt> Ground<Within<S>> {
+    /// The ground of a file that has this index and is read from `source`; none if it has none.
+    ///
+    /// # Errors
+    /// As [`Ground::within`].
+    pub fn open(index: &Index, source: S) -> Result<Option<Self>> {
+        index.ground_range().map(|range| Ground::within(index, Within::new(source, range))).transpose()
     }
 }
 
@@ -66,7 +79,7 @@ impl<S: ReadAt> File<S> {
     ///
     /// # Errors
     /// As [`Ground::open`].
-    pub fn ground(&self) -> Result<Option<Ground<&S>>> {
+    pub fn ground(&self) -> Result<Option<Ground<Within<&S>>>> {
         Ground::open(self.index(), self.source())
     }
 }

@@ -163,7 +163,7 @@ pub(super) fn are_rasters(paths: &[PathBuf]) -> Parsed<bool> {
         (Some(raster), Some(other)) if paths[other].exists() => Err(grid_error(
             &paths[raster],
             &format!(
-                "is a raster, and {} is not: rasters and meshes cannot become one surface; give the rasters with --ground, and the meshes stand on them",
+                "is a raster, and {} is not: rasters and meshes cannot become one surface; build a file of each, or give the rasters with --ground, and the meshes stand on them",
                 paths[other].display()
             ),
         )),

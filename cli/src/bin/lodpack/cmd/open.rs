@@ -6,7 +6,7 @@ use crate::output::shell;
 use anyhow::{Context, Error, Result, anyhow, bail};
 use lodpack::heights::Heights;
 use lodpack::source::{Counting, Within};
-use lodpack::{File, GroundFrame, Limits, Opener, ReadAt};
+use lodpack::{File, Ground, GroundFrame, Limits, Opener, ReadAt};
 use lodpack_cli::mesh::tolerance::Tolerance;
 use std::path::Path;
 use std::sync::Arc;
@@ -80,11 +80,7 @@ fn source_of(path: &Path) -> Result<Arc<dyn ReadAt + Send + Sync>> {
 pub fn open_ground(path: &Path, file: &File<Source>) -> Result<Option<(Heights<Source>, GroundFrame)>> {
     let Some(range) = file.index().ground_range() else { return Ok(None) };
     let source: Box<dyn ReadAt + Send + Sync> = Box::new(Within::new(source_of(path)?, range));
-    let heights = in_file(path, Heights::open(Counting::new(source), Limits::default()))?;
-    if heights.surface().is_globe() {
-        bail!("{}: the ground of its mesh lies on a globe, not on a plane; build it again", path.display());
-    }
-    let frame = in_file(path, GroundFrame::new(heights.placement(), file.placement()))?;
+    let Ground { heights, frame } = in_file(path, Ground::within(file.index(), Counting::new(source)))?;
     Ok(Some((heights, frame)))
 }
 
