@@ -61,16 +61,17 @@ pub(super) fn join(borders: &Borders, parts: &[Part], coarsest: u8) -> Joined {
     let crowded: Vec<[u32; 2]> = edges.chunk_by(|a, b| a == b).filter(|run| run.len() > 2).map(|run| run[0]).collect();
     for (surface, &first) in surfaces() {
         let of_part = |v: u32| numbers[(first + v) as usize];
+        let area = |number: usize| surface.areas.get(number).copied().unwrap_or(NONE);
         if crowded.is_empty() {
             triangles.extend(surface.triangles.iter().map(|corners| corners.map(of_part)));
-            let area = |number: usize| surface.areas.get(number).copied().unwrap_or(NONE);
-            areas.extend((0..if has_areas { surface.triangles.len() } else { 0 }).map(area));
+            if has_areas {
+                areas.extend((0..surface.triangles.len()).map(area));
+            }
             continue;
         }
         let is_crowded = |edge: [u32; 2]| crowded.binary_search(&ordered(edge.map(of_part))).is_ok();
         let fans = divided(surface, is_crowded, of_part, &mut positions);
         if has_areas {
-            let area = |number: usize| surface.areas.get(number).copied().unwrap_or(NONE);
             areas.extend(fans.iter().enumerate().flat_map(|(number, fan)| vec![area(number); fan.len()]));
         }
         triangles.extend(fans.into_iter().flatten());

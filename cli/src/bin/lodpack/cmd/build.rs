@@ -2,7 +2,7 @@
 
 use super::ground::{self, Target, WithGround};
 use super::inputs::find_inputs;
-use super::state::{begin_in, beside_first, naming, with_advice, work_directory};
+use super::state::{begin_in, beside_first, folder_beside, naming, with_advice, work_directory};
 use super::summary::print;
 use super::{print_json, use_threads, workers};
 use crate::args::{BuildArgs, ModelArgs, PartRange, RunArgs};
@@ -53,7 +53,7 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     interrupt::on_stop(&work, "run the same command with --resume to continue");
-    let folder = args.temp.clone().or_else(|| output.parent().map(Path::to_owned)).unwrap_or_default();
+    let folder = args.temp.clone().unwrap_or_else(|| folder_beside(output));
     let under = ground::open(&find_inputs(&args.ground)?, &options.model, &args.run, &folder)?;
     if under.is_some() {
         // They are said of the ground.

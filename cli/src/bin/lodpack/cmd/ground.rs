@@ -100,7 +100,6 @@ pub fn open_file(path: &Path) -> Result<Heights<File>> {
 
 /// A file without a name, which nobody has to remove.
 pub fn nameless_in(folder: &Path) -> Result<File> {
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     tempfile::tempfile_in(folder).with_context(|| format!("cannot write into {}", folder.display()))
 }
 

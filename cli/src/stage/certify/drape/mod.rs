@@ -91,10 +91,8 @@ type Move = (f64, u32);
 /// A map from the finer surface onto the coarser, kept from one question about the two to the next.
 pub(super) struct Map {
     drape: Drape,
-    /// For each triangle of the finer surface, by slot, the square of the most that its points move.
+    /// For each triangle of the finer surface, by slot, the square of the most that its points move; empty before the first question.
     moves: Vec<f64>,
-    /// Vertices of the finer surface whose feet have changed since.
-    changed: Vec<bool>,
 }
 
 impl Map {
@@ -105,9 +103,7 @@ impl Map {
         }
         let mut drape = Drape::new(fine, coarse, pairing)?;
         drape.find_feet();
-        let moves = vec![f64::INFINITY; fine.triangle_count()];
-        let changed = vec![true; drape.feet.len()];
-        Some(Self { drape, moves, changed })
+        Some(Self { drape, moves: vec![] })
     }
 
     /// A triangle of the coarser surface, by slot, near a vertex of the finer one.
@@ -170,9 +166,9 @@ impl Map {
 
     /// Moves feet for the sake of triangles that move by more than the threshold of a search. None if there is no map then, or hardly any.
     fn improve(&mut self, forward: &mut Search) -> Option<()> {
-        self.drape.improve_feet(forward, &mut self.changed);
-        let unchanged = vec![false; self.changed.len()];
-        let changed = std::mem::replace(&mut self.changed, unchanged);
+        let mut changed = vec![self.moves.is_empty(); self.drape.feet.len()];
+        self.moves.resize(self.drape.fine.triangle_count(), f64::INFINITY);
+        self.drape.improve_feet(forward, &mut changed);
         self.drape.lay_all(forward.threshold(), &mut self.moves, changed);
         let unmapped = self.moves.iter().filter(|square| square.is_infinite()).count();
         if unmapped > self.moves.len() / MAX_UNMAPPED {
