@@ -11,10 +11,7 @@ use super::{BuildOptions, JobError, Stages, content};
 use crate::geometry_images::atlas_files;
 use crate::import::files_beside;
 use crate::pipeline::ModelOptions;
-use crate::storage::{JobId, WorkError};
-
-/// The manifest's name in a job's directory.
-pub const MANIFEST_NAME: &str = "job.json";
+use crate::storage::{JobId, MANIFEST_NAME, WorkError};
 
 /// A job's inputs, options and parts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

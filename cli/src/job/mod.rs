@@ -39,12 +39,13 @@ mod tasks;
 mod tests;
 mod worker;
 
+pub use crate::storage::MANIFEST_NAME;
 pub use add::Added;
 pub use build::{build, build_mesh};
 pub use error::{BuildError, JobError};
 pub use file_name::{FILE_EXTENSION, JOB_EXTENSION, beside, merged_file};
 pub use heights::merge_heights;
-pub use manifest::{InputFile, MANIFEST_NAME, Manifest, PartEntry};
+pub use manifest::{InputFile, Manifest, PartEntry};
 pub use merge::{Parts, merge};
 pub use options::{BuildOptions, typed_raster};
 pub use part::{PART_EXTENSION, part_name};

@@ -119,6 +119,8 @@ impl StagedJob {
             false => WorkDirectory::create(path)?,
         };
         let folder = path.join(STAGES_NAME);
+        // Without a manifest nothing says what a process that was killed has left in it.
+        let _ = fs::remove_dir_all(&folder);
         fs::create_dir_all(&folder).map_err(|source| WorkError::new(&folder, "made", source))?;
         manifest.write(path)?;
         directory.keep(true);
