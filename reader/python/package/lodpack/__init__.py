@@ -12,6 +12,7 @@ Lengths are in the units of the file's coordinates. Opening reads 8 kB; what is 
 from ._build import build
 from ._errors import BuildError, Error, FormatError, LimitError, QueryError, SourceError, UnsupportedError
 from ._file import Cut, File, open
+from ._ground import Ground
 from ._heights import HeightsFile, Window
 from ._info import Channel, HeightsInfo, Info, Level, OverviewInfo, RampInfo
 from ._lodpack import VERSION as __version__
@@ -24,6 +25,7 @@ __all__ = [
     "Error",
     "File",
     "FormatError",
+    "Ground",
     "HeightsFile",
     "HeightsInfo",
     "Info",

@@ -119,3 +119,5 @@ class Info(TypedDict):
     overview: OverviewInfo | None
     channels: list[Channel]
     """What the surface carries besides positions."""
+    ground_bytes: int
+    """Of the heights that the mesh stands on (`File.ground`); 0 without any."""
