@@ -4,8 +4,10 @@ use crate::commands::lodpack;
 use lodpack::heights::HeightsQuery;
 use lodpack::stream::{HeightsStreamer, Mode, Options, StreamerOptions};
 use lodpack::{File, Ground, Limits, Query, ReadAt, View};
+use glam::DVec3;
+use lodpack_cli::mesh::Mesh;
 use lodpack_tests::generate::save_ply;
-use lodpack_tests::parts::boxes;
+use lodpack_tests::parts::{add_box, boxes};
 use lodpack_tests::terrain::Grid;
 use serde_json::Value;
 use std::path::PathBuf;
@@ -54,12 +56,38 @@ impl Folder {
         String::from_utf8_lossy(&ran.get_output().stderr).into_owned()
     }
 
+    /// A town with y up, in feet and around an origin, on coloured hills that say nothing of that: for pictures.
+    fn with_turned_town() -> Self {
+        let folder = Self::new();
+        let mut town = Mesh::default();
+        let origin = DVec3::new(70.0, 70.0, 40.0);
+        for house in 0..9 {
+            let [column, row] = [house % 3, house / 3].map(f64::from);
+            add_box(&mut town, DVec3::new(20.0 + 40.0 * column, 20.0 + 40.0 * row, 25.0), DVec3::new(16.0, 12.0, 30.0));
+        }
+        for position in &mut town.positions {
+            let DVec3 { x, y, z } = (*position - origin) / 0.3048;
+            *position = DVec3::new(x, z, -y);
+        }
+        save_ply(&town, &folder.path("town.ply")).expect("writable");
+        folder.run("build dem.tif --heights --tolerance 0.01 --ramp viridis -o terrain.lodpack");
+        folder.run(
+            "build town.ply --up y --unit ft --origin 70,70,40 --tolerance 1mm --ground terrain.lodpack -o town.lodpack",
+        );
+        folder
+    }
+
     /// With `town.lodpack`, which holds both.
     fn with_town() -> Self {
         let folder = Self::new();
         folder.run("build boxes.ply --ground dem.tif --tolerance 0.01 -o town.lodpack");
         folder
     }
+}
+
+/// The file of [`Folder::with_turned_town`], for tests in a browser.
+pub fn turned_town() -> Vec<u8> {
+    Folder::with_turned_town().read("town.lodpack")
 }
 
 #[test]

@@ -13,7 +13,7 @@ use crate::{
         header::kind,
         placement::{Placement, UpAxis},
     },
-    heights::Heights,
+    heights::{Heights, HeightsIndex},
     index::Index,
     select::View,
     source::{ReadAt, Within},
@@ -54,10 +54,7 @@ impl<S: ReadAt> Ground<S> {
                 Error::Query { .. } => Error::format("the ground of a mesh is no file of heights"),
                 other => other,
             })?;
-            if heights.surface().is_globe() {
-                return Err(Error::format("the ground of a mesh lies on a globe, not on a plane"));
-            }
-            let frame = GroundFrame::new(heights.placement(), index.placement())?;
+            let frame = GroundFrame::under(heights.index(), index.placement())?;
             Ok(Self { heights, frame })
         };
         open().map_err(|error: Error| error.at(|| "section ground".to_string()))
@@ -116,6 +113,17 @@ impl GroundFrame {
             origins: [ground.origin, surface.origin],
             is_y_up: surface.up == UpAxis::Y,
         })
+    }
+
+    /// The frame of these heights under a surface with this placement.
+    ///
+    /// # Errors
+    /// As [`Self::new`], and [`Error::Format`] if the heights lie on a globe.
+    pub fn under(heights: &HeightsIndex, surface: Option<&Placement>) -> Result<Self> {
+        if heights.surface().is_globe() {
+            return Err(Error::format("the ground of a mesh lies on a globe, not on a plane"));
+        }
+        Self::new(heights.placement(), surface)
     }
 
     /// Whether coordinates stay as they are.
