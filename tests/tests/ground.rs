@@ -1,10 +1,10 @@
 //! A mesh on its ground of heights: built, joined, taken apart, verified and exported; and every way in which the two do not fit.
 
 use crate::commands::lodpack;
+use glam::DVec3;
 use lodpack::heights::HeightsQuery;
 use lodpack::stream::{HeightsStreamer, Mode, Options, StreamerOptions};
 use lodpack::{File, Ground, Limits, Query, ReadAt, View};
-use glam::DVec3;
 use lodpack_cli::mesh::Mesh;
 use lodpack_tests::generate::save_ply;
 use lodpack_tests::parts::{add_box, boxes};
