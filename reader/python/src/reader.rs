@@ -251,7 +251,12 @@ impl Reader {
             channels.append(entry)?;
         }
         info.set_item("channels", channels)?;
-        info.set_item("ground_bytes", index.ground_range().map_or(0, |range| range.end - range.start))?;
+        let ground = index.ground_range().map(|range| {
+            let entry = PyDict::new(py);
+            entry.set_item("bytes", range.end - range.start)?;
+            Ok::<_, PyErr>(entry)
+        });
+        info.set_item("ground", ground.transpose()?)?;
         Ok(info.unbind())
     }
 

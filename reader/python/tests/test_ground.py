@@ -25,11 +25,11 @@ class OnItsGround(unittest.TestCase):
         self.assertIsInstance(ground, lodpack.Ground)
         self.assertIsInstance(ground.heights, lodpack.HeightsFile)
         self.assertEqual(ground.heights.info()["holds"], "heights")
-        self.assertGreater(file.info()["ground_bytes"], 100)
+        self.assertGreater(file.info()["ground"]["bytes"], 100)
         self.assertFalse(np.isnan(ground.heights.window().heights).any())
         self.assertIn("ground of", repr(ground))
         self.assertIsNone(lodpack.open(SMALL).ground())
-        self.assertEqual(lodpack.open(SMALL).info()["ground_bytes"], 0)
+        self.assertIsNone(lodpack.open(SMALL).info()["ground"])
 
     def test_its_mesh_is_in_the_space_of_the_mesh_on_it(self):
         ground = lodpack.open(TOWN).ground()

@@ -14,7 +14,7 @@ from ._errors import BuildError, Error, FormatError, LimitError, QueryError, Sou
 from ._file import Cut, File, open
 from ._ground import Ground
 from ._heights import HeightsFile, Window
-from ._info import Channel, HeightsInfo, Info, Level, OverviewInfo, RampInfo
+from ._info import Channel, GroundInfo, HeightsInfo, Info, Level, OverviewInfo, RampInfo
 from ._lodpack import VERSION as __version__
 from ._mesh import Mesh, TexturedMesh
 
@@ -26,6 +26,7 @@ __all__ = [
     "File",
     "FormatError",
     "Ground",
+    "GroundInfo",
     "HeightsFile",
     "HeightsInfo",
     "Info",

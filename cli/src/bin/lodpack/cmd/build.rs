@@ -45,7 +45,7 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
     interrupt::on_stop(&work, "run the same command with --resume to continue");
     let folder = args.temp.clone().unwrap_or_else(|| folder_beside(output));
     let under = ground::open(&args.ground, &mut options, &args.run, &folder)?;
-    let (target, file) = Target::new(file, under, &folder)?;
+    let (target, file) = Target::new(file, under.map(|under| under.heights), &folder)?;
     let finish = |mesh| -> Result<Option<Joined>> {
         let (written, ground) = target.finish(mesh)?;
         pending.finish(written)?;

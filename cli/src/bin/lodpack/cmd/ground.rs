@@ -41,21 +41,22 @@ pub struct Target {
     ground: Option<(Heights<File>, File)>,
 }
 
+/// A ground that is ready, and the files that it was made of.
+pub struct Under {
+    pub heights: Heights<File>,
+    pub inputs: Vec<PathBuf>,
+}
+
 /// Heights of the rasters that were typed, or of one file that holds heights already; none where nothing was typed. What will not fit under the mesh of
 /// `options` is refused here, and not after a long build. Options of rasters are said of the ground, so the mesh loses them.
-pub fn open(
-    typed: &[PathBuf],
-    options: &mut BuildOptions,
-    run: &RunArgs,
-    folder: &Path,
-) -> Result<Option<Heights<File>>> {
+pub fn open(typed: &[PathBuf], options: &mut BuildOptions, run: &RunArgs, folder: &Path) -> Result<Option<Under>> {
     let paths = find_inputs(typed)?;
     let Some(first) = paths.first() else { return Ok(None) };
     let heights = open_any(first, &paths, &options.model, run, folder)?;
     if heights.surface().is_globe() {
         bail!("{}: heights on a globe cannot be the ground of a mesh; add --surface plane", first.display());
     }
-    options.model.raster = RasterOptions::default();
+    let RasterOptions { geoid, .. } = std::mem::take(&mut options.model.raster);
     let place = options.place()?;
     // No file is damaged by being elsewhere.
     let fits = GroundFrame::new(heights.placement(), place.as_ref()).map_err(|error| match error {
@@ -65,7 +66,8 @@ pub fn open(
     fits.with_context(|| {
         format!("{}: the ground does not fit under what the inputs, --crs and --origin say", first.display())
     })?;
-    Ok(Some(heights))
+    let inputs = paths.iter().cloned().chain(geoid).collect();
+    Ok(Some(Under { heights, inputs }))
 }
 
 fn open_any(

@@ -1,7 +1,7 @@
 //! `lodpack plan` and `lodpack add`
 
 use super::build::options;
-use super::ground;
+use super::ground::{self, Under};
 use super::inputs::{Notes, find_inputs};
 use super::state::{begin_job, beside_first, folder_beside, naming};
 use super::{print_json, use_threads};
@@ -11,14 +11,12 @@ use crate::messages;
 use crate::output::{bytes, count, say, shell};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Result, anyhow, bail};
-use lodpack::heights::Heights;
 use lodpack_cli::job::{
     BuildError, BuildOptions, GROUND_NAME, JOB_EXTENSION, Job, Manifest, PartEntry, PartOptions, Stage, StagedJob,
     keep_ground,
 };
 use lodpack_cli::progress::Progress;
 use lodpack_cli::storage::memory::machine_bytes;
-use std::fs::File;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -33,12 +31,9 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode> {
     begin(output, job)?;
     let heights = args.heights;
     let mut options = BuildOptions { resume: job.resume, heights, ..options(inputs, &args.model, &job.run) };
-    let geoid = options.model.raster.geoid.clone();
     let under =
         ground::open(&args.ground, &mut options, &job.run, &folder_beside(&output.with_file_name(GROUND_NAME)))?;
-    if under.is_some() {
-        options.ground = find_inputs(&args.ground)?.into_iter().chain(geoid).collect();
-    }
+    options.ground = under.as_ref().map(|under| under.inputs.clone()).unwrap_or_default();
     if job.stages {
         return begin_stages(output, job, &options, under.as_ref());
     }
@@ -106,23 +101,18 @@ fn part_options(args: &JobArgs) -> PartOptions {
 }
 
 /// Puts the ground of a job's mesh into its directory, for the merge.
-fn keep(ground: Option<&Heights<File>>, job: &Path) -> Result<()> {
-    match ground {
-        Some(ground) => Ok(keep_ground(job, ground.source())?),
+fn keep(under: Option<&Under>, job: &Path) -> Result<()> {
+    match under {
+        Some(under) => Ok(keep_ground(job, under.heights.source())?),
         None => Ok(()),
     }
 }
 
 /// Begins a job that workers plan, and shows its stages.
-fn begin_stages(
-    output: &Path,
-    args: &JobArgs,
-    options: &BuildOptions,
-    ground: Option<&Heights<File>>,
-) -> Result<ExitCode> {
+fn begin_stages(output: &Path, args: &JobArgs, options: &BuildOptions, under: Option<&Under>) -> Result<ExitCode> {
     let manifest = StagedJob::begin(output, part_options(args), options, &Notes);
     let manifest = manifest.map_err(|error| naming(error, output, Some("-o")))?;
-    keep(ground, output)?;
+    keep(under, output)?;
     if args.json {
         print_json(&manifest)?;
         return Ok(ExitCode::SUCCESS);
