@@ -420,7 +420,7 @@ lodpack_status lodpack_get_level(const lodpack_file *file, uint32_t number, lodp
 lodpack_status lodpack_verify(const lodpack_file *file);
 
 // Opens the ground that a mesh stands on as a file of heights, and writes where it is. Writes a null pointer and no frame if there is none. Reads
-// 12 kB. The ground is closed like any file, and stays open when the file of the mesh is closed.
+// 16 kB. The ground is closed like any file, and stays open when the file of the mesh is closed.
 lodpack_status lodpack_open_ground(const lodpack_file *file,
                                    lodpack_file **ground,
                                    lodpack_ground_frame *frame);

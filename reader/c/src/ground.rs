@@ -25,7 +25,7 @@ pub struct GroundFrame {
 }
 
 /// Opens the ground that a mesh stands on as a file of heights, and writes where it is. Writes a null pointer and no frame if there is none. Reads
-/// 12 kB. The ground is closed like any file, and stays open when the file of the mesh is closed.
+/// 16 kB. The ground is closed like any file, and stays open when the file of the mesh is closed.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_open_ground(file: *const File, ground: *mut *mut File, frame: *mut GroundFrame) -> Status {
     guard(|| {

@@ -216,7 +216,7 @@ class File(OpenFile[_lodpack.Reader]):
 
     def ground(self) -> Ground | None:
         """The heights that the mesh stands on, as a file of heights, and where they are in its space; None if the file has none.
-        Reads 12 kB. They stay open when this file is closed."""
+        Reads 16 kB. They stay open when this file is closed."""
         from ._ground import Ground  # It needs this module.
 
         opened = self._native.ground()
