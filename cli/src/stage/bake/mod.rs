@@ -8,6 +8,7 @@
 mod fill;
 mod gather;
 mod images;
+mod lanes;
 mod pieces;
 mod projection;
 mod raster;

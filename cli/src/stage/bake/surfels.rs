@@ -1,10 +1,11 @@
 //! Texels as points of the surface: images of coarser patches are made of them, as they were before they were quantised.
 
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{DVec3, Vec3};
 use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
 use super::fill::finished;
+use super::lanes::{LANES, OUTSIDE, Row, Window};
 use super::projection::{Projection, projections};
 use super::raster::Drawn;
 use super::strangers::Strangers;
@@ -13,7 +14,7 @@ use super::values::{Storage, Sums};
 /// Cosine of the angle to an axis beyond which points of finer patches are not shown by a piece.
 const STEEP: f64 = 0.1;
 /// Texels along each side of a run.
-const SIDE: usize = 16;
+const SIDE: usize = LANES;
 
 /// The covered texels of a patch, in few bytes: the input has billions of them, and those of a group's members wait for one another.
 #[derive(Clone, Debug, Default)]
@@ -237,11 +238,7 @@ pub(super) fn gather_surfels<'a>(
     let strangers = Strangers::new(patch, map, &[]);
     let (size, mut values) = (storage.packed_bytes(), Vec::with_capacity(storage.count()));
     for (piece, projection) in projections(patch, map).into_iter().enumerate() {
-        let [low, high] = projection.range.map(|[x, y]| [x as f32, y as f32]);
-        let low = Vec3A::new(low[0] - 0.5, low[1] - 0.5, f32::NEG_INFINITY);
-        let high = Vec3A::new(high[0] + 0.5, high[1] + 0.5, f32::INFINITY);
-        // Comparisons with NaN are false.
-        let is_within = |at: Vec3A| (at.cmpge(low) & at.cmplt(high)).all();
+        let window = Window::new(drawn, width, &projection);
         let has_strangers = !strangers.of(piece).is_empty();
         let runs = surfels.clone().flat_map(|surfels| surfels.runs.iter().map(move |run| (surfels, run)));
         for (surfels, run) in runs.filter(|(_, run)| run.normal.dot(projection.normal) > STEEP) {
@@ -255,31 +252,26 @@ pub(super) fn gather_surfels<'a>(
                 RunAreas::From(first) => strangers.has(piece, surfels.areas[first + number]),
             };
             let (first, [by_x, by_y, by_z]) = projection.around(run.origin - patch.origin());
-            let of_step = |step: Vec3| Vec3A::from(by_x * step.x + by_y * step.y + by_z * step.z);
-            let (first, [beside, below, deeper]) = (Vec3A::from(first), run.steps.map(of_step));
-            let own = run.first..run.first + run.count();
-            let packed = &surfels.values[own.start * size..own.end * size];
-            let depths = &surfels.depths[own];
-            let mut number = 0;
-            for (y, mut row) in run.rows.into_iter().enumerate() {
-                let start = first + below * y as f32;
-                while row != 0 {
-                    let (x, this) = (row.trailing_zeros(), number);
-                    (row, number) = (row & (row - 1), number + 1);
-                    if has_strangers && is_strange(this) {
-                        continue;
-                    }
-                    let at = start + beside * x as f32 + deeper * f32::from(depths[this]);
-                    if !is_within(at) {
-                        continue;
-                    }
-                    let at = drawn.closest(at, [at.x as u32, at.y as u32], width, projection.reach);
-                    if !is_within(at) {
-                        continue;
-                    }
-                    let texel = at.y as u32 as usize * width + at.x as u32 as usize;
-                    if (drawn.depth[texel] - at.z).abs() <= projection.reach {
-                        sums.add_packed(texel, &packed[this * size..][..size], run.size, &mut values);
+            let of_step = |step: Vec3| by_x * step.x + by_y * step.y + by_z * step.z;
+            let [beside, below, deeper] = run.steps.map(of_step);
+            let mut own = run.first;
+            for (y, bits) in run.rows.into_iter().enumerate().filter(|(_, bits)| *bits != 0) {
+                let (mut columns, mut depths, mut count) = ([0.0; LANES], [0.0; LANES], 0);
+                let mut rest = bits;
+                while rest != 0 {
+                    columns[count] = rest.trailing_zeros() as f32;
+                    (rest, count) = (rest & (rest - 1), count + 1);
+                }
+                let of_row = own..own + count;
+                own += count;
+                depths.iter_mut().zip(&surfels.depths[of_row.clone()]).for_each(|(to, &depth)| *to = f32::from(depth));
+                let start = (first + below * y as f32).to_array();
+                let row = Row { start, beside: beside.to_array(), deeper: deeper.to_array() };
+                let texels = window.texels(&row, &columns, &depths);
+                let packed = surfels.values[of_row.start * size..of_row.end * size].chunks_exact(size);
+                for (number, (&texel, packed)) in (of_row.start - run.first..).zip(texels.iter().zip(packed)) {
+                    if texel != OUTSIDE && !(has_strangers && is_strange(number)) {
+                        sums.add_packed(texel as usize, packed, run.size, &mut values);
                     }
                 }
             }

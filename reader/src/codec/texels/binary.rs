@@ -141,29 +141,42 @@ fn too_large() -> Error {
 /// Writes bits.
 #[cfg(feature = "write")]
 pub(super) struct BitEncoder {
+    /// The lower end of the interval: 32 bits, before them those that wait, and a carry.
     low: u64,
     range: u32,
-    /// One for each byte that a decoder takes beyond its first four. A carry may still change the last ones.
+    /// How many bits wait to become bytes: whole bytes, so that two are written at a time, and processors seldom have to foresee when.
+    waiting: u32,
+    /// With those that wait, one for each byte that a decoder takes beyond its first four. A carry may still change the last ones.
     bytes: Vec<u8>,
 }
 
 #[cfg(feature = "write")]
 impl BitEncoder {
     pub(super) fn new() -> Self {
-        Self { low: 0, range: u32::MAX, bytes: vec![] }
+        Self { low: 0, range: u32::MAX, waiting: 0, bytes: vec![] }
+    }
+
+    /// Writes the first two bytes of those that wait.
+    #[inline]
+    fn write(&mut self) {
+        self.carry();
+        let rest = u32::BITS + self.waiting - u16::BITS;
+        self.bytes.extend_from_slice(&((self.low >> rest) as u16).to_be_bytes());
+        self.low &= (1 << rest) - 1;
+        self.waiting -= u16::BITS;
     }
 
     #[inline]
-    fn shift(&mut self) {
-        if self.low >> 32 > 0 {
-            self.carry();
+    fn carry(&mut self) {
+        let end = u32::BITS + self.waiting;
+        if self.low >> end > 0 {
+            self.low &= (1 << end) - 1;
+            self.add_carry();
         }
-        self.bytes.push((self.low >> 24) as u8);
-        self.low = (self.low & 0x00ff_ffff) << 8;
     }
 
     #[cold]
-    fn carry(&mut self) {
+    fn add_carry(&mut self) {
         for byte in self.bytes.iter_mut().rev() {
             *byte = byte.wrapping_add(1);
             if *byte > 0 {
@@ -176,9 +189,12 @@ impl BitEncoder {
     fn narrow(&mut self, bound: u32, is_below: bool) {
         self.low += if is_below { 0 } else { u64::from(bound) };
         self.range = if is_below { bound } else { self.range - bound };
-        while self.range < 1 << 24 {
-            self.range <<= 8;
-            self.shift();
+        // At least 24 bits of the range are kept: no chance makes it smaller by more than two bytes.
+        let shift = self.range.leading_zeros() & !7;
+        (self.range, self.low) = (self.range << shift, self.low << shift);
+        self.waiting += shift;
+        if self.waiting >= u16::BITS {
+            self.write();
         }
     }
 
@@ -222,8 +238,10 @@ impl BitEncoder {
                 break;
             }
         }
-        let taken = self.bytes.len();
-        (0..5).for_each(|_| self.shift());
+        self.carry();
+        let taken = self.bytes.len() + (self.waiting / u8::BITS) as usize;
+        let rest = u32::BITS + self.waiting;
+        self.bytes.extend((0..rest / u8::BITS).rev().map(|k| (self.low >> (k * u8::BITS)) as u8));
         let length = self.bytes.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
         // It begins with four bytes.
         let least = (taken + 4).saturating_sub(MOST_MISSING as usize);

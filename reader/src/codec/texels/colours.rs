@@ -260,27 +260,32 @@ pub(super) fn encode(image: &Image<u8>, is_used: &[bool], step: u8) -> Vec<u8> {
 /// Codes all coefficients but the first, which are given in the order of places.
 #[cfg(feature = "write")]
 fn encode_others(bits: &mut BitEncoder, chances: &mut PlaneChances, class: usize, levels: &[i32; AREA]) -> u8 {
-    let end = levels.iter().rposition(|&level| level != 0).map_or(1, |last| last + 1);
-    let (mut place, mut before, mut count) = (1, 0, 0);
-    while place < AREA {
-        bits.bit(&mut chances.more[class][place.min(15)], place < end);
-        if place >= end {
-            break;
-        }
-        while place < AREA - 1 {
-            let (is_significant, [band, within]) = (levels[place] != 0, class_of(place));
-            bits.bit(&mut chances.significant[band][within][before], is_significant);
-            if is_significant {
-                break;
-            }
+    let mut rest = (0..).zip(levels).skip(1).fold(0_u64, |rest, (place, &level)| rest | u64::from(level != 0) << place);
+    let count = rest.count_ones();
+    let (mut place, mut before) = (1, 0);
+    while rest != 0 {
+        bits.bit(&mut chances.more[class][place.min(15)], true);
+        let next = rest.trailing_zeros() as usize;
+        rest &= rest - 1;
+        while place < next {
+            let [band, within] = class_of(place);
+            bits.bit(&mut chances.significant[band][within][before], false);
             (place, before) = (place + 1, 0);
         }
+        let [band, within] = class_of(place);
+        // At the last place there is nothing to say.
+        if place < AREA - 1 {
+            bits.bit(&mut chances.significant[band][within][before], true);
+        }
         let size = levels[place].unsigned_abs();
-        bits.number(&mut chances.magnitude[class_of(place)[0]][before], size - 1);
+        bits.number(&mut chances.magnitude[band][before], size - 1);
         bits.raw(1, u32::from(levels[place] < 0));
-        (place, before, count) = (place + 1, 1 + usize::from(size > 1), count + 1);
+        (place, before) = (place + 1, 1 + usize::from(size > 1));
     }
-    count
+    if place < AREA {
+        bits.bit(&mut chances.more[class][place.min(15)], false);
+    }
+    count as u8
 }
 
 /// Brightness and differences of a block, about zero. Texels that are not used get values that cost little; none if no texel is used.
