@@ -86,7 +86,7 @@ impl<'a> Window<'a> {
 
 /// The largest whole number that is not greater, of a number from 0 to 2^22; otherwise anything. Conversions saturate, which takes vectors long.
 #[inline(always)]
-fn whole(x: f32) -> u32 {
+pub(super) fn whole(x: f32) -> u32 {
     let rounded = x + SHIFT;
     (rounded.to_bits() & 0x007f_ffff).wrapping_sub(u32::from(rounded - SHIFT > x))
 }

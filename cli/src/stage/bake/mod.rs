@@ -84,9 +84,32 @@ pub trait Source {
         vec![]
     }
 
-    /// Appends the values at points of a triangle, which are given by the weights of its corners: of each point those of all channels.
-    /// They are means over `footprint` lattice units.
-    fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], footprint: f32, values: &mut Vec<f32>);
+    /// Appends the values at points of a triangle: of each point those of all channels. They are means over `footprint` lattice units.
+    fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>);
+}
+
+/// Points of a triangle on a line, as far from one another: a row of texels.
+#[derive(Clone, Copy, Debug)]
+pub struct Points {
+    /// The weights of the triangle's corners at the first one.
+    pub first: [f64; 3],
+    /// What is added to the weights from each point to the next.
+    pub growth: [f64; 3],
+    /// How many.
+    pub count: u32,
+}
+
+impl Points {
+    /// A single one.
+    pub fn one(weights: [f64; 3]) -> Self {
+        Self { first: weights, growth: [0.0; 3], count: 1 }
+    }
+
+    /// The weights at each of them.
+    pub fn weights(self) -> impl Iterator<Item = [f32; 3]> {
+        let Self { first, growth, count } = self;
+        (0..count).map(move |k| [0, 1, 2].map(|corner| (first[corner] + f64::from(k) * growth[corner]) as f32))
+    }
 }
 
 /// What a block stores of its images.

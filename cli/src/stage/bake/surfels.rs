@@ -5,7 +5,7 @@ use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
 use super::fill::finished;
-use super::lanes::{LANES, OUTSIDE, Row, Window};
+use super::lanes::{LANES, OUTSIDE, Row, Window, whole};
 use super::projection::{Projection, projections};
 use super::raster::Drawn;
 use super::strangers::Strangers;
@@ -55,12 +55,6 @@ enum RunAreas {
     One(u32),
     /// From here on in [`Surfels::areas`].
     From(usize),
-}
-
-impl Run {
-    fn count(&self) -> usize {
-        self.rows.iter().map(|row| row.count_ones() as usize).sum()
-    }
 }
 
 impl Surfels {
@@ -134,17 +128,22 @@ impl Surfels {
             return;
         }
         let step = (range[1] - range[0]) / f32::from(u16::MAX);
-        let inverse = if step > 0.0 { 1.0 / step } else { 0.0 };
+        // No depths differ by so little but those that are alike.
+        let inverse = if step > 1e-30 { 1.0 / step } else { 0.0 };
         let (first, first_area) = (self.depths.len(), self.areas.len());
         for (&row, y) in rows.iter().zip(top..=bottom) {
-            let mut rest = row;
+            let (mut rest, mut at) = (u32::from(row), texels(y).start);
             while rest != 0 {
-                let texel = texels(y).start + rest.trailing_zeros() as usize;
-                rest &= rest - 1;
-                // The conversion saturates.
-                self.depths.push(((drawn.depth[texel] - range[0]) * inverse + 0.5) as u16);
-                storage.pack(&values[texel * storage.stride()..][..storage.count()], &mut self.values);
-                self.areas.extend(drawn.areas.get(texel));
+                let gap = rest.trailing_zeros();
+                let count = (rest >> gap).trailing_ones();
+                (rest, at) = (rest >> (gap + count), at + gap as usize);
+                let covered = at..at + count as usize;
+                at = covered.end;
+                let steps = drawn.depth[covered.clone()].iter().map(|depth| (depth - range[0]) * inverse + 0.5);
+                self.depths.extend(steps.map(|steps| whole(steps).min(u32::from(u16::MAX)) as u16));
+                self.areas.extend(drawn.areas.get(covered.clone()).into_iter().flatten());
+                let stride = storage.stride();
+                storage.pack_all(&values[covered.start * stride..covered.end * stride], &mut self.values);
             }
         }
         let areas = match &self.areas[first_area..] {

@@ -3,6 +3,7 @@
 use lodpack::decode::texels::{Image, Map};
 use lodpack::write::{encode_image, encode_normals, encode_values};
 
+use super::lanes::whole;
 use crate::mesh::srgb::srgb_byte;
 
 /// What a channel means, and how its values are stored.
@@ -103,14 +104,23 @@ impl Storage {
         self.channels.iter().map(|channel| channel.packed_bytes()).sum()
     }
 
+    /// Appends the values of texels, as [`Sums`] has them, in fewer bytes: see [`Storage::pack`].
+    pub(super) fn pack_all(&self, texels: &[f32], packed: &mut Vec<u8>) {
+        if !self.is_plain {
+            texels.chunks_exact(self.stride()).for_each(|texel| self.pack(&texel[..self.count], packed));
+            return;
+        }
+        let (texels, first) = (texels.as_chunks::<4>().0, packed.len());
+        packed.resize(first + 6 * texels.len(), 0);
+        for (packed, &texel) in packed[first..].as_chunks_mut().0.iter_mut().zip(texels) {
+            let [[a, b], [c, d], [e, f], _] = texel.map(|value| share(value).to_le_bytes());
+            *packed = [a, b, c, d, e, f];
+        }
+    }
+
     /// Appends the values of a point in fewer bytes: colours in 16 bits of linear light, which is as fine as 12 bits of sRGB where it is
     /// dark, and what lies between -1 and 1 in 16 bits. Numbers stay what they are.
-    #[inline]
-    pub(super) fn pack(&self, values: &[f32], packed: &mut Vec<u8>) {
-        if let (true, &[red, green, blue, ..]) = (self.is_plain, values) {
-            let [[a, b], [c, d], [e, f]] = [share(red), share(green), share(blue)].map(u16::to_le_bytes);
-            return packed.extend_from_slice(&[a, b, c, d, e, f]);
-        }
+    fn pack(&self, values: &[f32], packed: &mut Vec<u8>) {
         let mut rest = values;
         for channel in &self.channels {
             let (own, others) = rest.split_at(channel.values());
@@ -175,6 +185,9 @@ impl Storage {
         for &channel in &self.channels {
             let texels = values.chunks_exact(self.stride()).map(|texel| &texel[first..first + channel.values()]);
             streams.push(match channel {
+                Stored::Colour { step, .. } if self.is_plain => {
+                    encode_image(&plain_colours(values, map.size), is_used, step)
+                }
                 Stored::Colour { components, step } => {
                     encode_image(&colours(texels, map.size, components), is_used, step)
                 }
@@ -214,8 +227,10 @@ fn byte(value: f32) -> u8 {
 
 /// A number from 0 to 1 as one of 65535.
 fn share(value: f32) -> u16 {
-    // The conversion saturates, and NaN becomes 0.
-    (value * 65535.0 + 0.5) as u16
+    // NaN becomes 0.
+    let number = value * 65535.0 + 0.5;
+    let number = if number > 0.0 { number } else { 0.0 };
+    whole(if number < 65535.0 { number } else { 65535.0 }) as u16
 }
 
 /// Colours as they are stored, from linear light.
@@ -229,6 +244,13 @@ fn colours<'a>(texels: impl Iterator<Item = &'a [f32]>, size: [u32; 2], componen
         }
     }
     Image { size, components, data }
+}
+
+/// As [`colours`], where there is nothing else.
+fn plain_colours(values: &[f32], size: [u32; 2]) -> Image<u8> {
+    let texels = values.as_chunks().0.iter().map(|&[red, green, blue, _]| [red, green, blue].map(srgb_byte));
+    let colours: Vec<[u8; 3]> = texels.collect();
+    Image { size, components: 3, data: colours.into_flattened() }
 }
 
 /// Counts a vote for a label (Boyer and Moore 1981, "MJRTY"): what has more than half of the weight wins, whatever the order.
@@ -257,14 +279,19 @@ impl<'a> Sums<'a> {
         Self { storage, sums: memory }
     }
 
-    /// Adds the values of a point.
-    #[inline]
-    pub fn add(&mut self, texel: usize, values: &[f32], weight: f32) {
-        if let (true, &[red, green, blue]) = (self.storage.is_plain, values) {
-            let of_texel = &mut self.sums.as_chunks_mut().0[texel];
-            return *of_texel = plus(*of_texel, [red, green, blue, 1.0], weight);
+    /// Adds the values of points, of each of which the texel is given.
+    pub fn add_all(&mut self, texels: &[u32], values: &[f32], weight: f32) {
+        if self.storage.is_plain {
+            let of_texels = self.sums.as_chunks_mut().0;
+            for (&texel, &[red, green, blue]) in texels.iter().zip(values.as_chunks().0) {
+                let of_texel = &mut of_texels[texel as usize];
+                *of_texel = plus(*of_texel, [red, green, blue, 1.0], weight);
+            }
+            return;
         }
-        self.add_others(texel, values, weight);
+        for (&texel, values) in texels.iter().zip(values.chunks_exact(self.storage.count)) {
+            self.add_others(texel as usize, values, weight);
+        }
     }
 
     /// Adds the values of a packed point; `values` is memory for them.
@@ -280,7 +307,7 @@ impl<'a> Sums<'a> {
         self.add_others(texel, values, weight);
     }
 
-    /// As [`Sums::add`], for any channels.
+    /// Adds the values of a point of any channels.
     fn add_others(&mut self, texel: usize, values: &[f32], weight: f32) {
         let stride = self.storage.stride();
         let (sums, weights) = self.sums[texel * stride..][..stride].split_at_mut(self.storage.count);
