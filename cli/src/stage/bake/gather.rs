@@ -9,7 +9,7 @@ use super::fill::finished;
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, Span, for_each_span, texel_at};
 use super::strangers::Strangers;
-use super::values::Sums;
+use super::values::{Kept, Sums};
 use super::{BakedPatch, Points, Source};
 use crate::stage::certify::{Hint, TriangleBvh};
 
@@ -25,7 +25,7 @@ pub(super) fn gather(
     drawn: &Drawn,
     source: &mut impl Source,
     mut sums: Sums<'_>,
-) -> Vec<f32> {
+) -> Kept {
     let (pieces, strangers) = (projections(patch, map), Strangers::new(patch, map, &source.areas_beyond()));
     let mut samples = Samples::default();
     for triangle in 0..source.triangle_count() {

@@ -48,6 +48,9 @@ impl<'a> Window<'a> {
         };
         let [mut x, mut y, mut z] = [of(0), of(1), of(2)];
         let first = self.under(&x, &y);
+        if first == [OUTSIDE; LANES] {
+            return first;
+        }
         let (mut depth, mut along, mut down) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
         for k in 0..LANES {
             let texel = first[k] as usize;
@@ -82,6 +85,17 @@ impl<'a> Window<'a> {
             if is_within { texel } else { OUTSIDE }
         })
     }
+}
+
+/// The least of numbers that are none of them NaN.
+#[inline(always)]
+pub(super) fn least(mut lane: Lane) -> f32 {
+    for half in [8, 4, 2, 1] {
+        for k in 0..half {
+            lane[k] = if lane[k] < lane[k + half] { lane[k] } else { lane[k + half] };
+        }
+    }
+    lane[0]
 }
 
 /// The largest whole number that is not greater, of a number from 0 to 2^22; otherwise anything. Conversions saturate, which takes vectors long.

@@ -5,11 +5,11 @@ use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
 use super::fill::finished;
-use super::lanes::{LANES, OUTSIDE, Row, Window, whole};
+use super::lanes::{LANES, OUTSIDE, Row, Window, least, whole};
 use super::projection::{Projection, projections};
 use super::raster::Drawn;
 use super::strangers::Strangers;
-use super::values::{Storage, Sums};
+use super::values::{Kept, Storage, Sums};
 
 /// Cosine of the angle to an axis beyond which points of finer patches are not shown by a piece.
 const STEEP: f64 = 0.1;
@@ -109,13 +109,15 @@ impl Surfels {
         let (mut range, mut rows) = ([f32::INFINITY, f32::NEG_INFINITY], [0_u16; SIDE]);
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         for (row, y) in rows.iter_mut().zip(top..=bottom) {
-            let mut of_row = [f32::INFINITY, f32::NEG_INFINITY];
-            let depths = drawn.depth[texels(y)].iter().zip(&drawn.is_covered[texels(y)]);
-            for (x, (&depth, _)) in depths.enumerate().filter(|(_, (_, is_covered))| **is_covered) {
-                of_row = [of_row[0].min(depth), of_row[1].max(depth)];
-                *row |= 1 << x;
+            let mut lanes = [[f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]];
+            let [low, high] = &mut lanes;
+            let of_texels = drawn.depth[texels(y)].iter().zip(&drawn.is_covered[texels(y)]);
+            for (x, ((low, high), (&depth, &is_covered))) in low.iter_mut().zip(high).zip(of_texels).enumerate() {
+                (*low, *high) = if is_covered { (depth, depth) } else { (*low, *high) };
+                *row |= u16::from(is_covered) << x;
             }
             if *row != 0 {
+                let of_row = [least(lanes[0]), -least(lanes[1].map(|depth| -depth))];
                 // No point of the row is beyond these four.
                 let ends = [row.trailing_zeros(), row.ilog2()].map(|x| left + x as usize);
                 for point in ends.into_iter().flat_map(|x| of_row.map(|depth| point(x, y, depth))) {
@@ -230,7 +232,7 @@ pub(super) fn gather_surfels<'a>(
     drawn: &Drawn,
     surfels: impl Iterator<Item = &'a Surfels> + Clone,
     mut sums: Sums<'_>,
-) -> Vec<f32> {
+) -> Kept {
     let storage = sums.storage;
     let width = map.size[0] as usize;
     let tiles = Tiles::new(drawn, width);

@@ -178,15 +178,18 @@ impl Storage {
     }
 
     /// The image of each channel, of texels that have these values, as [`Sums`] has them. Texels that are not used may have any value
-    /// afterwards.
-    pub(super) fn encode(&self, map: &Map, values: &[f32], is_used: &[bool]) -> Vec<Vec<u8>> {
+    /// afterwards. `memory` serves one image after another.
+    pub(super) fn encode(&self, map: &Map, values: &[f32], is_used: &[bool], memory: &mut Vec<u8>) -> Vec<Vec<u8>> {
         let mut first = 0;
         let mut streams = vec![];
         for &channel in &self.channels {
             let texels = values.chunks_exact(self.stride()).map(|texel| &texel[first..first + channel.values()]);
             streams.push(match channel {
                 Stored::Colour { step, .. } if self.is_plain => {
-                    encode_image(&plain_colours(values, map.size), is_used, step)
+                    let image = plain_colours(values, map.size, std::mem::take(memory));
+                    let bytes = encode_image(&image, is_used, step);
+                    *memory = image.data;
+                    bytes
                 }
                 Stored::Colour { components, step } => {
                     encode_image(&colours(texels, map.size, components), is_used, step)
@@ -247,10 +250,13 @@ fn colours<'a>(texels: impl Iterator<Item = &'a [f32]>, size: [u32; 2], componen
 }
 
 /// As [`colours`], where there is nothing else.
-fn plain_colours(values: &[f32], size: [u32; 2]) -> Image<u8> {
-    let texels = values.as_chunks().0.iter().map(|&[red, green, blue, _]| [red, green, blue].map(srgb_byte));
-    let colours: Vec<[u8; 3]> = texels.collect();
-    Image { size, components: 3, data: colours.into_flattened() }
+fn plain_colours(values: &[f32], size: [u32; 2], mut data: Vec<u8>) -> Image<u8> {
+    let texels = values.as_chunks().0;
+    data.resize(3 * texels.len(), 0);
+    for (colour, &[red, green, blue, _]) in data.as_chunks_mut().0.iter_mut().zip(texels) {
+        *colour = [red, green, blue].map(srgb_byte);
+    }
+    Image { size, components: 3, data }
 }
 
 /// Counts a vote for a label (Boyer and Moore 1981, "MJRTY"): what has more than half of the weight wins, whatever the order.
@@ -267,22 +273,30 @@ fn vote(winner: &mut f32, lead: &mut f32, label: f32, weight: f32) {
 /// Weighted sums of values by texel. Colours are weighted with their opacity, missing scalars do not count, and labels are voted for.
 pub(super) struct Sums<'a> {
     pub storage: &'a Storage,
+    pub kept: Kept,
+}
+
+/// What is known of texels. Its memory serves one map after another.
+#[derive(Default)]
+pub(super) struct Kept {
     /// Of each texel its values, then its weights.
     pub sums: Vec<f32>,
+    /// Whether it has values, once they are means.
+    pub known: Vec<bool>,
 }
 
 impl<'a> Sums<'a> {
-    /// `memory` is what earlier sums were kept in.
-    pub fn new(texels: usize, storage: &'a Storage, mut memory: Vec<f32>) -> Self {
-        memory.clear();
-        memory.resize(texels * storage.stride(), 0.0);
-        Self { storage, sums: memory }
+    /// `kept` is what earlier sums were kept in.
+    pub fn new(texels: usize, storage: &'a Storage, mut kept: Kept) -> Self {
+        kept.sums.clear();
+        kept.sums.resize(texels * storage.stride(), 0.0);
+        Self { storage, kept }
     }
 
     /// Adds the values of points, of each of which the texel is given.
     pub fn add_all(&mut self, texels: &[u32], values: &[f32], weight: f32) {
         if self.storage.is_plain {
-            let of_texels = self.sums.as_chunks_mut().0;
+            let of_texels = self.kept.sums.as_chunks_mut().0;
             for (&texel, &[red, green, blue]) in texels.iter().zip(values.as_chunks().0) {
                 let of_texel = &mut of_texels[texel as usize];
                 *of_texel = plus(*of_texel, [red, green, blue, 1.0], weight);
@@ -299,7 +313,7 @@ impl<'a> Sums<'a> {
     pub fn add_packed(&mut self, texel: usize, packed: &[u8], weight: f32, values: &mut Vec<f32>) {
         if let (true, &[a, b, c, d, e, f]) = (self.storage.is_plain, packed) {
             let share = |pair| f32::from(u16::from_le_bytes(pair)) * (1.0 / 65535.0);
-            let of_texel = &mut self.sums.as_chunks_mut().0[texel];
+            let of_texel = &mut self.kept.sums.as_chunks_mut().0[texel];
             *of_texel = plus(*of_texel, [share([a, b]), share([c, d]), share([e, f]), 1.0], weight);
             return;
         }
@@ -310,7 +324,7 @@ impl<'a> Sums<'a> {
     /// Adds the values of a point of any channels.
     fn add_others(&mut self, texel: usize, values: &[f32], weight: f32) {
         let stride = self.storage.stride();
-        let (sums, weights) = self.sums[texel * stride..][..stride].split_at_mut(self.storage.count);
+        let (sums, weights) = self.kept.sums[texel * stride..][..stride].split_at_mut(self.storage.count);
         weights[0] += weight;
         let (mut at, mut scalar) = (0, 1);
         for channel in &self.storage.channels {
@@ -360,20 +374,24 @@ impl<'a> Sums<'a> {
     /// Whether anything was added to a texel.
     #[inline]
     pub fn has(&self, texel: usize) -> bool {
-        self.sums[texel * self.storage.stride() + self.storage.count] > 0.0
+        self.kept.sums[texel * self.storage.stride() + self.storage.count] > 0.0
     }
 
-    /// Replaces the sums by means.
+    /// Replaces the sums by means, and notes of which texels there are any.
     pub fn divide(&mut self) {
         let Storage { channels, count, is_plain, .. } = self.storage;
+        let Kept { sums, known } = &mut self.kept;
+        known.clear();
         if *is_plain {
-            for [red, green, blue, weight] in self.sums.as_chunks_mut().0 {
+            known.extend(sums.as_chunks_mut().0.iter_mut().map(|[red, green, blue, weight]| {
                 let inverse = if *weight > 0.0 { 1.0 / *weight } else { 0.0 };
                 (*red, *green, *blue) = (*red * inverse, *green * inverse, *blue * inverse);
-            }
+                *weight > 0.0
+            }));
             return;
         }
-        for texel in self.sums.chunks_exact_mut(self.storage.stride()) {
+        for texel in sums.chunks_exact_mut(self.storage.stride()) {
+            known.push(texel[*count] > 0.0);
             let (sums, weights) = texel.split_at_mut(*count);
             let (mut at, mut scalar) = (0, 1);
             let inverse = if weights[0] > 0.0 { 1.0 / weights[0] } else { 0.0 };

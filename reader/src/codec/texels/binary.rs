@@ -190,7 +190,7 @@ impl BitEncoder {
         self.low += if is_below { 0 } else { u64::from(bound) };
         self.range = if is_below { bound } else { self.range - bound };
         // At least 24 bits of the range are kept: no chance makes it smaller by more than two bytes.
-        let shift = self.range.leading_zeros() & !7;
+        let shift = 8 * (u32::from(self.range < 1 << 24) + u32::from(self.range < 1 << 16));
         (self.range, self.low) = (self.range << shift, self.low << shift);
         self.waiting += shift;
         if self.waiting >= u16::BITS {
