@@ -80,7 +80,8 @@ impl<'a> Window<'a> {
     #[inline(always)]
     fn under(&self, x: &Lane, y: &Lane) -> [u32; LANES] {
         std::array::from_fn(|k| {
-            let is_within = (self.low[0] <= x[k]) & (x[k] < self.high[0]) & (self.low[1] <= y[k]) & (y[k] < self.high[1]);
+            let is_within =
+                (self.low[0] <= x[k]) & (x[k] < self.high[0]) & (self.low[1] <= y[k]) & (y[k] < self.high[1]);
             let texel = whole(y[k]).wrapping_mul(self.width).wrapping_add(whole(x[k]));
             if is_within { texel } else { OUTSIDE }
         })

@@ -5,8 +5,8 @@ use std::ops::Range;
 use glam::Vec3A;
 use lodpack::decode::texels::Map;
 
-use super::{BakedPatch, Points};
 use super::projection::projections;
+use super::{BakedPatch, Points};
 use crate::mesh::NONE;
 
 /// A point is moved by no more texels than patches are widened by.

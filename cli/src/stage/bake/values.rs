@@ -3,7 +3,7 @@
 use lodpack::decode::texels::{Image, Map};
 use lodpack::write::{encode_image, encode_normals, encode_values};
 
-use super::lanes::whole;
+use super::lanes::{LANES, whole};
 use crate::mesh::srgb::srgb_byte;
 
 /// What a channel means, and how its values are stored.
@@ -110,11 +110,13 @@ impl Storage {
             texels.chunks_exact(self.stride()).for_each(|texel| self.pack(&texel[..self.count], packed));
             return;
         }
-        let (texels, first) = (texels.as_chunks::<4>().0, packed.len());
-        packed.resize(first + 6 * texels.len(), 0);
-        for (packed, &texel) in packed[first..].as_chunks_mut().0.iter_mut().zip(texels) {
-            let [[a, b], [c, d], [e, f], _] = texel.map(|value| share(value).to_le_bytes());
-            *packed = [a, b, c, d, e, f];
+        let mut some = [[0; 6]; LANES];
+        for texels in texels.as_chunks::<4>().0.chunks(LANES) {
+            for (packed, &texel) in some.iter_mut().zip(texels) {
+                let [[a, b], [c, d], [e, f], _] = texel.map(|value| share(value).to_le_bytes());
+                *packed = [a, b, c, d, e, f];
+            }
+            packed.extend_from_slice(some[..texels.len()].as_flattened());
         }
     }
 
@@ -359,11 +361,6 @@ impl<'a> Sums<'a> {
     /// Where the labels lie among the values of a texel.
     pub fn labels(&self) -> Vec<usize> {
         self.storage.labels()
-    }
-
-    /// Values of a texel.
-    pub fn count(&self) -> usize {
-        self.storage.count
     }
 
     /// Numbers of a texel.

@@ -228,9 +228,8 @@ impl Face<'_> {
         let mut rest = &mut *colours;
         for points in points {
             let (row, others) = rest.split_at_mut(points.count as usize);
-            let along = |weights: [f64; 3]| {
-                [0, 1].map(|axis| (0..3).map(|k| face.uv[k][axis] * weights[k]).sum::<f64>())
-            };
+            let along =
+                |weights: [f64; 3]| [0, 1].map(|axis| (0..3).map(|k| face.uv[k][axis] * weights[k]).sum::<f64>());
             filter.sample_row(along(points.first), along(points.growth), face.wrap, row);
             rest = others;
         }

@@ -302,29 +302,32 @@ fn encode_others(
     rest &= !1;
     let count = rest.count_ones();
     let (mut place, mut before) = (1, 0);
+    let BitEncoder { interval, bytes } = bits;
+    let mut own = *interval;
     while rest != 0 {
-        bits.bit(&mut chances.more[class][place.min(15)], true);
+        own.bit(bytes, &mut chances.more[class][place.min(15)], true);
         let next = rest.trailing_zeros() as usize;
         rest &= rest - 1;
         while place < next {
             let [band, within] = class_of(place);
-            bits.bit(&mut chances.significant[band][within][before], false);
+            own.bit(bytes, &mut chances.significant[band][within][before], false);
             (place, before) = (place + 1, 0);
         }
         let [band, within] = class_of(place);
         // At the last place there is nothing to say.
         if place < AREA - 1 {
-            bits.bit(&mut chances.significant[band][within][before], true);
+            own.bit(bytes, &mut chances.significant[band][within][before], true);
         }
         let at = transposed(ORDER[place]);
         let size = u32::from(sizes[at]);
-        bits.number(&mut chances.magnitude[band][before], size - 1);
-        bits.raw(1, u32::from(coefficients[at] < 0.0));
+        own.number(bytes, &mut chances.magnitude[band][before], size - 1);
+        own.even(bytes, coefficients[at] < 0.0);
         (place, before) = (place + 1, 1 + usize::from(size > 1));
     }
     if place < AREA {
-        bits.bit(&mut chances.more[class][place.min(15)], false);
+        own.bit(bytes, &mut chances.more[class][place.min(15)], false);
     }
+    *interval = own;
     count as u8
 }
 
