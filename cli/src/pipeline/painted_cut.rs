@@ -10,7 +10,7 @@ use lodpack::{Lattice, Mesh};
 
 use super::finish::Finished;
 use super::texels::exponent_of;
-use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Source, Storage, Stored};
+use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Source, Storage, Stored};
 
 /// The step of quantisation of images that are not stored.
 const STEP: u8 = 1;
@@ -113,12 +113,12 @@ impl Source for CutSource<'_> {
         self.cut.mesh.triangles[self.own[triangle] as usize].map(|vertex| self.positions[vertex as usize])
     }
 
-    fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], footprint: f32, values: &mut Vec<f32>) {
+    fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>) {
         let number = self.own[triangle] as usize;
         let node = self.cut.mesh.triangle_nodes[number] as usize;
         let Some(Some(PaintedNode { images, size, range })) = self.nodes.get(node) else { return };
         let places = self.cut.places[number];
-        for weights in weights {
+        for weights in points.iter().flat_map(|points| points.weights()) {
             let place = [0, 1].map(|axis| (0..3).map(|k| f64::from(places[k][axis] * weights[k])).sum());
             images.sample(place, *range, f64::from(footprint) / size, values);
         }

@@ -10,7 +10,7 @@ use crate::mesh::NONE;
 use crate::mesh::appearance::{
     Appearance, COLOUR, DRAWING, EMISSIVE, METALLIC, MaterialMaps, NORMAL, OCCLUSION, ROUGHNESS, ScalarRange,
 };
-use crate::stage::bake::{Source, Storage, Stored};
+use crate::stage::bake::{Points, Source, Storage, Stored};
 use crate::stage::shade::Painter;
 
 /// Steps between the least and the largest value of a scalar that is not whole: 12 bits, of which neighbours predict most.
@@ -193,16 +193,16 @@ impl Source for InputSource<'_> {
         self.points(triangle).map(|point| point * inverse)
     }
 
-    fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], footprint: f32, values: &mut Vec<f32>) {
+    fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>) {
         let face = self.painter.face(self.own[triangle] as usize, self.points(triangle));
         let footprint = footprint * self.scale.step() as f32;
         let maps = self.appearance.maps;
         let is_colour_all = !self.appearance.has_materials() && self.appearance.scalars.is_empty();
         if self.appearance.has_colour && is_colour_all {
-            return face.base_colours(weights, footprint, self.appearance.has_alpha, values);
+            return face.base_colours(points, footprint, self.appearance.has_alpha, values);
         }
         let components = usize::from(colour_components(self.appearance));
-        for &weights in weights {
+        for weights in points.iter().flat_map(|points| points.weights()) {
             if self.appearance.has_colour {
                 values.extend_from_slice(&face.base_colour(weights, footprint)[..components]);
             }

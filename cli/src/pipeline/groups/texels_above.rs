@@ -7,7 +7,7 @@ use lodpack::write::RootRecord;
 use super::super::chart_work::DrawnBlocks;
 use super::super::texels::{MAX_EXPONENT, exponent_of};
 use super::Node;
-use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Source, Storage, Stored};
+use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Source, Storage, Stored};
 
 /// A top whose texels are known.
 pub(super) struct KnownTop {
@@ -110,10 +110,10 @@ impl Source for TopSource<'_> {
         top.triangles[triangle].map(|vertex| top.positions[vertex as usize])
     }
 
-    fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], footprint: f32, values: &mut Vec<f32>) {
+    fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>) {
         let corners = self.corners(triangle);
         let (top, triangle) = self.at(triangle);
-        for weights in weights {
+        for weights in points.iter().flat_map(|points| points.weights()) {
             let point = (0..3).map(|k| corners[k] * f64::from(weights[k])).sum();
             top.sample(triangle, point, f64::from(footprint), values);
         }

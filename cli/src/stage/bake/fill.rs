@@ -7,7 +7,7 @@ use lodpack::decode::texels::Map;
 use super::BakedPatch;
 use super::projection::projections;
 use super::raster::{Drawn, texel_at};
-use super::values::Sums;
+use super::values::{Kept, Sums};
 
 /// How many pieces values pass through at most until they come to one without any.
 const MAX_ROUNDS: usize = 16;
@@ -16,17 +16,17 @@ const MAX_ROUNDS: usize = 16;
 ///
 /// Neighbours are those in the same piece, since beside its rectangle lies that of another piece, which shows something else. A piece for which
 /// nothing at all was found takes what the pieces beside it show at the vertices that both have.
-pub(super) fn finished(mut sums: Sums<'_>, patch: &BakedPatch<'_>, map: &Map, drawn: &Drawn) -> Vec<f32> {
+pub(super) fn finished(mut sums: Sums<'_>, patch: &BakedPatch<'_>, map: &Map, drawn: &Drawn) -> Kept {
     sums.divide();
-    let known: Vec<bool> = (0..drawn.is_used.len()).map(|texel| sums.has(texel)).collect();
     let (stride, labels) = (sums.stride(), sums.labels());
-    let mut filling = Filling { map, is_used: &drawn.is_used, known, stride, labels, values: sums.sums };
+    let Kept { sums: values, known } = sums.kept;
+    let mut filling = Filling { map, is_used: &drawn.is_used, known, stride, labels, values };
     let mut rounds = 0;
     while !filling.fill_pieces() && rounds < MAX_ROUNDS && filling.cross(patch) {
         rounds += 1;
     }
     filling.fill_rest();
-    filling.values
+    Kept { sums: filling.values, known: filling.known }
 }
 
 struct Filling<'a> {
@@ -48,8 +48,12 @@ impl Filling<'_> {
         let (mut means, mut is_complete) = (vec![], true);
         for piece in &self.map.pieces {
             let [[left, top], [right, bottom]] = piece.range().map(|corner| corner.map(|x| x as usize));
-            let texels = (top..=bottom).flat_map(|y| (left..=right).map(move |x| y * width + x));
-            let mut open: Vec<usize> = texels.filter(|&texel| self.is_used[texel] && !self.known[texel]).collect();
+            let mut open: Vec<usize> = vec![];
+            for first in (top..=bottom).map(|y| y * width + left) {
+                let row = first..first + right - left + 1;
+                let texels = self.is_used[row.clone()].iter().zip(&self.known[row]).enumerate();
+                open.extend(texels.filter(|(_, (is_used, known))| **is_used & !**known).map(|(x, _)| first + x));
+            }
             while !open.is_empty() {
                 let mut found = vec![];
                 for &texel in &open {

@@ -1,14 +1,16 @@
 //! Collects for each texel what the input shows there.
 
+use std::ops::Range;
+
 use glam::{DVec3, Vec3A};
 use lodpack::decode::texels::Map;
 
 use super::fill::finished;
 use super::projection::{Projection, projections};
-use super::raster::{Drawn, for_each_sample, texel_at};
+use super::raster::{Drawn, Span, for_each_span, texel_at};
 use super::strangers::Strangers;
-use super::values::Sums;
-use super::{BakedPatch, Source};
+use super::values::{Kept, Sums};
+use super::{BakedPatch, Points, Source};
 use crate::stage::certify::{Hint, TriangleBvh};
 
 /// Triangles shorter than this many texels are sampled at four points of each texel.
@@ -23,7 +25,7 @@ pub(super) fn gather(
     drawn: &Drawn,
     source: &mut impl Source,
     mut sums: Sums<'_>,
-) -> Vec<f32> {
+) -> Kept {
     let (pieces, strangers) = (projections(patch, map), Strangers::new(patch, map, &source.areas_beyond()));
     let mut samples = Samples::default();
     for triangle in 0..source.triangle_count() {
@@ -47,7 +49,7 @@ pub(super) fn gather(
 #[derive(Default)]
 struct Samples {
     texels: Vec<u32>,
-    points: Vec<[f32; 3]>,
+    points: Vec<Points>,
     /// The weight of each of them.
     weight: f32,
     /// What they stand for, lattice units.
@@ -60,13 +62,40 @@ impl Samples {
     fn add_to(&mut self, sums: &mut Sums<'_>, triangle: usize, source: &mut impl Source) {
         if !self.points.is_empty() {
             source.shade(triangle, &self.points, self.footprint as f32, &mut self.values);
-            for (&texel, values) in self.texels.iter().zip(self.values.chunks_exact(sums.count())) {
-                sums.add(texel as usize, values, self.weight);
-            }
+            sums.add_all(&self.texels, &self.values, self.weight);
         }
         self.texels.clear();
         self.points.clear();
         self.values.clear();
+    }
+
+    /// Adds those points of a span, of texels or their quarters, that lie within a piece and near to the patch.
+    fn add_span(&mut self, span: &Span, depths: [f64; 3], fineness: u32, shown: &Shown<'_>) {
+        let [[left, top], [right, bottom]] = shown.range;
+        let row = span.row >> fineness;
+        if row < top || row > bottom {
+            return;
+        }
+        let (depth, first) = (span.values(depths), row as usize * shown.width);
+        let columns = span.columns.start.max(left << fineness)..span.columns.end.min((right + 1) << fineness);
+        let mut start = columns.start;
+        for column in columns.clone() {
+            let texel = first + (column >> fineness) as usize;
+            // Comparisons with NaN are false.
+            if (shown.drawn.depth[texel] - depth.at(column) as f32).abs() <= shown.reach {
+                self.texels.push(texel as u32);
+            } else {
+                self.add_points(span, start..column);
+                start = column + 1;
+            }
+        }
+        self.add_points(span, start..columns.end);
+    }
+
+    fn add_points(&mut self, span: &Span, columns: Range<u32>) {
+        if !columns.is_empty() {
+            self.points.push(span.points(columns));
+        }
     }
 
     /// Finds the texels that a triangle of the source covers.
@@ -88,37 +117,42 @@ impl Samples {
                 (places[k], depths[k]) = ([places[k][0] + step.x, places[k][1] + step.y], depths[k] + step.z);
             }
         }
-        let width = map.size[0] as usize;
-        // Texels of the piece.
-        let [left, top] = low.map(|x| x as u32);
-        let [right, bottom] = high.map(|x| x as u32);
-        let mut visit = |[x, y]: [u32; 2], weights: [f64; 3]| {
-            let depth = weights[0] * depths[0] + weights[1] * depths[1] + weights[2] * depths[2];
-            let texel = y as usize * width + x as usize;
-            let is_within = left <= x && x <= right && top <= y && y <= bottom;
-            // Comparisons with NaN are false.
-            if is_within && (drawn.depth[texel] - depth as f32).abs() <= projection.reach {
-                self.texels.push(texel as u32);
-                self.points.push(weights.map(|weight| weight as f32));
-            }
-        };
+        let (width, range) = (map.size[0] as usize, projection.range.map(|place| place.map(|x| x as u32)));
+        let shown = Shown { drawn, width, range, reach: projection.reach };
         let length = (most[0] - least[0]).max(most[1] - least[1]);
         if length < 1.0 {
             let middle = [0, 1].map(|k| (places[0][k] + places[1][k] + places[2][k]) / 3.0);
+            let depth = (depths[0] + depths[1] + depths[2]) / 3.0;
             let [a, b, c] = places;
             let area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs();
             if (0..2).all(|k| low[k] - 0.5 <= middle[k] && middle[k] < high[k] + 0.5) && area > 0.0 {
-                visit(texel_at(middle, map.size), [1.0 / 3.0; 3]);
+                let [column, row] = texel_at(middle, map.size);
+                let texel = row as usize * width + column as usize;
+                if (drawn.depth[texel] - depth as f32).abs() <= projection.reach {
+                    self.texels.push(texel as u32);
+                    self.points.push(Points::one([1.0 / 3.0; 3]));
+                }
             }
             (self.weight, self.footprint) = (area as f32, length * projection.size);
-        } else if length < SHORT {
-            for_each_sample(places, map.size, 1, visit);
-            (self.weight, self.footprint) = (0.25, 0.5 * projection.size);
-        } else {
-            for_each_sample(places, map.size, 0, visit);
-            (self.weight, self.footprint) = (1.0, projection.size);
+            return;
         }
+        let fineness = u32::from(length < SHORT);
+        for_each_span(places, map.size, fineness, |span| self.add_span(&span, depths, fineness, &shown));
+        (self.weight, self.footprint) = match fineness {
+            0 => (1.0, projection.size),
+            _ => (0.25, 0.5 * projection.size),
+        };
     }
+}
+
+/// The texels of a piece, and how far from the patch the source may be there.
+struct Shown<'a> {
+    drawn: &'a Drawn,
+    /// Texels in a row of the image.
+    width: usize,
+    /// First and last column and row.
+    range: [[u32; 2]; 2],
+    reach: f32,
 }
 
 /// Gives covered texels to which nothing was projected the values of the input's closest point, unless they are few.
@@ -156,13 +190,13 @@ fn add_closest(
         }
         let weights = barycentric(source.corners(closest.triangle as usize), closest.point);
         values.clear();
-        source.shade(closest.triangle as usize, &[weights], projection.size as f32, &mut values);
-        sums.add(texel, &values, 1.0);
+        source.shade(closest.triangle as usize, &[Points::one(weights)], projection.size as f32, &mut values);
+        sums.add_all(&[texel as u32], &values, 1.0);
     }
 }
 
 /// The weights of the corners of a triangle at a point of it.
-fn barycentric([a, b, c]: [DVec3; 3], point: DVec3) -> [f32; 3] {
+fn barycentric([a, b, c]: [DVec3; 3], point: DVec3) -> [f64; 3] {
     let normal = (b - a).cross(c - a);
     let squared = normal.length_squared();
     if squared <= 0.0 || squared.is_nan() {
@@ -171,5 +205,5 @@ fn barycentric([a, b, c]: [DVec3; 3], point: DVec3) -> [f32; 3] {
     let of_b = (point - a).cross(c - a).dot(normal) / squared;
     let of_c = (b - a).cross(point - a).dot(normal) / squared;
     let [of_b, of_c] = [of_b.clamp(0.0, 1.0), of_c.clamp(0.0, 1.0)];
-    [(1.0 - of_b - of_c).max(0.0) as f32, of_b as f32, of_c as f32]
+    [(1.0 - of_b - of_c).max(0.0), of_b, of_c]
 }

@@ -8,6 +8,7 @@
 mod fill;
 mod gather;
 mod images;
+mod lanes;
 mod pieces;
 mod projection;
 mod raster;
@@ -26,7 +27,7 @@ use pieces::{Pieces, divide};
 use raster::Drawn;
 pub use surfels::Surfels;
 use surfels::gather_surfels;
-use values::Sums;
+use values::{Kept, Sums};
 pub use values::{Storage, Stored};
 
 /// The most texels of a patch.
@@ -83,9 +84,32 @@ pub trait Source {
         vec![]
     }
 
-    /// Appends the values at points of a triangle, which are given by the weights of its corners: of each point those of all channels.
-    /// They are means over `footprint` lattice units.
-    fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], footprint: f32, values: &mut Vec<f32>);
+    /// Appends the values at points of a triangle: of each point those of all channels. They are means over `footprint` lattice units.
+    fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>);
+}
+
+/// Points of a triangle on a line, as far from one another: a row of texels.
+#[derive(Clone, Copy, Debug)]
+pub struct Points {
+    /// The weights of the triangle's corners at the first one.
+    pub first: [f64; 3],
+    /// What is added to the weights from each point to the next.
+    pub growth: [f64; 3],
+    /// How many.
+    pub count: u32,
+}
+
+impl Points {
+    /// A single one.
+    pub fn one(weights: [f64; 3]) -> Self {
+        Self { first: weights, growth: [0.0; 3], count: 1 }
+    }
+
+    /// The weights at each of them.
+    pub fn weights(self) -> impl Iterator<Item = [f32; 3]> {
+        let Self { first, growth, count } = self;
+        (0..count).map(move |k| [0, 1, 2].map(|corner| (first[corner] + f64::from(k) * growth[corner]) as f32))
+    }
 }
 
 /// What a block stores of its images.
@@ -108,25 +132,26 @@ pub fn baking_bytes(texels: u64, storage: &Storage) -> u64 {
 pub struct Baker<'s> {
     storage: &'s Storage,
     drawn: Drawn,
-    sums: Vec<f32>,
+    kept: Kept,
+    image: Vec<u8>,
 }
 
 impl<'s> Baker<'s> {
     /// For images that are stored like this.
     pub fn new(storage: &'s Storage) -> Self {
-        Self { storage, drawn: Drawn::default(), sums: vec![] }
+        Self { storage, drawn: Drawn::default(), kept: Kept::default(), image: vec![] }
     }
 
     /// Bytes of memory that it keeps.
     pub fn bytes(&self) -> u64 {
-        (DRAWN_BYTES * self.drawn.depth.capacity() + 4 * self.sums.capacity()) as u64
+        (DRAWN_BYTES * self.drawn.depth.capacity() + 4 * self.kept.sums.capacity() + self.image.capacity()) as u64
     }
 
     /// The images of a patch, with texels of 2^(exponent / 2) lattice units. None if nothing can be projected.
     pub fn bake(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
         let (map, bytes) = self.mapped(patch, exponent)?;
-        let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.sums));
-        self.sums = gather(patch, &map, &self.drawn, source, sums);
+        let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
+        self.kept = gather(patch, &map, &self.drawn, source, sums);
         Some(self.baked(patch, &map, bytes))
     }
 
@@ -138,15 +163,15 @@ impl<'s> Baker<'s> {
         exponent: u32,
     ) -> Option<Baked> {
         let (map, bytes) = self.mapped(patch, exponent)?;
-        let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.sums));
-        self.sums = gather_surfels(patch, &map, &self.drawn, finer, sums);
+        let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
+        self.kept = gather_surfels(patch, &map, &self.drawn, finer, sums);
         Some(self.baked(patch, &map, bytes))
     }
 
-    fn baked(&self, patch: &BakedPatch<'_>, map: &Map, bytes: Vec<u8>) -> Baked {
-        let Self { storage, drawn, sums: values } = self;
+    fn baked(&mut self, patch: &BakedPatch<'_>, map: &Map, bytes: Vec<u8>) -> Baked {
+        let Self { storage, drawn, kept: Kept { sums: values, .. }, image } = self;
         let mut streams = vec![bytes];
-        streams.extend(storage.encode(map, values, &drawn.is_used));
+        streams.extend(storage.encode(map, values, &drawn.is_used, image));
         Baked { streams, surfels: Surfels::new(patch, map, drawn, values, storage) }
     }
 

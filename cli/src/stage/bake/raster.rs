@@ -1,14 +1,16 @@
 //! Triangles on the texels of a map.
 
+use std::ops::Range;
+
 use glam::Vec3A;
 use lodpack::decode::texels::Map;
 
-use super::BakedPatch;
 use super::projection::projections;
+use super::{BakedPatch, Points};
 use crate::mesh::NONE;
 
 /// A point is moved by no more texels than patches are widened by.
-const MAX_STEP: f32 = 1.5;
+pub(super) const MAX_STEP: f32 = 1.5;
 /// Up to so many columns, looking at each takes less time than finding which of them are inside.
 const FEW_COLUMNS: usize = 8;
 /// Depths that differ by less than this many texels are those of one sheet.
@@ -53,18 +55,21 @@ impl Drawn {
             let depths = points.map(|point| projection.depth(point));
             let slope = slope(places, depths);
             let mut is_hidden = false;
-            for_each_sample(places, map.size, 0, |[column, row], weights| {
-                let texel = row as usize * width + column as usize;
-                let at = (weights[0] * depths[0] + weights[1] * depths[1] + weights[2] * depths[2]) as f32;
-                let before = &mut self.depth[texel];
-                if before.is_nan() {
-                    *before = at;
-                    self.slope[texel] = slope;
-                    if let Some(areas) = patch.areas {
-                        self.areas[texel] = areas.of_triangles[number as usize];
+            for_each_span(places, map.size, 0, |span| {
+                let depth = span.values(depths);
+                let (first, columns) = (span.row as usize * width, span.columns.clone());
+                let texels = first + columns.start as usize..first + columns.end as usize;
+                let known = self.depth[texels.clone()].iter_mut().zip(&mut self.slope[texels]);
+                for (column, (before, slope_before)) in columns.zip(known) {
+                    let at = depth.at(column) as f32;
+                    if before.is_nan() {
+                        (*before, *slope_before) = (at, slope);
+                        if let Some(areas) = patch.areas {
+                            self.areas[first + column as usize] = areas.of_triangles[number as usize];
+                        }
+                    } else if (*before - at).abs() > SAME_SHEET {
+                        is_hidden = true;
                     }
-                } else if (*before - at).abs() > SAME_SHEET {
-                    is_hidden = true;
                 }
             });
             if is_hidden {
@@ -202,14 +207,46 @@ pub(super) fn texel_at(place: [f64; 2], size: [u32; 2]) -> [u32; 2] {
     [0, 1].map(|k| (place[k] as u32).min(size[k] - 1))
 }
 
-/// Calls a function for each centre of a texel that lies in a triangle, with the column and row of the texel and the weights of the corners;
-/// or, with `fineness` 1, of each of its quarters. The triangle may have either winding.
-pub(super) fn for_each_sample(
-    places: [[f64; 2]; 3],
-    size: [u32; 2],
-    fineness: u32,
-    mut visit: impl FnMut([u32; 2], [f64; 3]),
-) {
+/// Centres of texels in a row, or of their quarters, that lie in a triangle.
+pub(super) struct Span {
+    pub row: u32,
+    pub columns: Range<u32>,
+    /// The weights of the triangle's corners in column 0, and what each column adds to them.
+    first: [f64; 3],
+    growth: [f64; 3],
+}
+
+impl Span {
+    /// What the corners' values become along the row.
+    pub fn values(&self, [a, b, c]: [f64; 3]) -> Along {
+        let of = |weights: [f64; 3]| weights[0] * a + weights[1] * b + weights[2] * c;
+        Along { first: of(self.first), growth: of(self.growth) }
+    }
+
+    /// So many of its points.
+    pub fn points(&self, columns: Range<u32>) -> Points {
+        let first = [0, 1, 2].map(|k| self.first[k] + f64::from(columns.start) * self.growth[k]);
+        Points { first, growth: self.growth, count: columns.len() as u32 }
+    }
+}
+
+/// A value that grows by the same from column to column.
+#[derive(Clone, Copy)]
+pub(super) struct Along {
+    first: f64,
+    growth: f64,
+}
+
+impl Along {
+    #[inline(always)]
+    pub fn at(self, column: u32) -> f64 {
+        self.first + f64::from(column) * self.growth
+    }
+}
+
+/// Calls a function for the centres of texels that lie in a triangle, row by row; or, with `fineness` 1, for those of their quarters, by their
+/// columns and rows. The triangle may have either winding.
+pub(super) fn for_each_span(places: [[f64; 2]; 3], size: [u32; 2], fineness: u32, mut visit: impl FnMut(Span)) {
     let [a, b, c] = places;
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     if area == 0.0 || !area.is_finite() {
@@ -226,29 +263,23 @@ pub(super) fn for_each_sample(
     let columns = range(0);
     // Along a row each weight grows by the same.
     let growth = [b[1] - c[1], c[1] - a[1], a[1] - b[1]].map(|height| height * inverse * step);
+    let shrink = growth.map(|growth| -1.0 / growth);
     for row in range(1) {
         let y = (f64::from(row) + 0.5) * step;
         let weight =
             |p: [f64; 2], q: [f64; 2]| ((p[0] - 0.5 * step) * (q[1] - y) - (p[1] - y) * (q[0] - 0.5 * step)) * inverse;
         let first = [weight(b, c), weight(c, a), weight(a, b)];
-        let weights = |column: u32| [0, 1, 2].map(|k| first[k] + f64::from(column) * growth[k]);
-        let is_inside = |column: u32| weights(column).iter().all(|&weight| weight >= 0.0);
-        if columns.len() <= FEW_COLUMNS {
-            for (column, weights) in columns.clone().map(|column| (column, weights(column))) {
-                if weights.iter().all(|&weight| weight >= 0.0) {
-                    visit([column >> fineness, row >> fineness], weights);
-                }
-            }
-            continue;
-        }
+        let is_inside = |column: u32| (0..3).all(|k| first[k] + f64::from(column) * growth[k] >= 0.0);
         // Each weight is monotonous, so those inside are a range: one is computed, and corrected at both ends.
         let (mut low, mut high) = (f64::from(columns.start), f64::from(columns.end));
-        for k in 0..3 {
-            let root = -first[k] / growth[k];
-            if growth[k] > 0.0 {
-                low = low.max(root);
-            } else if growth[k] < 0.0 {
-                high = high.min(root);
+        if columns.len() > FEW_COLUMNS {
+            for k in 0..3 {
+                let root = first[k] * shrink[k];
+                if growth[k] > 0.0 {
+                    low = low.max(root);
+                } else if growth[k] < 0.0 {
+                    high = high.min(root);
+                }
             }
         }
         // The conversions saturate.
@@ -260,8 +291,8 @@ pub(super) fn for_each_sample(
         while start < end && !is_inside(end - 1) {
             end -= 1;
         }
-        for column in start..end {
-            visit([column >> fineness, row >> fineness], weights(column));
+        if start < end {
+            visit(Span { row, columns: start..end, first, growth });
         }
     }
 }

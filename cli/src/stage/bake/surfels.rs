@@ -1,19 +1,20 @@
 //! Texels as points of the surface: images of coarser patches are made of them, as they were before they were quantised.
 
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{DVec3, Vec3};
 use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
 use super::fill::finished;
+use super::lanes::{LANES, OUTSIDE, Row, Window, least, whole};
 use super::projection::{Projection, projections};
 use super::raster::Drawn;
 use super::strangers::Strangers;
-use super::values::{Storage, Sums};
+use super::values::{Kept, Storage, Sums};
 
 /// Cosine of the angle to an axis beyond which points of finer patches are not shown by a piece.
 const STEEP: f64 = 0.1;
 /// Texels along each side of a run.
-const SIDE: usize = 16;
+const SIDE: usize = LANES;
 
 /// The covered texels of a patch, in few bytes: the input has billions of them, and those of a group's members wait for one another.
 #[derive(Clone, Debug, Default)]
@@ -54,12 +55,6 @@ enum RunAreas {
     One(u32),
     /// From here on in [`Surfels::areas`].
     From(usize),
-}
-
-impl Run {
-    fn count(&self) -> usize {
-        self.rows.iter().map(|row| row.count_ones() as usize).sum()
-    }
 }
 
 impl Surfels {
@@ -114,13 +109,15 @@ impl Surfels {
         let (mut range, mut rows) = ([f32::INFINITY, f32::NEG_INFINITY], [0_u16; SIDE]);
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         for (row, y) in rows.iter_mut().zip(top..=bottom) {
-            let mut of_row = [f32::INFINITY, f32::NEG_INFINITY];
-            let depths = drawn.depth[texels(y)].iter().zip(&drawn.is_covered[texels(y)]);
-            for (x, (&depth, _)) in depths.enumerate().filter(|(_, (_, is_covered))| **is_covered) {
-                of_row = [of_row[0].min(depth), of_row[1].max(depth)];
-                *row |= 1 << x;
+            let mut lanes = [[f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]];
+            let [low, high] = &mut lanes;
+            let of_texels = drawn.depth[texels(y)].iter().zip(&drawn.is_covered[texels(y)]);
+            for (x, ((low, high), (&depth, &is_covered))) in low.iter_mut().zip(high).zip(of_texels).enumerate() {
+                (*low, *high) = if is_covered { (depth, depth) } else { (*low, *high) };
+                *row |= u16::from(is_covered) << x;
             }
             if *row != 0 {
+                let of_row = [least(lanes[0]), -least(lanes[1].map(|depth| -depth))];
                 // No point of the row is beyond these four.
                 let ends = [row.trailing_zeros(), row.ilog2()].map(|x| left + x as usize);
                 for point in ends.into_iter().flat_map(|x| of_row.map(|depth| point(x, y, depth))) {
@@ -133,17 +130,22 @@ impl Surfels {
             return;
         }
         let step = (range[1] - range[0]) / f32::from(u16::MAX);
-        let inverse = if step > 0.0 { 1.0 / step } else { 0.0 };
+        // No depths differ by so little but those that are alike.
+        let inverse = if step > 1e-30 { 1.0 / step } else { 0.0 };
         let (first, first_area) = (self.depths.len(), self.areas.len());
         for (&row, y) in rows.iter().zip(top..=bottom) {
-            let mut rest = row;
+            let (mut rest, mut at) = (u32::from(row), texels(y).start);
             while rest != 0 {
-                let texel = texels(y).start + rest.trailing_zeros() as usize;
-                rest &= rest - 1;
-                // The conversion saturates.
-                self.depths.push(((drawn.depth[texel] - range[0]) * inverse + 0.5) as u16);
-                storage.pack(&values[texel * storage.stride()..][..storage.count()], &mut self.values);
-                self.areas.extend(drawn.areas.get(texel));
+                let gap = rest.trailing_zeros();
+                let count = (rest >> gap).trailing_ones();
+                (rest, at) = (rest >> (gap + count), at + gap as usize);
+                let covered = at..at + count as usize;
+                at = covered.end;
+                let steps = drawn.depth[covered.clone()].iter().map(|depth| (depth - range[0]) * inverse + 0.5);
+                self.depths.extend(steps.map(|steps| whole(steps).min(u32::from(u16::MAX)) as u16));
+                self.areas.extend(drawn.areas.get(covered.clone()).into_iter().flatten());
+                let stride = storage.stride();
+                storage.pack_all(&values[covered.start * stride..covered.end * stride], &mut self.values);
             }
         }
         let areas = match &self.areas[first_area..] {
@@ -230,18 +232,14 @@ pub(super) fn gather_surfels<'a>(
     drawn: &Drawn,
     surfels: impl Iterator<Item = &'a Surfels> + Clone,
     mut sums: Sums<'_>,
-) -> Vec<f32> {
+) -> Kept {
     let storage = sums.storage;
     let width = map.size[0] as usize;
     let tiles = Tiles::new(drawn, width);
     let strangers = Strangers::new(patch, map, &[]);
     let (size, mut values) = (storage.packed_bytes(), Vec::with_capacity(storage.count()));
     for (piece, projection) in projections(patch, map).into_iter().enumerate() {
-        let [low, high] = projection.range.map(|[x, y]| [x as f32, y as f32]);
-        let low = Vec3A::new(low[0] - 0.5, low[1] - 0.5, f32::NEG_INFINITY);
-        let high = Vec3A::new(high[0] + 0.5, high[1] + 0.5, f32::INFINITY);
-        // Comparisons with NaN are false.
-        let is_within = |at: Vec3A| (at.cmpge(low) & at.cmplt(high)).all();
+        let window = Window::new(drawn, width, &projection);
         let has_strangers = !strangers.of(piece).is_empty();
         let runs = surfels.clone().flat_map(|surfels| surfels.runs.iter().map(move |run| (surfels, run)));
         for (surfels, run) in runs.filter(|(_, run)| run.normal.dot(projection.normal) > STEEP) {
@@ -255,31 +253,26 @@ pub(super) fn gather_surfels<'a>(
                 RunAreas::From(first) => strangers.has(piece, surfels.areas[first + number]),
             };
             let (first, [by_x, by_y, by_z]) = projection.around(run.origin - patch.origin());
-            let of_step = |step: Vec3| Vec3A::from(by_x * step.x + by_y * step.y + by_z * step.z);
-            let (first, [beside, below, deeper]) = (Vec3A::from(first), run.steps.map(of_step));
-            let own = run.first..run.first + run.count();
-            let packed = &surfels.values[own.start * size..own.end * size];
-            let depths = &surfels.depths[own];
-            let mut number = 0;
-            for (y, mut row) in run.rows.into_iter().enumerate() {
-                let start = first + below * y as f32;
-                while row != 0 {
-                    let (x, this) = (row.trailing_zeros(), number);
-                    (row, number) = (row & (row - 1), number + 1);
-                    if has_strangers && is_strange(this) {
-                        continue;
-                    }
-                    let at = start + beside * x as f32 + deeper * f32::from(depths[this]);
-                    if !is_within(at) {
-                        continue;
-                    }
-                    let at = drawn.closest(at, [at.x as u32, at.y as u32], width, projection.reach);
-                    if !is_within(at) {
-                        continue;
-                    }
-                    let texel = at.y as u32 as usize * width + at.x as u32 as usize;
-                    if (drawn.depth[texel] - at.z).abs() <= projection.reach {
-                        sums.add_packed(texel, &packed[this * size..][..size], run.size, &mut values);
+            let of_step = |step: Vec3| by_x * step.x + by_y * step.y + by_z * step.z;
+            let [beside, below, deeper] = run.steps.map(of_step);
+            let mut own = run.first;
+            for (y, bits) in run.rows.into_iter().enumerate().filter(|(_, bits)| *bits != 0) {
+                let (mut columns, mut depths, mut count) = ([0.0; LANES], [0.0; LANES], 0);
+                let mut rest = bits;
+                while rest != 0 {
+                    columns[count] = rest.trailing_zeros() as f32;
+                    (rest, count) = (rest & (rest - 1), count + 1);
+                }
+                let of_row = own..own + count;
+                own += count;
+                depths.iter_mut().zip(&surfels.depths[of_row.clone()]).for_each(|(to, &depth)| *to = f32::from(depth));
+                let start = (first + below * y as f32).to_array();
+                let row = Row { start, beside: beside.to_array(), deeper: deeper.to_array() };
+                let texels = window.texels(&row, &columns, &depths);
+                let packed = surfels.values[of_row.start * size..of_row.end * size].chunks_exact(size);
+                for (number, (&texel, packed)) in (of_row.start - run.first..).zip(texels.iter().zip(packed)) {
+                    if texel != OUTSIDE && !(has_strangers && is_strange(number)) {
+                        sums.add_packed(texel as usize, packed, run.size, &mut values);
                     }
                 }
             }

@@ -43,9 +43,9 @@ impl Source for Sphere {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
 
-    fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], _: f32, values: &mut Vec<f32>) {
+    fn shade(&mut self, triangle: usize, points: &[Points], _: f32, values: &mut Vec<f32>) {
         let corners = self.corners(triangle);
-        for weights in weights {
+        for weights in points.iter().flat_map(|points| points.weights()) {
             let point: DVec3 = (0..3).map(|k| corners[k] * f64::from(weights[k])).sum();
             values.extend(colour(point));
             values.push(point.z as f32);
@@ -105,7 +105,7 @@ fn patches_without_area_and_without_a_source_have_an_image_or_none() {
         fn corners(&self, _: usize) -> [DVec3; 3] {
             [DVec3::ZERO; 3]
         }
-        fn shade(&mut self, _: usize, _: &[[f32; 3]], _: f32, _: &mut Vec<f32>) {}
+        fn shade(&mut self, _: usize, _: &[Points], _: f32, _: &mut Vec<f32>) {}
     }
     let storage = Storage::new(vec![Stored::Colour { components: 4, step: 4 }]);
     for positions in [[[0, 0, 0]; 3], [[0, 0, 0], [5, 0, 0], [9, 0, 0]], [[0, 0, 0], [1 << 40, 0, 0], [0, 1 << 40, 0]]]
@@ -128,8 +128,8 @@ impl Source for Numbered {
     fn corners(&self, triangle: usize) -> [DVec3; 3] {
         self.0[triangle].0.map(DVec3::from)
     }
-    fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], _: f32, values: &mut Vec<f32>) {
-        values.extend(weights.iter().map(|_| self.0[triangle].1));
+    fn shade(&mut self, triangle: usize, points: &[Points], _: f32, values: &mut Vec<f32>) {
+        values.extend(points.iter().flat_map(|points| points.weights()).map(|_| self.0[triangle].1));
     }
 }
 
@@ -266,8 +266,8 @@ impl Source for Coloured {
         self.1[triangle]
     }
 
-    fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], footprint: f32, values: &mut Vec<f32>) {
-        self.0.shade(triangle, weights, footprint, values);
+    fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>) {
+        self.0.shade(triangle, points, footprint, values);
     }
 }
 

@@ -3,6 +3,7 @@
 use lodpack::decode::texels::{Image, Map};
 use lodpack::write::{encode_image, encode_normals, encode_values};
 
+use super::lanes::{LANES, whole};
 use crate::mesh::srgb::srgb_byte;
 
 /// What a channel means, and how its values are stored.
@@ -103,14 +104,25 @@ impl Storage {
         self.channels.iter().map(|channel| channel.packed_bytes()).sum()
     }
 
+    /// Appends the values of texels, as [`Sums`] has them, in fewer bytes: see [`Storage::pack`].
+    pub(super) fn pack_all(&self, texels: &[f32], packed: &mut Vec<u8>) {
+        if !self.is_plain {
+            texels.chunks_exact(self.stride()).for_each(|texel| self.pack(&texel[..self.count], packed));
+            return;
+        }
+        let mut some = [[0; 6]; LANES];
+        for texels in texels.as_chunks::<4>().0.chunks(LANES) {
+            for (packed, &texel) in some.iter_mut().zip(texels) {
+                let [[a, b], [c, d], [e, f], _] = texel.map(|value| share(value).to_le_bytes());
+                *packed = [a, b, c, d, e, f];
+            }
+            packed.extend_from_slice(some[..texels.len()].as_flattened());
+        }
+    }
+
     /// Appends the values of a point in fewer bytes: colours in 16 bits of linear light, which is as fine as 12 bits of sRGB where it is
     /// dark, and what lies between -1 and 1 in 16 bits. Numbers stay what they are.
-    #[inline]
-    pub(super) fn pack(&self, values: &[f32], packed: &mut Vec<u8>) {
-        if let (true, &[red, green, blue, ..]) = (self.is_plain, values) {
-            let [[a, b], [c, d], [e, f]] = [share(red), share(green), share(blue)].map(u16::to_le_bytes);
-            return packed.extend_from_slice(&[a, b, c, d, e, f]);
-        }
+    fn pack(&self, values: &[f32], packed: &mut Vec<u8>) {
         let mut rest = values;
         for channel in &self.channels {
             let (own, others) = rest.split_at(channel.values());
@@ -168,13 +180,19 @@ impl Storage {
     }
 
     /// The image of each channel, of texels that have these values, as [`Sums`] has them. Texels that are not used may have any value
-    /// afterwards.
-    pub(super) fn encode(&self, map: &Map, values: &[f32], is_used: &[bool]) -> Vec<Vec<u8>> {
+    /// afterwards. `memory` serves one image after another.
+    pub(super) fn encode(&self, map: &Map, values: &[f32], is_used: &[bool], memory: &mut Vec<u8>) -> Vec<Vec<u8>> {
         let mut first = 0;
         let mut streams = vec![];
         for &channel in &self.channels {
             let texels = values.chunks_exact(self.stride()).map(|texel| &texel[first..first + channel.values()]);
             streams.push(match channel {
+                Stored::Colour { step, .. } if self.is_plain => {
+                    let image = plain_colours(values, map.size, std::mem::take(memory));
+                    let bytes = encode_image(&image, is_used, step);
+                    *memory = image.data;
+                    bytes
+                }
                 Stored::Colour { components, step } => {
                     encode_image(&colours(texels, map.size, components), is_used, step)
                 }
@@ -214,8 +232,10 @@ fn byte(value: f32) -> u8 {
 
 /// A number from 0 to 1 as one of 65535.
 fn share(value: f32) -> u16 {
-    // The conversion saturates, and NaN becomes 0.
-    (value * 65535.0 + 0.5) as u16
+    // NaN becomes 0.
+    let number = value * 65535.0 + 0.5;
+    let number = if number > 0.0 { number } else { 0.0 };
+    whole(if number < 65535.0 { number } else { 65535.0 }) as u16
 }
 
 /// Colours as they are stored, from linear light.
@@ -229,6 +249,16 @@ fn colours<'a>(texels: impl Iterator<Item = &'a [f32]>, size: [u32; 2], componen
         }
     }
     Image { size, components, data }
+}
+
+/// As [`colours`], where there is nothing else.
+fn plain_colours(values: &[f32], size: [u32; 2], mut data: Vec<u8>) -> Image<u8> {
+    let texels = values.as_chunks().0;
+    data.resize(3 * texels.len(), 0);
+    for (colour, &[red, green, blue, _]) in data.as_chunks_mut().0.iter_mut().zip(texels) {
+        *colour = [red, green, blue].map(srgb_byte);
+    }
+    Image { size, components: 3, data }
 }
 
 /// Counts a vote for a label (Boyer and Moore 1981, "MJRTY"): what has more than half of the weight wins, whatever the order.
@@ -245,26 +275,39 @@ fn vote(winner: &mut f32, lead: &mut f32, label: f32, weight: f32) {
 /// Weighted sums of values by texel. Colours are weighted with their opacity, missing scalars do not count, and labels are voted for.
 pub(super) struct Sums<'a> {
     pub storage: &'a Storage,
+    pub kept: Kept,
+}
+
+/// What is known of texels. Its memory serves one map after another.
+#[derive(Default)]
+pub(super) struct Kept {
     /// Of each texel its values, then its weights.
     pub sums: Vec<f32>,
+    /// Whether it has values, once they are means.
+    pub known: Vec<bool>,
 }
 
 impl<'a> Sums<'a> {
-    /// `memory` is what earlier sums were kept in.
-    pub fn new(texels: usize, storage: &'a Storage, mut memory: Vec<f32>) -> Self {
-        memory.clear();
-        memory.resize(texels * storage.stride(), 0.0);
-        Self { storage, sums: memory }
+    /// `kept` is what earlier sums were kept in.
+    pub fn new(texels: usize, storage: &'a Storage, mut kept: Kept) -> Self {
+        kept.sums.clear();
+        kept.sums.resize(texels * storage.stride(), 0.0);
+        Self { storage, kept }
     }
 
-    /// Adds the values of a point.
-    #[inline]
-    pub fn add(&mut self, texel: usize, values: &[f32], weight: f32) {
-        if let (true, &[red, green, blue]) = (self.storage.is_plain, values) {
-            let of_texel = &mut self.sums.as_chunks_mut().0[texel];
-            return *of_texel = plus(*of_texel, [red, green, blue, 1.0], weight);
+    /// Adds the values of points, of each of which the texel is given.
+    pub fn add_all(&mut self, texels: &[u32], values: &[f32], weight: f32) {
+        if self.storage.is_plain {
+            let of_texels = self.kept.sums.as_chunks_mut().0;
+            for (&texel, &[red, green, blue]) in texels.iter().zip(values.as_chunks().0) {
+                let of_texel = &mut of_texels[texel as usize];
+                *of_texel = plus(*of_texel, [red, green, blue, 1.0], weight);
+            }
+            return;
         }
-        self.add_others(texel, values, weight);
+        for (&texel, values) in texels.iter().zip(values.chunks_exact(self.storage.count)) {
+            self.add_others(texel as usize, values, weight);
+        }
     }
 
     /// Adds the values of a packed point; `values` is memory for them.
@@ -272,7 +315,7 @@ impl<'a> Sums<'a> {
     pub fn add_packed(&mut self, texel: usize, packed: &[u8], weight: f32, values: &mut Vec<f32>) {
         if let (true, &[a, b, c, d, e, f]) = (self.storage.is_plain, packed) {
             let share = |pair| f32::from(u16::from_le_bytes(pair)) * (1.0 / 65535.0);
-            let of_texel = &mut self.sums.as_chunks_mut().0[texel];
+            let of_texel = &mut self.kept.sums.as_chunks_mut().0[texel];
             *of_texel = plus(*of_texel, [share([a, b]), share([c, d]), share([e, f]), 1.0], weight);
             return;
         }
@@ -280,10 +323,10 @@ impl<'a> Sums<'a> {
         self.add_others(texel, values, weight);
     }
 
-    /// As [`Sums::add`], for any channels.
+    /// Adds the values of a point of any channels.
     fn add_others(&mut self, texel: usize, values: &[f32], weight: f32) {
         let stride = self.storage.stride();
-        let (sums, weights) = self.sums[texel * stride..][..stride].split_at_mut(self.storage.count);
+        let (sums, weights) = self.kept.sums[texel * stride..][..stride].split_at_mut(self.storage.count);
         weights[0] += weight;
         let (mut at, mut scalar) = (0, 1);
         for channel in &self.storage.channels {
@@ -320,11 +363,6 @@ impl<'a> Sums<'a> {
         self.storage.labels()
     }
 
-    /// Values of a texel.
-    pub fn count(&self) -> usize {
-        self.storage.count
-    }
-
     /// Numbers of a texel.
     pub fn stride(&self) -> usize {
         self.storage.stride()
@@ -333,20 +371,24 @@ impl<'a> Sums<'a> {
     /// Whether anything was added to a texel.
     #[inline]
     pub fn has(&self, texel: usize) -> bool {
-        self.sums[texel * self.storage.stride() + self.storage.count] > 0.0
+        self.kept.sums[texel * self.storage.stride() + self.storage.count] > 0.0
     }
 
-    /// Replaces the sums by means.
+    /// Replaces the sums by means, and notes of which texels there are any.
     pub fn divide(&mut self) {
         let Storage { channels, count, is_plain, .. } = self.storage;
+        let Kept { sums, known } = &mut self.kept;
+        known.clear();
         if *is_plain {
-            for [red, green, blue, weight] in self.sums.as_chunks_mut().0 {
+            known.extend(sums.as_chunks_mut().0.iter_mut().map(|[red, green, blue, weight]| {
                 let inverse = if *weight > 0.0 { 1.0 / *weight } else { 0.0 };
                 (*red, *green, *blue) = (*red * inverse, *green * inverse, *blue * inverse);
-            }
+                *weight > 0.0
+            }));
             return;
         }
-        for texel in self.sums.chunks_exact_mut(self.storage.stride()) {
+        for texel in sums.chunks_exact_mut(self.storage.stride()) {
+            known.push(texel[*count] > 0.0);
             let (sums, weights) = texel.split_at_mut(*count);
             let (mut at, mut scalar) = (0, 1);
             let inverse = if weights[0] > 0.0 { 1.0 / weights[0] } else { 0.0 };

@@ -16,6 +16,7 @@ use glam::DVec3;
 
 use crate::mesh::appearance::{AlphaMode, Appearance, Material, TextureUse};
 use crate::mesh::attributes::RegionAttributes;
+use crate::stage::bake::Points;
 use cache::TextureCache;
 use texture::{Meaning, Texture};
 
@@ -201,17 +202,40 @@ impl Face<'_> {
     }
 
     /// Appends the base colours of several points, as [`Face::base_colour`] has them, with or without alpha.
-    pub fn base_colours(&self, weights: &[[f32; 3]], footprint: f32, has_alpha: bool, values: &mut Vec<f32>) {
+    pub fn base_colours(&self, points: &[Points], footprint: f32, has_alpha: bool, values: &mut Vec<f32>) {
         let texture = self.textures[Use::Base as usize].as_ref().map(|face| (face, face.filter(footprint)));
-        let texture = texture.as_ref();
-        if has_alpha {
-            weights.iter().for_each(|&weights| values.extend_from_slice(&self.base_colour_with(texture, weights)));
-            return;
+        if let (Some((face, filter)), None, false) = (&texture, self.colour, has_alpha) {
+            return self.textured_colours(face, filter, points, values);
         }
-        values.reserve(3 * weights.len());
-        for &weights in weights {
-            let [red, green, blue, _] = self.base_colour_with(texture, weights);
-            values.extend_from_slice(&[red, green, blue]);
+        let components = if has_alpha { 4 } else { 3 };
+        for weights in points.iter().flat_map(|points| points.weights()) {
+            values.extend_from_slice(&self.base_colour_with(texture.as_ref(), weights)[..components]);
+        }
+    }
+
+    /// Those of a texture, in rows, times the factor.
+    fn textured_colours(
+        &self,
+        face: &TexturedFace,
+        filter: &texture::Filter<'_>,
+        points: &[Points],
+        values: &mut Vec<f32>,
+    ) {
+        let count: usize = points.iter().map(|points| points.count as usize).sum();
+        let first = values.len();
+        values.resize(first + 3 * count, 0.0);
+        let colours = values[first..].as_chunks_mut::<3>().0;
+        let mut rest = &mut *colours;
+        for points in points {
+            let (row, others) = rest.split_at_mut(points.count as usize);
+            let along =
+                |weights: [f64; 3]| [0, 1].map(|axis| (0..3).map(|k| face.uv[k][axis] * weights[k]).sum::<f64>());
+            filter.sample_row(along(points.first), along(points.growth), face.wrap, row);
+            rest = others;
+        }
+        let [red, green, blue, _] = self.material.map_or([1.0; 4], |material| material.base_colour);
+        if [red, green, blue] != [1.0; 3] {
+            colours.iter_mut().for_each(|colour| *colour = [colour[0] * red, colour[1] * green, colour[2] * blue]);
         }
     }
 

@@ -2,6 +2,7 @@
 
 use crate::mesh::appearance::{Wrap, decode_image};
 use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
+use glam::Vec3A;
 use image::DynamicImage;
 use std::sync::OnceLock;
 
@@ -142,6 +143,57 @@ impl Filter<'_> {
         let coarse = coarse.sample(at, wrap);
         straight([0, 1, 2, 3].map(|i| fine[i] + self.share * (coarse[i] - fine[i])))
     }
+
+    /// The colours around places in a row, without alpha: the first one, and what is added from each to the next.
+    pub(super) fn sample_row(&self, at: [f64; 2], step: [f64; 2], wrap: [Wrap; 2], colours: &mut [[f32; 3]]) {
+        if self.coarse.is_none()
+            && let Texels::Opaque(texels) = &self.fine.texels
+            && let Some(row) = self.fine.row(at, step, wrap, colours.len())
+        {
+            return row.sample(texels.as_chunks().0, colours);
+        }
+        for (k, colour) in colours.iter_mut().enumerate() {
+            let [red, green, blue, _] = self.sample([0, 1].map(|axis| at[axis] + k as f64 * step[axis]), wrap);
+            *colour = [red, green, blue];
+        }
+    }
+}
+
+/// Bits of a fraction of a texel.
+const FRACTION: u32 = 32;
+
+/// Places in a row that lie between texels of an image, none of them near to its border.
+struct Row {
+    /// Texels in a row of the image.
+    width: usize,
+    /// The first place, in 2^-32 of a texel from the middle of the first one, and what is added from each place to the next.
+    at: [i64; 2],
+    step: [i64; 2],
+}
+
+impl Row {
+    /// Linear light at each of them, between four texels.
+    fn sample(&self, texels: &[[u8; 3]], colours: &mut [[f32; 3]]) {
+        let light = |texel: [u8; 3]| Vec3A::from_array(texel.map(|value| LINEAR_OF_BYTE[usize::from(value)]));
+        let mut at = self.at;
+        for colour in colours {
+            let [column, row] = at.map(|x| (x >> FRACTION) as usize);
+            // As exact as single precision.
+            let [right, below] = at.map(|x| (x as u32 >> 8) as f32 * (1.0 / (1 << 24) as f32));
+            let first = row * self.width + column;
+            let [&[a, b], &[c, d]] = [first, first + self.width].map(|first| first_pair(&texels[first..]));
+            let [a, b, c, d] = [a, b, c, d].map(light);
+            let (upper, lower) = (a + (b - a) * right, c + (d - c) * right);
+            *colour = (upper + (lower - upper) * below).to_array();
+            at = [at[0] + self.step[0], at[1] + self.step[1]];
+        }
+    }
+}
+
+/// The first two texels of several.
+#[inline(always)]
+fn first_pair(texels: &[[u8; 3]]) -> &[[u8; 3]; 2] {
+    texels.first_chunk().unwrap_or(&[[0; 3]; 2])
 }
 
 impl Level {
@@ -165,6 +217,27 @@ impl Level {
             Texels::Shares(texels) => of_shares(texels[at]),
             Texels::Root(texels) => of_root(texels[at]),
         }
+    }
+
+    /// Places in a row, if they lie within.
+    fn row(&self, at: [f64; 2], step: [f64; 2], wrap: [Wrap; 2], count: usize) -> Option<Row> {
+        /// More than is lost where fractions are rounded, in texels.
+        const MARGIN: f64 = 1.0 / 1024.0;
+        let unit = (1_u64 << FRACTION) as f64;
+        let mut row = Row { width: self.size[0] as usize, at: [0; 2], step: [0; 2] };
+        for axis in 0..2 {
+            let length = f64::from(self.size[axis]);
+            let whole = if wrap[axis] == Wrap::Repeat { floor(at[axis]) } else { 0.0 };
+            // From the middle of the first texel.
+            let (first, step) = ((at[axis] - whole) * length - 0.5, step[axis] * length);
+            let last = first + step * count.saturating_sub(1) as f64;
+            // Comparisons with NaN are false.
+            if !(first.min(last) >= MARGIN && first.max(last) <= length - 1.0 - MARGIN) {
+                return None;
+            }
+            (row.at[axis], row.step[axis]) = ((first * unit) as i64, (step * unit) as i64);
+        }
+        Some(row)
     }
 
     /// Linear light times alpha, and alpha, between four texels.

@@ -141,70 +141,119 @@ fn too_large() -> Error {
 /// Writes bits.
 #[cfg(feature = "write")]
 pub(super) struct BitEncoder {
+    pub(super) interval: Interval,
+    pub(super) bytes: Vec<u8>,
+}
+
+/// The interval of a [`BitEncoder`], apart from the bytes before it: who codes many bits keeps it in registers.
+#[cfg(feature = "write")]
+#[derive(Clone, Copy)]
+pub(super) struct Interval {
+    /// Its lower end: 32 bits, before them those that wait, and a carry.
     low: u64,
     range: u32,
-    /// One for each byte that a decoder takes beyond its first four. A carry may still change the last ones.
-    bytes: Vec<u8>,
+    /// How many bits wait to become bytes: whole bytes, so that two are written at a time, and processors seldom have to foresee when. Bytes
+    /// and those that wait are as many as a decoder takes beyond its first four.
+    waiting: u32,
+}
+
+#[cfg(feature = "write")]
+impl Interval {
+    /// Writes the first two bytes of those that wait.
+    #[inline(always)]
+    fn write(&mut self, bytes: &mut Vec<u8>) {
+        self.carry(bytes);
+        let rest = u32::BITS + self.waiting - u16::BITS;
+        bytes.extend_from_slice(&((self.low >> rest) as u16).to_be_bytes());
+        self.low &= (1 << rest) - 1;
+        self.waiting -= u16::BITS;
+    }
+
+    /// Hands a carry to the bytes, which may change.
+    #[inline(always)]
+    fn carry(&mut self, bytes: &mut [u8]) {
+        let end = u32::BITS + self.waiting;
+        if self.low >> end > 0 {
+            self.low &= (1 << end) - 1;
+            add_carry(bytes);
+        }
+    }
+
+    #[inline(always)]
+    fn narrow(&mut self, bytes: &mut Vec<u8>, bound: u32, is_below: bool) {
+        self.low += if is_below { 0 } else { u64::from(bound) };
+        self.range = if is_below { bound } else { self.range - bound };
+        // At least 24 bits of the range are kept: no chance makes it smaller by more than two bytes.
+        let shift = 8 * (u32::from(self.range < 1 << 24) + u32::from(self.range < 1 << 16));
+        (self.range, self.low) = (self.range << shift, self.low << shift);
+        self.waiting += shift;
+        if self.waiting >= u16::BITS {
+            self.write(bytes);
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn bit(&mut self, bytes: &mut Vec<u8>, chance: &mut Chance, bit: bool) {
+        self.narrow(bytes, (self.range >> 12) * chance.of_zero(), !bit);
+        chance.learn(bit);
+    }
+
+    /// A bit of which both values are as probable.
+    #[inline(always)]
+    pub(super) fn even(&mut self, bytes: &mut Vec<u8>, bit: bool) {
+        self.narrow(bytes, self.range >> 1, !bit);
+    }
+
+    #[inline(always)]
+    pub(super) fn number(&mut self, bytes: &mut Vec<u8>, chances: &mut NumberChances, value: u32) {
+        for (unary, chance) in (0..).zip(&mut chances.unary) {
+            self.bit(bytes, chance, value > unary);
+            if value == unary {
+                return;
+            }
+        }
+        *self = self.long(bytes, chances, value);
+    }
+
+    /// What is left of a number whose unary part is as long as it may be.
+    #[cold]
+    fn long(mut self, bytes: &mut Vec<u8>, chances: &mut NumberChances, value: u32) -> Self {
+        let rest = u64::from(value) - 16 + 1;
+        let length = rest.ilog2();
+        (0..length).for_each(|k| self.bit(bytes, &mut chances.length[k as usize], true));
+        self.bit(bytes, &mut chances.length[length as usize], false);
+        (0..length).rev().for_each(|k| self.even(bytes, rest >> k & 1 == 1));
+        self
+    }
+}
+
+#[cfg(feature = "write")]
+#[cold]
+fn add_carry(bytes: &mut [u8]) {
+    for byte in bytes.iter_mut().rev() {
+        *byte = byte.wrapping_add(1);
+        if *byte > 0 {
+            break;
+        }
+    }
 }
 
 #[cfg(feature = "write")]
 impl BitEncoder {
     pub(super) fn new() -> Self {
-        Self { low: 0, range: u32::MAX, bytes: vec![] }
+        Self { interval: Interval { low: 0, range: u32::MAX, waiting: 0 }, bytes: vec![] }
     }
 
-    #[inline]
-    fn shift(&mut self) {
-        if self.low >> 32 > 0 {
-            self.carry();
-        }
-        self.bytes.push((self.low >> 24) as u8);
-        self.low = (self.low & 0x00ff_ffff) << 8;
-    }
-
-    #[cold]
-    fn carry(&mut self) {
-        for byte in self.bytes.iter_mut().rev() {
-            *byte = byte.wrapping_add(1);
-            if *byte > 0 {
-                break;
-            }
-        }
-    }
-
-    #[inline]
-    fn narrow(&mut self, bound: u32, is_below: bool) {
-        self.low += if is_below { 0 } else { u64::from(bound) };
-        self.range = if is_below { bound } else { self.range - bound };
-        while self.range < 1 << 24 {
-            self.range <<= 8;
-            self.shift();
-        }
-    }
-
-    #[inline]
     pub(super) fn bit(&mut self, chance: &mut Chance, bit: bool) {
-        self.narrow((self.range >> 12) * chance.of_zero(), !bit);
-        chance.learn(bit);
+        self.interval.bit(&mut self.bytes, chance, bit);
     }
 
     pub(super) fn raw(&mut self, count: u32, value: u32) {
-        (0..count).rev().for_each(|k| self.narrow(self.range >> 1, value >> k & 1 == 0));
+        (0..count).rev().for_each(|k| self.interval.even(&mut self.bytes, value >> k & 1 == 1));
     }
 
-    #[inline]
     pub(super) fn number(&mut self, chances: &mut NumberChances, value: u32) {
-        for (unary, chance) in (0..).zip(&mut chances.unary) {
-            self.bit(chance, value > unary);
-            if value == unary {
-                return;
-            }
-        }
-        let rest = u64::from(value) - 16 + 1;
-        let length = rest.ilog2();
-        (0..length).for_each(|k| self.bit(&mut chances.length[k as usize], true));
-        self.bit(&mut chances.length[length as usize], false);
-        self.raw(length, (rest - (1 << length)) as u32);
+        self.interval.number(&mut self.bytes, chances, value);
     }
 
     pub(super) fn signed(&mut self, chances: &mut NumberChances, value: i32) {
@@ -213,17 +262,20 @@ impl BitEncoder {
 
     /// The bytes. A decoder takes missing ones for zero, so zeros at the end are left out, as many as it allows.
     pub(super) fn finish(mut self) -> Vec<u8> {
+        let Self { interval, bytes } = &mut self;
         // Any number from `low` to `low + range` will do: take the one with the most zero bits at its end.
-        let end = self.low + u64::from(self.range) - 1;
+        let end = interval.low + u64::from(interval.range) - 1;
         for bits in (0..32).rev() {
             let rounded = end >> bits << bits;
-            if rounded >= self.low {
-                self.low = rounded;
+            if rounded >= interval.low {
+                interval.low = rounded;
                 break;
             }
         }
-        let taken = self.bytes.len();
-        (0..5).for_each(|_| self.shift());
+        interval.carry(bytes);
+        let taken = bytes.len() + (interval.waiting / u8::BITS) as usize;
+        let rest = u32::BITS + interval.waiting;
+        bytes.extend((0..rest / u8::BITS).rev().map(|k| (interval.low >> (k * u8::BITS)) as u8));
         let length = self.bytes.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
         // It begins with four bytes.
         let least = (taken + 4).saturating_sub(MOST_MISSING as usize);

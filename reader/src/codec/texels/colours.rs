@@ -220,6 +220,27 @@ fn store(texel: &mut [u8], plane: impl Fn(usize) -> i32) {
 #[cfg(feature = "write")]
 const ROUNDING: f32 = 0.4;
 
+/// Numbers of single precision have no fraction from here to twice as much.
+#[cfg(feature = "write")]
+const WHOLE: f32 = (1 << 23) as f32;
+
+/// Where a coefficient stands among those that [`forward`] returns.
+#[cfg(feature = "write")]
+const fn transposed(at: u8) -> usize {
+    at as usize % SIDE * SIDE + at as usize / SIDE
+}
+
+/// The place of each of them in the order.
+#[cfg(feature = "write")]
+static PLACE_OF: [u8; AREA] = {
+    let (mut places, mut place) = ([0; AREA], 0);
+    while place < AREA {
+        places[transposed(ORDER[place])] = place as u8;
+        place += 1;
+    }
+    places
+};
+
 #[cfg(feature = "write")]
 pub(super) fn encode(image: &Image<u8>, is_used: &[bool], step: u8) -> Vec<u8> {
     let count = usize::from(image.components);
@@ -243,13 +264,8 @@ pub(super) fn encode(image: &Image<u8>, is_used: &[bool], step: u8) -> Vec<u8> {
                 let limit = MOST as f32 * inverse;
                 let constant = (coefficients[0] * inverse).round().clamp(-limit, limit) as i32;
                 bits.signed(&mut of_plane.constant[class], constant - expected(left, above, component));
-                let quantised = coefficients.map(|c| {
-                    let size = ((c * inverse).abs() + ROUNDING).min(limit) as i32;
-                    if c < 0.0 { -size } else { size }
-                });
-                let levels = ORDER.map(|place| quantised[usize::from(place)]);
                 this.constant[component] = constant;
-                this.count[component] = encode_others(&mut bits, of_plane, class, &levels);
+                this.count[component] = encode_others(&mut bits, of_plane, class, &coefficients, inverse);
             }
             blocks.set(column, this);
         }
@@ -257,30 +273,62 @@ pub(super) fn encode(image: &Image<u8>, is_used: &[bool], step: u8) -> Vec<u8> {
     bits.finish()
 }
 
-/// Codes all coefficients but the first, which are given in the order of places.
+/// Codes all coefficients but the first. Levels are multiples of the step, with `inverse`.
 #[cfg(feature = "write")]
-fn encode_others(bits: &mut BitEncoder, chances: &mut PlaneChances, class: usize, levels: &[i32; AREA]) -> u8 {
-    let end = levels.iter().rposition(|&level| level != 0).map_or(1, |last| last + 1);
-    let (mut place, mut before, mut count) = (1, 0, 0);
-    while place < AREA {
-        bits.bit(&mut chances.more[class][place.min(15)], place < end);
-        if place >= end {
-            break;
-        }
-        while place < AREA - 1 {
-            let (is_significant, [band, within]) = (levels[place] != 0, class_of(place));
-            bits.bit(&mut chances.significant[band][within][before], is_significant);
-            if is_significant {
-                break;
+fn encode_others(
+    bits: &mut BitEncoder,
+    chances: &mut PlaneChances,
+    class: usize,
+    coefficients: &[f32; AREA],
+    inverse: f32,
+) -> u8 {
+    let limit = MOST as f32 * inverse;
+    // Compilers turn this into vectors, as conversions that saturate are not. No number of single precision has a fraction here.
+    let sizes = coefficients.map(|c| {
+        let size = (c * inverse).abs() + ROUNDING;
+        let size = if size < limit { size } else { limit };
+        let rounded = size + WHOLE;
+        (rounded.to_bits() & 0x1fff) as u16 - u16::from(rounded - WHOLE > size)
+    });
+    // Places where something is, a bit each: most rows of a block have nothing.
+    let mut rest = 0_u64;
+    for (row, sizes) in sizes.as_chunks::<SIDE>().0.iter().enumerate() {
+        if *sizes != [0; SIDE] {
+            for (column, &size) in sizes.iter().enumerate() {
+                rest |= u64::from(size != 0) << PLACE_OF[row * SIDE + column];
             }
+        }
+    }
+    rest &= !1;
+    let count = rest.count_ones();
+    let (mut place, mut before) = (1, 0);
+    let BitEncoder { interval, bytes } = bits;
+    let mut own = *interval;
+    while rest != 0 {
+        own.bit(bytes, &mut chances.more[class][place.min(15)], true);
+        let next = rest.trailing_zeros() as usize;
+        rest &= rest - 1;
+        while place < next {
+            let [band, within] = class_of(place);
+            own.bit(bytes, &mut chances.significant[band][within][before], false);
             (place, before) = (place + 1, 0);
         }
-        let size = levels[place].unsigned_abs();
-        bits.number(&mut chances.magnitude[class_of(place)[0]][before], size - 1);
-        bits.raw(1, u32::from(levels[place] < 0));
-        (place, before, count) = (place + 1, 1 + usize::from(size > 1), count + 1);
+        let [band, within] = class_of(place);
+        // At the last place there is nothing to say.
+        if place < AREA - 1 {
+            own.bit(bytes, &mut chances.significant[band][within][before], true);
+        }
+        let at = transposed(ORDER[place]);
+        let size = u32::from(sizes[at]);
+        own.number(bytes, &mut chances.magnitude[band][before], size - 1);
+        own.even(bytes, coefficients[at] < 0.0);
+        (place, before) = (place + 1, 1 + usize::from(size > 1));
     }
-    count
+    if place < AREA {
+        own.bit(bytes, &mut chances.more[class][place.min(15)], false);
+    }
+    *interval = own;
+    count as u8
 }
 
 /// Brightness and differences of a block, about zero. Texels that are not used get values that cost little; none if no texel is used.
