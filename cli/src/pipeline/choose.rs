@@ -3,14 +3,14 @@
 //! All charts are first filled irregularly. Then the other fillings of the table challenge what a chart has: each is planned for the
 //! same root mean square error, built within the same tolerance and certified in the same way. A challenger wins where it costs fewer
 //! bits, including the arc samples that it asks for. With grids that takes three to four times as long, for up to 8 % of the bytes on
-//! smooth surfaces and nothing on others: see [`Effort::Best`].
+//! smooth surfaces and nothing on others: see [`Fillings::Smaller`].
 
+use super::Fillings;
 use super::chart_work::Root;
 use super::fill::{BoxedFilling, Challenge, FILLINGS};
 use super::roots::{ChartState, RootBuilder, Unfit};
 use super::shared_arcs::SharedArcs;
 use super::summary::Fallbacks;
-use super::{Effort, Fillings};
 use lodpack::write::SymbolStatistics;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -28,14 +28,14 @@ const PROMISING: f64 = 1.5;
 /// Replaces fillings by others that are smaller. All `charts` have roots that fit `arcs`, before and after.
 pub(super) fn choose_fillings(
     builder: &RootBuilder,
-    (fillings, effort): (Fillings, Effort),
+    fillings: Fillings,
     arcs: &mut SharedArcs,
     charts: &mut BTreeMap<u32, ChartState>,
     fallbacks: &mut Fallbacks,
 ) -> lodpack::Result<()> {
     for challenge in FILLINGS.iter().filter_map(|row| row.challenge.as_ref()) {
         let is_forced = fillings == challenge.forced_by;
-        if is_forced || fillings == Fillings::Auto && effort == Effort::Best {
+        if is_forced || fillings == Fillings::Smaller {
             Tournament { builder, challenge, is_forced }.run(arcs, charts, fallbacks)?;
         }
     }

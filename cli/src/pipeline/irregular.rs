@@ -22,7 +22,7 @@ use lodpack::{
 use std::collections::HashMap;
 
 /// Factor on a vertex's quadric where the bound was above the tolerance.
-const IMPORTANCE_STEP: f32 = 8.0;
+pub(super) const IMPORTANCE_STEP: f32 = 8.0;
 /// How many failures are answered locally, where the bound was exceeded.
 const LOCAL_FAILURES: u32 = 5;
 /// Factor on the finest threshold with every failure after those.
@@ -103,13 +103,9 @@ impl ChartWork<'_> {
                 return Outcome::Done(Box::new(self.root(cut, original, Filling::Irregular, coded, [error, rms])));
             }
             *failures += 1;
-            let mut triangles = self.exceeding(&mut compared);
+            let triangles = self.exceeding(&mut compared);
             // Triangles are often too far off because of their neighbourhood, so every failure takes in one more ring.
-            let mut beyond = vec![];
-            for _ in 0..*failures {
-                beyond = vertices_of(&cut.mesh.triangles, &triangles);
-                triangles = triangles_around(&cut.mesh.triangles, &beyond);
-            }
+            let beyond = with_rings(&cut.mesh.triangles, triangles, *failures as usize);
             importance.resize(cut.original.len(), 1.0);
             for &v in &beyond {
                 importance[v as usize] *= IMPORTANCE_STEP;
@@ -228,6 +224,16 @@ fn areas_in_order(level_patch: &LevelPatch, patch: &Patch, order: &[u32]) -> Vec
     let before = |v: u32| v.checked_sub(border).map_or(v, |inside| border + order[inside as usize]);
     let area = |corners: &[u32; 3]| known.get(&from_smallest(corners.map(before))).copied().unwrap_or(NONE);
     patch.triangles.iter().map(area).collect()
+}
+
+/// The vertices of some triangles of a mesh with so many rings of triangles, these included, ascending.
+pub(super) fn with_rings(mesh: &[[u32; 3]], mut triangles: Vec<u32>, rings: usize) -> Vec<u32> {
+    let mut vertices = vec![];
+    for _ in 0..rings {
+        vertices = vertices_of(mesh, &triangles);
+        triangles = triangles_around(mesh, &vertices);
+    }
+    vertices
 }
 
 /// The vertices of some triangles, ascending.

@@ -140,8 +140,9 @@ pub(crate) fn build_region(
     let arcs_time = thread_cpu_time() - start - areas_time;
     // Both sides of an arc see the same samples from here on, whatever is added to them.
 
-    let (fill, mut fallbacks) = ((plan.fillings, plan.effort), Fallbacks::default());
-    let (roots, mut interior_vertices, mut times) = build_roots(&charted, fill, &mut arcs, &mut fallbacks, progress)?;
+    let mut fallbacks = Fallbacks::default();
+    let (roots, mut interior_vertices, mut times) =
+        build_roots(&charted, plan.fillings, &mut arcs, &mut fallbacks, progress)?;
     times.arcs += arcs_time;
     times.texels += areas_time;
     // Every block of a root has a certified error, and finer blocks never have larger ones.

@@ -17,21 +17,21 @@ const FEWEST_TEXTURED: u64 = 1 << 13;
 pub enum Effort {
     /// Smaller charts and looser certificates, so more bytes and triangles.
     Fast,
-    /// Charts as large as pays, tight certificates, no grids.
+    /// Charts as large as pays, tight certificates.
     #[default]
     Default,
-    /// Larger charts, and a grid is tried on every disk.
+    /// Larger charts, so fewer bytes and triangles; a region of a given size takes more of them.
     Best,
 }
 
 /// Which fillings a build may use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Fillings {
-    /// The smaller one for each chart at equal error, as far as the effort allows for trying.
+    /// No grids, and so a tree.
     #[default]
-    Auto,
-    /// No grids. For comparisons.
     IrregularOnly,
+    /// For each chart the smaller one at equal error.
+    Smaller,
     /// A grid for every chart that can be one within the tolerance, whatever it costs. For tests and comparisons.
     GridWherePossible,
 }
@@ -58,16 +58,24 @@ impl Effort {
     /// Name, effort and description of each, the fastest first.
     pub const ALL: [(&str, Self, &str); 3] = [
         ("fast", Self::Fast, "Smaller charts, looser bounds: a quicker build, a larger file"),
-        ("default", Self::Default, "Charts as large as pays, tight bounds; no grids are tried"),
-        ("best", Self::Best, "Larger charts, and each that can be a grid is tried as one: some four times as long"),
+        ("default", Self::Default, "Charts as large as pays, tight bounds"),
+        (
+            "best",
+            Self::Best,
+            "Larger charts: fewer bytes and triangles for a fifth more time, but a small region takes more of them",
+        ),
     ];
 }
 
 impl Fillings {
     /// Name, choice and description of each.
     pub const ALL: [(&str, Self, &str); 3] = [
-        ("auto", Self::Auto, "The smaller one at equal error, as far as the effort allows for trying"),
         ("irregular-only", Self::IrregularOnly, "No grids"),
+        (
+            "smaller",
+            Self::Smaller,
+            "The smaller one for each chart at equal error: some four times as long, for smooth surfaces",
+        ),
         ("grid-where-possible", Self::GridWherePossible, "A grid for every chart that can be one"),
     ];
 }
@@ -165,7 +173,7 @@ impl Default for ModelOptions {
             unit: None,
             placement: None,
             effort: Effort::Default,
-            fillings: Fillings::Auto,
+            fillings: Fillings::IrregularOnly,
             levels: LevelChoice::All,
             chart_triangles: None,
             region_triangles: REGION_TRIANGLES,
@@ -194,9 +202,7 @@ impl ModelOptions {
     /// Whether charts get groups above them. Grids have nested levels of their own, and charts that more may be added to keep theirs,
     /// whatever the number of charts is.
     pub(crate) fn has_tree(&self) -> bool {
-        let may_be_grids = self.effort == Effort::Best && self.fillings == Fillings::Auto;
-        let is_irregular = matches!(self.fillings, Fillings::Auto | Fillings::IrregularOnly) && !may_be_grids;
-        self.levels == LevelChoice::All && !self.extensible && is_irregular
+        self.levels == LevelChoice::All && !self.extensible && self.fillings == Fillings::IrregularOnly
     }
 }
 

@@ -6,7 +6,7 @@ use super::fill::BoxedFilling;
 use super::irregular::IrregularFilling;
 use super::shared_arcs::SharedArcs;
 use super::summary::{Fallbacks, Times};
-use super::{ChartedMesh, Effort, Fillings};
+use super::{ChartedMesh, Fillings};
 use crate::progress::Progress;
 use crate::stage::certify;
 use lodpack::index::Filling;
@@ -141,7 +141,7 @@ impl RootBuilder<'_> {
 /// Builds all roots of a region. Returns them with the number of their interior vertices and the processor time by stage.
 pub(super) fn build_roots(
     charted: &ChartedMesh,
-    options: (Fillings, Effort),
+    fillings: Fillings,
     arcs: &mut SharedArcs,
     fallbacks: &mut Fallbacks,
     progress: &dyn Progress,
@@ -151,7 +151,7 @@ pub(super) fn build_roots(
     let mut charts = (0..chart_count).map(|chart| (chart, ChartState::default())).collect();
     let pending = (0..chart_count).collect();
     fallbacks.raised_samples += builder.build(arcs, &mut charts, pending, Unfit::FillIrregularly)?;
-    choose_fillings(&builder, options, arcs, &mut charts, fallbacks)?;
+    choose_fillings(&builder, fillings, arcs, &mut charts, fallbacks)?;
     count_failures(&charts, fallbacks);
     let vertices = charts.values().filter_map(|state| state.root.as_ref()).map(|root| root.vertices).sum();
     Ok((charts.into_values().filter_map(|state| state.root).collect(), vertices, builder.times()))

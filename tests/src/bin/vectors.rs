@@ -77,14 +77,14 @@ fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
         ("many_clusters", cube_of_squares(3)?),
         ("lists", listed_cube()?),
         ("tree", tree()?),
-        ("triangle", built(&triangle(), "0.1edge", Fillings::Auto, 8192)?),
-        ("tetrahedron", built(&tetrahedron(), "0.1edge", Fillings::Auto, 8192)?),
-        ("part", built(&fan_part(8), "0.3edge", Fillings::Auto, 100)?),
+        ("triangle", built(&triangle(), "0.1edge", Fillings::IrregularOnly, 8192)?),
+        ("tetrahedron", built(&tetrahedron(), "0.1edge", Fillings::IrregularOnly, 8192)?),
+        ("part", built(&fan_part(8), "0.3edge", Fillings::IrregularOnly, 100)?),
         ("sheet", built(&punched_sheet(16), "0.2edge", Fillings::IrregularOnly, 8192)?),
         ("torus", built(&torus(24), "0.2edge", Fillings::IrregularOnly, 100)?),
         ("closed_torus", built(&torus(16), "0.2edge", Fillings::IrregularOnly, 8192)?),
         ("grids", built(&bumpy_sphere(12), "0.2edge", Fillings::GridWherePossible, 300)?),
-        ("far_away", built(&far(torus(16)), "0.2edge", Fillings::Auto, 100)?),
+        ("far_away", built(&far(torus(16)), "0.2edge", Fillings::IrregularOnly, 100)?),
     ])
 }
 

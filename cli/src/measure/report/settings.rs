@@ -76,10 +76,8 @@ pub fn settings(base: &ModelOptions, threads: usize, triangles: u64, quick: bool
         all.push(Setting { effort, ..named(&format!("effort {name}"), Varied::Effort) });
     }
     if !quick {
-        let fillings = Fillings::GridWherePossible;
-        all.push(Setting { fillings, ..named("grids where possible", Varied::Fillings) });
-        let fillings = Fillings::IrregularOnly;
-        all.push(Setting { fillings, effort: Effort::Best, ..named("effort best without grids", Varied::Fillings) });
+        let grids = [("grids where possible", Fillings::GridWherePossible), ("grids where smaller", Fillings::Smaller)];
+        all.extend(grids.map(|(name, fillings)| Setting { fillings, ..named(name, Varied::Fillings) }));
         all.extend(CHARTS.iter().map(|&chart_triangles| Setting {
             chart_triangles: Some(chart_triangles),
             ..named(&format!("charts of {chart_triangles}"), Varied::Charts)

@@ -9,6 +9,7 @@
 
 pub(super) mod above_regions;
 mod corners;
+mod levels;
 pub(super) mod net;
 pub(super) mod outline;
 mod parts;
@@ -28,17 +29,17 @@ use rayon::prelude::*;
 use super::Scale;
 use super::chart_work::{DrawnBlocks, DrawnPatch, Root, raise_coarser, record_loops};
 use super::coarse::{CoarseSurface, error_sum};
-use super::irregular::{code, refinement_of_lines};
 use super::summary::Times;
 use crate::machine::thread_cpu_time;
 use crate::stage::arc_samples::border_deviation;
 use crate::stage::arcs::HalfArc;
-use crate::stage::areas::{Areas, Jumps};
-use crate::stage::certify::{BorderPairing, CertifyOptions, Comparison, PairedVertex, Surface};
+use crate::stage::areas::Jumps;
+use crate::stage::certify::{BorderPairing, PairedVertex};
 use crate::stage::chart::{BorderVertex, ChartMesh};
 use crate::stage::group::{Charts, group};
-use crate::stage::simplify::{SimplifiedChart, SimplifyOptions, simplify_chart};
+use crate::stage::simplify::SimplifiedChart;
 use corners::corner_levels;
+use levels::{MadeLevel, Making};
 use net::Net;
 use outline::Borders;
 use parts::{InParts, is_of_small_parts};
@@ -47,8 +48,6 @@ use top::{leave_out, reduce_top};
 
 /// How often corners are kept because a border could not be simplified without them.
 const MAX_ROUNDS: usize = 4;
-/// Share by which a bound may exceed the distance of a group from its members.
-const GAP: f64 = 0.1;
 /// A group keeps about this share of its members' triangles where parts decide, but never fewer than the number below by choice: so few
 /// cost nothing.
 const SHARE: f64 = 0.25;
@@ -58,8 +57,6 @@ const FEWEST: usize = 400;
 const MOST_BELOW: usize = 50_000;
 /// Holes of the surface that are no wider than this share of the tolerance of a group's finest level are closed.
 const WIDEST_HOLE: f64 = 0.25;
-/// Distances below this share of a level's threshold need not be resolved.
-const FLOOR: f64 = 0.1;
 
 /// A chart or a group, as the groups above see it.
 pub(super) struct Node {
@@ -282,16 +279,11 @@ impl<'a> Forest<'a> {
         times.cut += thread_cpu_time() - start;
 
         let start = thread_cpu_time();
-        let thresholds: Vec<f64> = scale.levels[..=usize::from(finest)].iter().map(|level| level.threshold).collect();
-        let simplify = |joined: &Joined| {
-            let options = SimplifyOptions {
-                thresholds: &thresholds,
-                coarsest: usize::from(coarsest),
-                min_triangles: FEWEST,
-                areas: Areas::of(&joined.areas, self.jumps),
-                ..SimplifyOptions::default()
-            };
-            simplify_chart(&joined.chart(), &options)
+        let making = Making { scale, jumps: self.jumps, levels: [coarsest, finest], below };
+        let mut early = None;
+        let mut simplify = |joined: &Joined| {
+            early = None;
+            making.simplify(joined, None, Some(&mut early))
         };
         let mut simplified = simplify(&joined);
         for ends in [2, 1] {
@@ -301,10 +293,12 @@ impl<'a> Forest<'a> {
             joined = joined.with_divided_edges(ends);
             simplified = simplify(&joined);
         }
+        let mut has_flaps = false;
         if !simplified.stuck.is_empty() && coarsest == finest {
             let stuck: Vec<u32> = simplified.stuck.iter().map(|stuck| stuck.vertex).collect();
-            let flapped = simplify(&joined.with_flaps(&stuck, finest));
-            simplified = if flapped.stuck.is_empty() { flapped } else { simplified };
+            let flapped = making.simplify(&joined.with_flaps(&stuck, finest), None, None);
+            has_flaps = flapped.stuck.is_empty();
+            simplified = if has_flaps { flapped } else { simplified };
         }
         let is_bare = simplified.levels[usize::from(coarsest)..].contains(&None);
         if is_bare {
@@ -315,38 +309,30 @@ impl<'a> Forest<'a> {
             }
             simplified.cap_missing(&joined.chart(), usize::from(coarsest));
         }
-        let lacks_parts = thin_parts(&joined, &members, &mut simplified, usize::from(coarsest), is_bare);
+        let is_thinned = thin_parts(&joined, &members, &mut simplified, usize::from(coarsest), is_bare);
         times.simplify += thread_cpu_time() - start;
 
-        let original = Surface::new(&below.positions, &below.triangles);
         let deviation_below = nodes.iter().map(|node| node.border_deviation).fold(0.0, f64::max);
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let origin = DVec3::from_array(scale.lattice.origin);
         let mut blocks = vec![None; scale.levels.len()];
         let mut all_drawn: DrawnBlocks = if self.drawn.is_empty() { vec![] } else { vec![None; blocks.len()] };
         let (mut interior_vertices, mut surfaces) = (0, vec![]);
+        let is_plain = !is_bare && !has_flaps && !is_thinned;
+        let mut of_finest = match is_plain {
+            true => Some(making.make_finest(&joined, &mut simplified, &mut early, times).ok_or_else(Vec::new)?),
+            false => None,
+        };
         for (level, level_patch) in (0..=finest).zip(&simplified.levels) {
             let Some(level_patch) = level_patch else { continue };
-            let start = thread_cpu_time();
-            let border = joined.border_loops(level);
-            let coded = code(scale, level, &border, level_patch, refinement_of_lines(level_patch, self.jumps));
-            let Ok((patch, symbols, areas)) = coded else { return Err(vec![]) };
-            times.encode += thread_cpu_time() - start;
-            let start = thread_cpu_time();
-            let points = || border.iter().flatten().chain(&patch.interior).copied();
-            let positions: Vec<DVec3> = points().map(|point| scale.local_from_lattice(point)).collect();
+            let made =
+                of_finest.take_if(|_| level == finest).or_else(|| making.make(&joined, level, level_patch, times));
+            let Some(made) = made else { return Err(vec![]) };
+            let MadeLevel { patch, symbols, areas, points, positions, distance, .. } = made;
             if let Some(drawn) = all_drawn.get_mut(usize::from(level)) {
-                let positions = points().collect();
-                *drawn = Some(DrawnPatch { positions, triangles: patch.triangles.clone(), areas: areas.clone() });
+                let (triangles, areas) = (patch.triangles.clone(), areas.clone());
+                *drawn = Some(DrawnPatch { positions: points, triangles, areas });
             }
-            let drawn = Surface::new(&positions, &patch.triangles);
-            let options = CertifyOptions {
-                relative_gap: GAP,
-                floor: scale.levels[usize::from(level)].threshold * FLOOR,
-                ..CertifyOptions::default()
-            };
-            let distance = Comparison::new(&original, &drawn, &below.pairing(level)).two_sided(&options).upper;
-            times.certify += thread_cpu_time() - start;
             for &p in &positions {
                 bounds = [bounds[0].min(p), bounds[1].max(p)];
             }
@@ -365,10 +351,10 @@ impl<'a> Forest<'a> {
             leave_out(&mut blocks);
         }
         if joined.loops.is_empty() && coarsest == 0 {
-            let is_reduced = reduce_top(&below.whole(), &mut blocks, scale, lacks_parts, &mut all_drawn, &mut bounds);
+            let is_reduced = reduce_top(&below.whole(), &mut blocks, scale, is_thinned, &mut all_drawn, &mut bounds);
             // Of very many parts too many may be left, however they are reduced; the members have fewer.
             if !is_reduced && !std::ptr::eq(below, &members) {
-                reduce_top(&members.whole(), &mut blocks, scale, lacks_parts, &mut all_drawn, &mut bounds);
+                reduce_top(&members.whole(), &mut blocks, scale, is_thinned, &mut all_drawn, &mut bounds);
             }
         }
         raise_coarser(&mut blocks);

@@ -40,8 +40,8 @@ pub struct ModelArgs {
     /// Which levels the file gets. With the finest alone it is a plain compressed mesh: smaller, but nothing coarser can be drawn.
     #[arg(long, default_value_t, value_parser = parse_choice(LevelChoice::ALL))]
     pub levels: LevelChoice,
-    /// Fillings that may be used, for comparisons.
-    #[arg(long, default_value_t, value_parser = parse_choice(Fillings::ALL), hide = true)]
+    /// Fillings of charts. A grid has nested levels of its own, so a file that may have some gets no tree above its charts.
+    #[arg(long, default_value_t, value_parser = parse_choice(Fillings::ALL))]
     pub fillings: Fillings,
     /// Divide the input by position instead of by amount, so that `lodpack add` can add to it later. Needs a tolerance that is a
     /// length. Regions become smaller and less even, which costs some tenths of a percent in bytes.
