@@ -1,6 +1,7 @@
 //! The files that inputs name beside themselves.
 
 use std::fs;
+use std::io::Cursor;
 use std::path::{Component, Path, PathBuf};
 
 use xxhash_rust::xxh3::xxh3_64;
@@ -53,8 +54,7 @@ pub(super) fn check_images(appearance: &mut Appearance, progress: &dyn Progress)
     for number in 0..appearance.images.len() {
         let image = &appearance.images[number];
         let name = image.name();
-        let read = image.read(None).map_err(|error| error.to_string());
-        match read.and_then(|bytes| image_size(&bytes)) {
+        match image.open(None).map_err(|error| error.to_string()).and_then(image_size) {
             Ok([width, height]) => {
                 let texels = u64::from(width) * u64::from(height);
                 if texels > MAX_IMAGE_TEXELS {
@@ -77,7 +77,7 @@ pub(super) fn check_images(appearance: &mut Appearance, progress: &dyn Progress)
 pub(super) fn keep_images(appearance: &mut Appearance, directory: &WorkDirectory) -> Result<(), WorkError> {
     for (number, image) in appearance.images.iter_mut().enumerate() {
         let kept = match image.read(None) {
-            Ok(bytes) if image_size(&bytes).is_ok() => keep(directory, number, image.name(), &bytes)?,
+            Ok(bytes) if image_size(Cursor::new(&bytes)).is_ok() => keep(directory, number, image.name(), &bytes)?,
             _ => continue,
         };
         *image = kept;

@@ -4,7 +4,7 @@
 
 use std::borrow::Cow;
 use std::fs;
-use std::io::{self, Cursor, Read, Seek};
+use std::io::{self, BufRead, BufReader, Cursor, Read, Seek};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -410,14 +410,33 @@ impl ImageSource {
         };
         Ok(Cow::Owned(bytes))
     }
+
+    /// The encoded bytes as they are wanted, so that those of a large image are not in memory all at once. `folder` as for
+    /// [`ImageSource::read`].
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn open(&self, folder: Option<&Path>) -> io::Result<Box<dyn EncodedImage + '_>> {
+        let file = match self {
+            Self::File { path, range: None } => fs::File::open(path)?,
+            Self::Kept { file, .. } => fs::File::open(folder.unwrap_or(Path::new("")).join(file))?,
+            Self::Inline { .. } | Self::File { .. } => return Ok(Box::new(Cursor::new(self.read(folder)?))),
+        };
+        Ok(Box::new(BufReader::with_capacity(1 << 16, file)))
+    }
 }
+
+/// An encoded image that is read from its beginning.
+pub trait EncodedImage: BufRead + Seek {}
+
+impl<R: BufRead + Seek> EncodedImage for R {}
 
 /// Columns and rows that an encoded image declares.
 ///
 /// # Errors
 /// What is wrong with it.
-pub fn image_size(bytes: &[u8]) -> Result<[u32; 2], String> {
-    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|error| error.to_string())?;
+pub fn image_size(encoded: impl EncodedImage) -> Result<[u32; 2], String> {
+    let reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| error.to_string())?;
     let (width, height) = reader.into_dimensions().map_err(|error| error.to_string())?;
     if width == 0 || height == 0 {
         return Err("it has no texels".into());
@@ -429,12 +448,13 @@ pub fn image_size(bytes: &[u8]) -> Result<[u32; 2], String> {
 ///
 /// # Errors
 /// What is wrong with it.
-pub fn decode_image(bytes: &[u8]) -> Result<DynamicImage, String> {
-    let [width, height] = image_size(bytes)?;
+pub fn decode_image(mut encoded: impl EncodedImage) -> Result<DynamicImage, String> {
+    let [width, height] = image_size(&mut encoded)?;
     if u64::from(width) * u64::from(height) > MAX_IMAGE_TEXELS {
         return Err(format!("it has {width} x {height} texels, more than {MAX_IMAGE_TEXELS}"));
     }
-    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|error| error.to_string())?;
+    encoded.rewind().map_err(|error| error.to_string())?;
+    let mut reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| error.to_string())?;
     let mut limits = image::Limits::default();
     // The largest texel has four numbers of 32 bits.
     limits.max_alloc = Some(u64::from(width) * u64::from(height) * 16 + (16 << 20));

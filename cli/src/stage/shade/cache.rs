@@ -3,8 +3,9 @@
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::texels::Place;
 use super::texture::{Meaning, Texture};
-use crate::mesh::appearance::ImageSource;
+use crate::mesh::appearance::{ImageSource, image_size};
 
 /// Images as textures. Each can be there several times, by how it is meant.
 pub(super) struct TextureCache<'a> {
@@ -12,6 +13,9 @@ pub(super) struct TextureCache<'a> {
     folder: Option<&'a Path>,
     note: &'a (dyn Fn(&str) + Sync),
     memory: u64,
+    place: Place,
+    /// Held while an image that takes more than its share is decoded: some formats are decoded as a whole, one at a time.
+    large: Mutex<()>,
     slots: Vec<Mutex<Slot>>,
     usage: Mutex<Usage>,
 }
@@ -38,7 +42,8 @@ impl<'a> TextureCache<'a> {
         note: &'a (dyn Fn(&str) + Sync),
     ) -> Self {
         let slots = (0..Meaning::COUNT * images.len()).map(|_| Mutex::new(Slot::Absent)).collect();
-        Self { images, folder, note, memory, slots, usage: Mutex::default() }
+        let place = Place::new(folder, memory / 2);
+        Self { images, folder, note, memory, place, large: Mutex::default(), slots, usage: Mutex::default() }
     }
 
     /// The texture of a key ([`Meaning::key`]). None if the image cannot be decoded.
@@ -67,10 +72,12 @@ impl<'a> TextureCache<'a> {
 
     fn decode(&self, key: usize) -> Option<Texture> {
         let image = self.images.get(key / Meaning::COUNT)?;
-        let texture = image
-            .read(self.folder)
-            .map_err(|error| error.to_string())
-            .and_then(|bytes| Texture::decode(&bytes, Meaning::of_key(key)));
+        let open = || image.open(self.folder).map_err(|error| error.to_string());
+        let texture = open().and_then(image_size).and_then(|[width, height]| {
+            let is_large = self.place.is_file(3 * u64::from(width) * u64::from(height));
+            let _one = is_large.then(|| self.large.lock().unwrap_or_else(PoisonError::into_inner));
+            Texture::decode(open()?, Meaning::of_key(key), &self.place)
+        });
         texture
             .inspect_err(|error| {
                 (self.note)(&format!(

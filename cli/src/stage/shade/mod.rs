@@ -7,6 +7,7 @@
 mod cache;
 mod jumps;
 mod maps;
+mod texels;
 mod texture;
 
 use std::path::Path;
@@ -54,6 +55,17 @@ pub struct Painter<'s> {
     region: &'s RegionAttributes,
     /// The textures that were used last, by their use, with their keys.
     latest: [Option<(usize, Option<Arc<Texture>>)>; Use::COUNT],
+}
+
+impl Drop for Painter<'_> {
+    /// The next part of a surface shows another part of images that are in files.
+    fn drop(&mut self) {
+        self.latest
+            .iter()
+            .flatten()
+            .filter_map(|(_, texture)| texture.as_ref())
+            .for_each(|texture| texture.drop_pages());
+    }
 }
 
 impl<'s> Painter<'s> {

@@ -1,9 +1,11 @@
 //! An image in linear light, with coarser and coarser averages of it.
 
-use crate::mesh::appearance::{Wrap, decode_image};
+use super::texels::{Bytes, Place};
+use crate::mesh::appearance::{EncodedImage, MAX_IMAGE_TEXELS, Wrap, decode_image, image_size};
 use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
 use glam::Vec3A;
 use image::DynamicImage;
+use std::io;
 use std::sync::OnceLock;
 
 /// What the numbers of an image are.
@@ -47,49 +49,50 @@ struct Level {
 /// Red, green, blue and straight alpha. What has no alpha is opaque.
 enum Texels {
     /// Encoded as sRGB, as most images are: three bytes a texel, as they were decoded, because the largest images take most memory here.
-    Opaque(Vec<u8>),
+    Opaque(Bytes),
     /// As [`Texels::Root`].
-    OpaqueRoot(Vec<[u16; 3]>),
+    OpaqueRoot(Bytes),
     /// Encoded as sRGB.
-    Encoded(Vec<[u8; 4]>),
+    Encoded(Bytes),
     /// As shares of 255.
-    Shares(Vec<[u8; 4]>),
+    Shares(Bytes),
     /// The square root of linear light, and alpha, as shares of 65535: as fine as 12 bits of sRGB everywhere, and decoded exactly by a
-    /// multiplication.
-    Root(Vec<[u16; 4]>),
+    /// multiplication. Numbers of 16 bits are little-endian.
+    Root(Bytes),
 }
 
 impl Texture {
-    /// Decodes an image. Without alpha, its colours count as they are wherever it is transparent.
-    pub(super) fn decode(bytes: &[u8], meaning: Meaning) -> Result<Self, String> {
-        let is_opaque = meaning != Meaning::Transparent;
-        let image = decode_image(bytes)?;
-        let size = [image.width(), image.height()];
-        let is_fine = !matches!(
-            image,
-            DynamicImage::ImageLuma8(_)
-                | DynamicImage::ImageLumaA8(_)
-                | DynamicImage::ImageRgb8(_)
-                | DynamicImage::ImageRgba8(_)
-        );
-        let texels = if is_fine {
-            let texel = |texel: &image::Rgba<u16>| {
-                let [red, green, blue, alpha] = texel.0.map(|value| f32::from(value) / 65535.0);
-                let light = |x: f32| if meaning == Meaning::Shares { x } else { linear_from_srgb(x) };
-                root([light(red), light(green), light(blue), if is_opaque { 1.0 } else { alpha }])
-            };
-            Texels::Root(image.into_rgba16().pixels().map(texel).collect())
-        } else if meaning != Meaning::Shares && (is_opaque || !image.color().has_alpha()) {
-            Texels::Opaque(image.into_rgb8().into_raw())
-        } else {
-            let opaque =
-                |texel: &image::Rgba<u8>| if is_opaque { [texel[0], texel[1], texel[2], 255] } else { texel.0 };
-            let texels = image.into_rgba8().pixels().map(opaque).collect();
-            if meaning == Meaning::Shares { Texels::Shares(texels) } else { Texels::Encoded(texels) }
+    /// Decodes an image. Without alpha, its colours count as they are wherever it is transparent. Levels that `place` has no memory for
+    /// are in files: then the averages are made at once, because later nobody could be told that a file cannot be written.
+    pub(super) fn decode(mut encoded: impl EncodedImage, meaning: Meaning, place: &Place) -> Result<Self, String> {
+        let size = image_size(&mut encoded)?;
+        encoded.rewind().map_err(|error| error.to_string())?;
+        let rows = if place.is_file(3 * texels_of(size)) { rows_of_png(&mut encoded, size)? } else { None };
+        let texels = match rows {
+            Some(rows) => from_rows(rows, size, meaning, place)?,
+            None => {
+                encoded.rewind().map_err(|error| error.to_string())?;
+                from_whole(decode_image(encoded)?, meaning, place)?
+            }
         };
         let coarser = std::iter::successors(coarser_size(size), |&size| coarser_size(size));
         let coarser = coarser.map(|size| (size, OnceLock::new())).collect();
-        Ok(Self { finest: Level { size, texels }, coarser })
+        let this = Self { finest: Level { size, texels }, coarser };
+        let mut level = &this.finest;
+        for (size, coarser) in &this.coarser {
+            if !place.is_file(texels_of(*size) * level.averaged_bytes()) {
+                break;
+            }
+            let made = level.coarser_at(place).map_err(|error| error.to_string())?;
+            level = coarser.get_or_init(|| made);
+        }
+        Ok(this)
+    }
+
+    /// Drops what of it files still have.
+    pub(super) fn drop_pages(&self) {
+        self.finest.texels.bytes().drop_pages();
+        self.coarser.iter().filter_map(|(_, level)| level.get()).for_each(|level| level.texels.bytes().drop_pages());
     }
 
     /// Columns and rows.
@@ -99,9 +102,12 @@ impl Texture {
 
     /// Bytes of memory that it takes, with all its averages.
     pub(super) fn bytes(&self) -> u64 {
-        let is_opaque = self.finest.is_opaque();
-        let coarser = self.coarser.iter().map(|(size, _)| u64::from(size[0]) * u64::from(size[1]));
-        self.finest.bytes() + coarser.sum::<u64>() * if is_opaque { 6 } else { 8 }
+        let each = self.finest.averaged_bytes();
+        let of_level = |(size, level): &([u32; 2], OnceLock<Level>)| match level.get() {
+            Some(level) => level.texels.bytes().in_memory(),
+            None => each * texels_of(*size),
+        };
+        self.finest.texels.bytes().in_memory() + self.coarser.iter().map(of_level).sum::<u64>()
     }
 
     /// Level 0 is the image. Averages are made when somebody asks for them: where texels of the result are as fine as the image, nobody
@@ -196,14 +202,18 @@ fn first_pair(texels: &[[u8; 3]]) -> &[[u8; 3]; 2] {
     texels.first_chunk().unwrap_or(&[[0; 3]; 2])
 }
 
+impl Texels {
+    fn bytes(&self) -> &Bytes {
+        let (Self::Opaque(all) | Self::OpaqueRoot(all) | Self::Encoded(all) | Self::Shares(all) | Self::Root(all)) =
+            self;
+        all
+    }
+}
+
 impl Level {
-    fn bytes(&self) -> u64 {
-        match &self.texels {
-            Texels::Opaque(texels) => texels.len() as u64,
-            Texels::OpaqueRoot(texels) => 6 * texels.len() as u64,
-            Texels::Encoded(texels) | Texels::Shares(texels) => 4 * texels.len() as u64,
-            Texels::Root(texels) => 8 * texels.len() as u64,
-        }
+    /// Bytes of a texel of its averages.
+    fn averaged_bytes(&self) -> u64 {
+        if self.is_opaque() { 6 } else { 8 }
     }
 
     /// Linear light times alpha, and alpha.
@@ -212,10 +222,10 @@ impl Level {
         let at = y as usize * self.size[0] as usize + x as usize;
         match &self.texels {
             Texels::Opaque(texels) => of_opaque(texels.as_chunks().0[at]),
-            Texels::OpaqueRoot(texels) => of_opaque_root(texels[at]),
-            Texels::Encoded(texels) => of_encoded(texels[at]),
-            Texels::Shares(texels) => of_shares(texels[at]),
-            Texels::Root(texels) => of_root(texels[at]),
+            Texels::OpaqueRoot(texels) => of_opaque_root(texels.as_chunks().0[at]),
+            Texels::Encoded(texels) => of_encoded(texels.as_chunks().0[at]),
+            Texels::Shares(texels) => of_shares(texels.as_chunks().0[at]),
+            Texels::Root(texels) => of_root(texels.as_chunks().0[at]),
         }
     }
 
@@ -247,10 +257,10 @@ impl Level {
         let rows = neighbours(at[1], self.size[1], wrap[1]);
         match &self.texels {
             Texels::Opaque(texels) => blended(texels.as_chunks().0, self.size[0], columns, rows, of_opaque),
-            Texels::OpaqueRoot(texels) => blended(texels, self.size[0], columns, rows, of_opaque_root),
-            Texels::Encoded(texels) => blended(texels, self.size[0], columns, rows, of_encoded),
-            Texels::Shares(texels) => blended(texels, self.size[0], columns, rows, of_shares),
-            Texels::Root(texels) => blended(texels, self.size[0], columns, rows, of_root),
+            Texels::OpaqueRoot(texels) => blended(texels.as_chunks().0, self.size[0], columns, rows, of_opaque_root),
+            Texels::Encoded(texels) => blended(texels.as_chunks().0, self.size[0], columns, rows, of_encoded),
+            Texels::Shares(texels) => blended(texels.as_chunks().0, self.size[0], columns, rows, of_shares),
+            Texels::Root(texels) => blended(texels.as_chunks().0, self.size[0], columns, rows, of_root),
         }
     }
 
@@ -258,18 +268,35 @@ impl Level {
         matches!(self.texels, Texels::Opaque(_) | Texels::OpaqueRoot(_))
     }
 
-    /// The level of half its size.
+    /// The level of half its size, in memory.
     fn coarser(&self) -> Self {
         let size = coarser_size(self.size).unwrap_or(self.size);
-        let columns = shares(self.size[0], size[0]);
-        let rows = shares(self.size[1], size[1]);
-        let count = size[0] as usize * size[1] as usize;
-        let is_opaque = self.is_opaque();
-        let (mut texels, mut opaque) = match is_opaque {
-            true => (vec![], Vec::with_capacity(count)),
-            false => (Vec::with_capacity(count), vec![]),
-        };
-        for row in &rows {
+        let mut all = Vec::with_capacity((texels_of(size) * self.averaged_bytes()) as usize);
+        self.average(size, &mut |texel| all.extend_from_slice(texel));
+        self.averages(size, Bytes::Memory(all))
+    }
+
+    /// The same, in a file.
+    fn coarser_at(&self, place: &Place) -> io::Result<Self> {
+        let size = coarser_size(self.size).unwrap_or(self.size);
+        let all = place.keep(texels_of(size) * self.averaged_bytes(), |push| {
+            self.average(size, push);
+            Ok::<(), io::Error>(())
+        })?;
+        Ok(self.averages(size, all))
+    }
+
+    fn averages(&self, size: [u32; 2], all: Bytes) -> Self {
+        Self { size, texels: if self.is_opaque() { Texels::OpaqueRoot(all) } else { Texels::Root(all) } }
+    }
+
+    /// Hands on the texels of a level of another size.
+    fn average(&self, size: [u32; 2], push: &mut dyn FnMut(&[u8])) {
+        /// Rows after which pages of files are dropped.
+        const ROWS: usize = 64;
+        let (columns, rows) = (shares(self.size[0], size[0]), shares(self.size[1], size[1]));
+        let of_texel = self.averaged_bytes() as usize;
+        for (number, row) in rows.iter().enumerate() {
             for column in &columns {
                 let mut sum = [0.0; 4];
                 for &(y, of_row) in row.iter().filter(|(_, share)| *share > 0.0) {
@@ -278,12 +305,119 @@ impl Level {
                         (0..4).for_each(|i| sum[i] += of_row * of_column * texel[i]);
                     }
                 }
-                let [red, green, blue, alpha] = root(straight(sum));
-                if is_opaque { opaque.push([red, green, blue]) } else { texels.push([red, green, blue, alpha]) }
+                push(&little_endian(root(straight(sum)))[..of_texel]);
+            }
+            if number % ROWS == ROWS - 1 {
+                self.texels.bytes().drop_pages();
             }
         }
-        Self { size, texels: if is_opaque { Texels::OpaqueRoot(opaque) } else { Texels::Root(texels) } }
     }
+}
+
+/// The texels of a decoded image.
+fn from_whole(image: DynamicImage, meaning: Meaning, place: &Place) -> Result<Texels, String> {
+    let is_opaque = meaning != Meaning::Transparent;
+    let is_fine = !matches!(
+        image,
+        DynamicImage::ImageLuma8(_)
+            | DynamicImage::ImageLumaA8(_)
+            | DynamicImage::ImageRgb8(_)
+            | DynamicImage::ImageRgba8(_)
+    );
+    let keep = |bytes: Vec<u8>| place.move_here(bytes).map_err(|error| error.to_string());
+    Ok(if is_fine {
+        let texel = |texel: &image::Rgba<u16>| {
+            let [red, green, blue, alpha] = texel.0.map(|value| f32::from(value) / 65535.0);
+            let light = |x: f32| if meaning == Meaning::Shares { x } else { linear_from_srgb(x) };
+            little_endian(root([light(red), light(green), light(blue), if is_opaque { 1.0 } else { alpha }]))
+        };
+        let texels: Vec<[u8; 8]> = image.into_rgba16().pixels().map(texel).collect();
+        Texels::Root(keep(texels.into_flattened())?)
+    } else if meaning != Meaning::Shares && (is_opaque || !image.color().has_alpha()) {
+        Texels::Opaque(keep(image.into_rgb8().into_raw())?)
+    } else {
+        let mut texels = image.into_rgba8().into_raw();
+        if is_opaque {
+            texels.as_chunks_mut().0.iter_mut().for_each(|[_, _, _, alpha]| *alpha = 255);
+        }
+        let texels = keep(texels)?;
+        if meaning == Meaning::Shares { Texels::Shares(texels) } else { Texels::Encoded(texels) }
+    })
+}
+
+/// The rows of a PNG of 8 bits; none of what has to be decoded as a whole.
+fn rows_of_png<R: EncodedImage>(mut encoded: R, size: [u32; 2]) -> Result<Option<png::Reader<R>>, String> {
+    const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+    let start = encoded.fill_buf().map_err(|error| error.to_string())?;
+    if !start.starts_with(SIGNATURE) || texels_of(size) > MAX_IMAGE_TEXELS {
+        return Ok(None);
+    }
+    let mut decoder = png::Decoder::new(encoded);
+    decoder.set_transformations(png::Transformations::EXPAND);
+    let reader = decoder.read_info().map_err(|error| error.to_string())?;
+    let is_simple = !reader.info().interlaced && reader.output_color_type().1 == png::BitDepth::Eight;
+    Ok(is_simple.then_some(reader))
+}
+
+/// The texels of an image that is decoded row by row.
+fn from_rows<R: EncodedImage>(
+    mut rows: png::Reader<R>,
+    size: [u32; 2],
+    meaning: Meaning,
+    place: &Place,
+) -> Result<Texels, String> {
+    let colours = rows.output_color_type().0;
+    let has_alpha = matches!(colours, png::ColorType::GrayscaleAlpha | png::ColorType::Rgba);
+    let is_opaque = meaning != Meaning::Transparent;
+    let is_plain = meaning != Meaning::Shares && (is_opaque || !has_alpha);
+    let components = if is_plain { 3 } else { 4 };
+    let texels = place.keep(texels_of(size) * components as u64, |push| -> Result<(), RowError> {
+        let mut line = vec![];
+        for _ in 0..size[1] {
+            let row = rows.next_row().map_err(RowError::Image)?;
+            let data = row.as_ref().map_or(&[][..], |row| row.data());
+            line.clear();
+            for texel in data.chunks_exact(colours.samples()) {
+                let [red, green, blue, alpha] = match *texel {
+                    [grey] => [grey, grey, grey, 255],
+                    [grey, alpha] => [grey, grey, grey, alpha],
+                    [red, green, blue] => [red, green, blue, 255],
+                    [red, green, blue, alpha, ..] => [red, green, blue, alpha],
+                    [] => [0; 4],
+                };
+                line.extend_from_slice(&[red, green, blue, if is_opaque { 255 } else { alpha }][..components]);
+            }
+            line.resize(size[0] as usize * components, 0);
+            push(&line);
+        }
+        Ok(())
+    });
+    let texels = texels.map_err(|error| error.to_string())?;
+    Ok(match meaning {
+        _ if is_plain => Texels::Opaque(texels),
+        Meaning::Shares => Texels::Shares(texels),
+        _ => Texels::Encoded(texels),
+    })
+}
+
+/// What goes wrong while rows are decoded and kept.
+#[derive(Debug, thiserror::Error)]
+enum RowError {
+    #[error("{0}")]
+    Image(png::DecodingError),
+    #[error("{0}")]
+    File(#[from] io::Error),
+}
+
+/// How many texels an image of a size has.
+fn texels_of(size: [u32; 2]) -> u64 {
+    u64::from(size[0]) * u64::from(size[1])
+}
+
+/// The bytes of four numbers.
+fn little_endian(texel: [u16; 4]) -> [u8; 8] {
+    let [[a, b], [c, d], [e, f], [g, h]] = texel.map(u16::to_le_bytes);
+    [a, b, c, d, e, f, g, h]
 }
 
 /// Half of a size; none of one texel.
@@ -298,8 +432,8 @@ fn of_opaque(texel: [u8; 3]) -> [f32; 4] {
 }
 
 #[inline(always)]
-fn of_opaque_root(texel: [u16; 3]) -> [f32; 4] {
-    let [red, green, blue] = texel.map(|value| f32::from(value) / 65535.0);
+fn of_opaque_root([a, b, c, d, e, f]: [u8; 6]) -> [f32; 4] {
+    let [red, green, blue] = [[a, b], [c, d], [e, f]].map(|pair| f32::from(u16::from_le_bytes(pair)) / 65535.0);
     [red * red, green * green, blue * blue, 1.0]
 }
 
@@ -315,8 +449,9 @@ fn of_shares(texel: [u8; 4]) -> [f32; 4] {
 }
 
 #[inline(always)]
-fn of_root(texel: [u16; 4]) -> [f32; 4] {
-    let [red, green, blue, alpha] = texel.map(|value| f32::from(value) / 65535.0);
+fn of_root([a, b, c, d, e, f, g, h]: [u8; 8]) -> [f32; 4] {
+    let pairs = [[a, b], [c, d], [e, f], [g, h]];
+    let [red, green, blue, alpha] = pairs.map(|pair| f32::from(u16::from_le_bytes(pair)) / 65535.0);
     times_alpha([red * red, green * green, blue * blue, alpha])
 }
 
