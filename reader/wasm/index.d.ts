@@ -260,6 +260,22 @@ export interface HeightGrid {
   ramp: string;
 }
 
+/** Takes coordinates of a ground to those of the mesh on it, and back. */
+export interface GroundFrame {
+  /** Units of the mesh in a unit of the ground: errors grow by it. */
+  readonly scale: number;
+  /** Three rows of four numbers; the fourth one of a row is what is added. */
+  readonly meshFromGround: Float64Array;
+  readonly groundFromMesh: Float64Array;
+  /** A point of the ground in the space of the mesh. */
+  point(point: Point): [number, number, number];
+  pointOfGround(point: Point): [number, number, number];
+  /** What lies between two points of the mesh's space, in that of the ground: a direction that keeps its length in the world. */
+  offsetOfGround(offset: Point): [number, number, number];
+  /** The view that shows the ground in the same pixels, and with the same depths in a depth buffer, as this one shows the mesh. */
+  view(view: View): View;
+}
+
 /** An open file. Close it, or its worker stays. */
 export class LodpackFile {
   private constructor();
@@ -288,6 +304,13 @@ export class LodpackFile {
   readonly traffic: { requests: number; bytes: number };
   /** Why nothing can be read any more. */
   readonly failure?: EtagMismatch;
+  /** Of a ground that `ground()` has opened: where it is in the space of the mesh. */
+  readonly frame?: GroundFrame;
+  /**
+   * The heights that the mesh stands on, as a file of heights in coordinates of its own; null if there are none. It has a worker of its own, stays open
+   * when this file is closed, and is read through it: `traffic` of this file counts both.
+   */
+  ground(options?: { signal?: AbortSignal }): Promise<LodpackFile | null>;
   /** One small mesh of the whole surface, if the file has one. It came with opening. */
   overview(): Promise<Mesh | null>;
   /** The cut for a query. Of heights by `box` (x and y, or degrees on a globe; z does not count), `tolerance` and `maxTriangles`. */

@@ -18,6 +18,8 @@ export interface LodpackMeshOptions {
   /** A colour for each root, red, green and blue from 0 to 1, for materials with vertexColors. */
   colorOf?: (root: { root: number; level: number; error: number }) => ArrayLike<number>;
   stream?: StreamOptions;
+  /** False leaves out the ground that the mesh stands on. */
+  ground?: boolean;
 }
 
 /** Draws a file as finely as the camera needs. Scale it by one factor for all axes, or errors on the screen are not what they should be. */
@@ -34,7 +36,10 @@ export class LodpackMesh extends Object3D {
   /** Of everything, in the object's own coordinates. */
   readonly boundingBox: Box3;
   readonly boundingSphere: Sphere;
+  /** With those of the ground. */
   readonly triangleCount: number;
+  /** The ground that the mesh stands on: a child, which `dispose()` ends, too. Its file, frame and materials are its own. */
+  readonly ground: LodpackMesh | null;
   /** The channel that is shown. */
   readonly channel: Channel | null;
   /** The values of the ends of its ramp, where it has numbers. */

@@ -107,6 +107,7 @@ fn write_reference(folder: &Path) {
     write_answers(&crate::channels::painted_file(), folder, "valid-painted").expect("a writable folder");
     write_answers(&crate::channels::lit_file(), folder, "valid-lit").expect("a writable folder");
     write_answers(&crate::drawings::drawn_file(), folder, "valid-drawn").expect("a writable folder");
+    write_answers(&crate::ground::turned_town(), folder, "valid-town").expect("a writable folder");
     for (name, bytes) in crate::heights::files() {
         write_heights(&bytes, folder, name).expect("a writable folder");
     }
@@ -190,6 +191,7 @@ fn webassembly_reads_every_vector_as_the_native_reader_does() {
             "test/file.test.js",
             "test/channels.test.js",
             "test/heights.test.js",
+            "test/ground.test.js",
         ]);
     }
 }

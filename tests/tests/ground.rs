@@ -1,11 +1,13 @@
 //! A mesh on its ground of heights: built, joined, taken apart, verified and exported; and every way in which the two do not fit.
 
 use crate::commands::lodpack;
+use glam::DVec3;
 use lodpack::heights::HeightsQuery;
 use lodpack::stream::{HeightsStreamer, Mode, Options, StreamerOptions};
 use lodpack::{File, Ground, Limits, Query, ReadAt, View};
+use lodpack_cli::mesh::Mesh;
 use lodpack_tests::generate::save_ply;
-use lodpack_tests::parts::boxes;
+use lodpack_tests::parts::{add_box, boxes};
 use lodpack_tests::terrain::Grid;
 use serde_json::Value;
 use std::path::PathBuf;
@@ -54,12 +56,38 @@ impl Folder {
         String::from_utf8_lossy(&ran.get_output().stderr).into_owned()
     }
 
+    /// A town with y up, in feet and around an origin, on coloured hills that say nothing of that: for pictures.
+    fn with_turned_town() -> Self {
+        let folder = Self::new();
+        let mut town = Mesh::default();
+        let origin = DVec3::new(70.0, 70.0, 40.0);
+        for house in 0..9 {
+            let [column, row] = [house % 3, house / 3].map(f64::from);
+            add_box(&mut town, DVec3::new(20.0 + 40.0 * column, 20.0 + 40.0 * row, 25.0), DVec3::new(16.0, 12.0, 30.0));
+        }
+        for position in &mut town.positions {
+            let DVec3 { x, y, z } = (*position - origin) / 0.3048;
+            *position = DVec3::new(x, z, -y);
+        }
+        save_ply(&town, &folder.path("town.ply")).expect("writable");
+        folder.run("build dem.tif --heights --tolerance 0.01 --ramp viridis -o terrain.lodpack");
+        folder.run(
+            "build town.ply --up y --unit ft --origin 70,70,40 --tolerance 1mm --ground terrain.lodpack -o town.lodpack",
+        );
+        folder
+    }
+
     /// With `town.lodpack`, which holds both.
     fn with_town() -> Self {
         let folder = Self::new();
         folder.run("build boxes.ply --ground dem.tif --tolerance 0.01 -o town.lodpack");
         folder
     }
+}
+
+/// The file of [`Folder::with_turned_town`], for tests in a browser.
+pub fn turned_town() -> Vec<u8> {
+    Folder::with_turned_town().read("town.lodpack")
 }
 
 #[test]
@@ -194,5 +222,55 @@ fn every_truncation_of_a_file_with_a_ground_is_refused() {
     for length in (0..bytes.len()).step_by(97) {
         let opened = File::open(&bytes[..length], Limits::default());
         assert!(opened.and_then(|file| file.verify()).is_err(), "{length} bytes of {}", bytes.len());
+    }
+}
+
+#[test]
+fn a_job_keeps_the_ground_for_its_merge_and_workers_build_the_same_bytes() {
+    let folder = Folder::with_town();
+    let town = folder.read("town.lodpack");
+    for (job, how) in [("job", "--parts 2"), ("staged", "--stages")] {
+        folder.run(&format!("plan boxes.ply --ground dem.tif --tolerance 0.01 {how} -o {job}"));
+        match how {
+            "--stages" => folder.run("work staged"),
+            _ => folder.run("build --job job --part 0") + &folder.run("build --job job --part 1"),
+        };
+        let merged = folder.json(&format!("merge {job} -o {job}.lodpack"));
+        assert_eq!(merged["ground"]["samples"], 4900, "{merged}");
+        assert!(town == folder.read(&format!("{job}.lodpack")), "{job}");
+    }
+    // The ground is that of the plan; a merge of parts elsewhere knows of none, and another one may be named.
+    folder.dem("dem.tif", None);
+    folder.run("merge job -o later.lodpack");
+    assert!(town == folder.read("later.lodpack"));
+    assert!(folder.json("status job")["changed_inputs"].to_string().contains("dem.tif"));
+    folder.run("build boxes.ply --tolerance 0.01 -o alone.lodpack");
+    std::fs::create_dir(folder.path("elsewhere")).expect("writable");
+    for part in ["part-0.lodpart", "part-1.lodpart"] {
+        std::fs::copy(folder.path("job/parts").join(part), folder.path("elsewhere").join(part)).expect("a part");
+    }
+    folder.run("merge elsewhere -o bare.lodpack");
+    assert!(folder.read("alone.lodpack") == folder.read("bare.lodpack"));
+    // A plan that was stopped before the ground was there says so.
+    std::fs::remove_file(folder.path("staged/ground.lodpack")).expect("it was kept");
+    assert!(folder.refused("merge staged -o no.lodpack").contains("--resume"));
+    assert!(folder.refused("plan dem.tif --heights --ground dem.tif -o no.job").contains("--heights"));
+
+    folder.dem("dem.tif", Some(32632));
+    folder.run("build boxes.ply --ground dem.tif --tolerance 0.01 --workers 2 -o workers.lodpack");
+    assert!(town == folder.read("workers.lodpack"));
+    assert!(!folder.path("workers.lodpack.building").exists());
+}
+
+#[test]
+fn a_crs_that_the_inputs_name_is_compared_before_anything_is_built() {
+    let folder = Folder::new();
+    folder.run("build boxes.ply --crs EPSG:32633 --up z -o boxes.lodpack");
+    for words in ["build boxes.lodpack", "build boxes.lodpack --workers 2", "plan boxes.lodpack"] {
+        let said = folder.refused(&format!("{words} --ground dem.tif --progress json -o no"));
+        assert!(said.contains("another coordinate reference system") && said.contains("dem.tif"), "{said}");
+        // The ground has been read by then, and nothing of the mesh.
+        assert!(!said.contains("\"repair\"") && !said.contains("\"scan\""), "{said}");
+        assert!(!folder.path("no").exists() && !folder.path("no.building").exists());
     }
 }

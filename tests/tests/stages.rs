@@ -102,6 +102,26 @@ fn workers_end_with_a_killed_build_which_can_be_resumed() {
 }
 
 #[test]
+fn what_is_left_of_a_state_that_was_being_removed_is_begun_anew() {
+    let folder = Folder::new();
+    let state = folder.path("out.lodpack.building");
+    for (options, removed) in [("", Some("stages")), ("", Some("parts")), ("--tolerance 1", None)] {
+        folder.ok(&format!("plan SCAN -o out.lodpack.building --stages --parts 8 {options}"));
+        folder.ok("work out.lodpack.building");
+        // What vouches for other files goes first, and a signal may come at any moment after that.
+        for name in ["job.json", "plan", "divided"] {
+            let _ = fs::remove_file(state.join(name));
+        }
+        if let Some(removed) = removed {
+            fs::remove_dir_all(state.join(removed)).expect("it was there");
+        }
+        folder.ok("build SCAN --workers 2 -o out.lodpack --resume");
+        assert!(folder.built("out.lodpack"), "{options} without {removed:?}");
+        fs::remove_file(folder.path("out.lodpack")).expect("it was built");
+    }
+}
+
+#[test]
 fn two_workers_may_be_told_the_same() {
     let folder = Folder::new();
     folder.ok(BEGIN);

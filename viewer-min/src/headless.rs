@@ -33,7 +33,7 @@ pub fn draw_picture(args: &Args) -> Result<()> {
     let (mut size, mut tile_nodes) = (args.size, None);
     if let Some(tile @ [_, counts]) = args.tile {
         let (view, nodes) = scene.tile(&path[0], tile)?;
-        (path, tile_nodes) = (vec![view], Some(nodes));
+        (path, tile_nodes) = (vec![view], Some((nodes, path[0])));
         size = [0, 1].map(|k| args.size[k] / counts[k]);
     }
     let targets = Targets::new(&gpu, size);
@@ -41,7 +41,7 @@ pub fn draw_picture(args: &Args) -> Result<()> {
     let (mut panel, mut report) = (Panel::default(), Report::default());
     for (number, view) in path.iter().enumerate() {
         report = match &tile_nodes {
-            Some(nodes) => scene.show(nodes)?,
+            Some((nodes, whole)) => scene.show_tile(nodes, whole)?,
             None if waits => scene.follow_to_the_end(view)?,
             None => scene.follow(view)?,
         };

@@ -472,6 +472,15 @@ impl Scene {
         Ok(self.report(&streamed))
     }
 
+    /// Draws these nodes for a tile of the picture that a view shows. The ground is that of the whole picture, so that it is the same in all tiles.
+    pub fn show_tile(&mut self, nodes: &[Node], whole: &View) -> Result<Report> {
+        let report = self.show(nodes)?;
+        match &mut self.ground {
+            None => Ok(report),
+            Some(ground) => Ok(report.and(&ground.scene.follow_to_the_end(&ground.frame.view_of_ground(whole))?)),
+        }
+    }
+
     /// Draws what a query wants of heights, as far as it is loaded.
     pub(crate) fn ask(&mut self, query: &Query) -> Result<Report> {
         let Content::Heights(heights) = &mut self.content else { bail!("this is a mesh") };
@@ -525,9 +534,6 @@ impl Scene {
     /// the visible ones are stitched as in all other tiles.
     pub(crate) fn tile(&self, view: &View, [at, counts]: Tile) -> Result<(View, Vec<Node>)> {
         let mesh = self.mesh().context("pictures cannot be drawn in tiles")?;
-        if self.ground.is_some() {
-            bail!("pictures of a mesh on its ground cannot be drawn in tiles");
-        }
         let ([columns, rows], [width, height]) = (counts, view.viewport);
         if !columns.is_power_of_two() || !(columns == rows || columns == 2 * rows) {
             bail!("tiles come in powers of two, as many rows as columns or half as many: 1x1, 2x1, 2x2, 4x2 and so on");

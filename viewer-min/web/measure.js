@@ -1,6 +1,6 @@
 // A distance between two points of the surface, with a bound of what it can be off.
 
-import { add, dot, norm, sub } from './camera.js';
+import { dot, norm, sub } from './camera.js';
 
 export class Measure {
   #ends = [];
@@ -9,13 +9,10 @@ export class Measure {
     this.svg = svg;
   }
 
-  /** Adds a point that a ray met; the third one begins anew. */
-  add({ point, entry }, origin) {
+  /** Adds a point, and how far it can be from the input; the third one begins anew. */
+  add({ point, error }) {
     if (this.#ends.length === 2) this.#ends = [];
-    // What is drawn is nowhere farther from the input than the certified error. Rounding the vertices adds half a unit in the last place on
-    // each axis, and finding the point no more than that.
-    const rounding = Math.hypot(...entry.min.map((low, axis) => Math.max(Math.abs(low), Math.abs(entry.max[axis])) * 2 ** -23));
-    this.#ends.push({ point: add(point, origin), error: entry.error + rounding });
+    this.#ends.push({ point, error });
   }
 
   clear() {

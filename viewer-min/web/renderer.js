@@ -162,22 +162,25 @@ export class Renderer {
     return size;
   }
 
-  /** `image` says what images show: 'colours', 'classes', 'directions', or nothing. */
-  draw(pool, camera, origin, { colour, levelCount, tolerance, wireframe, image, isUnlit }) {
+  /**
+   * Draws surfaces into one picture, each as a camera in its own space sees it. `image` says what the images of one show: 'colours', 'classes',
+   * 'directions', or nothing.
+   */
+  draw(surfaces, { colour, tolerance, wireframe, isUnlit }) {
     const { gl, places } = this;
     if (this.isLost || gl.isContextLost()) return;
     const [width, height] = this.resize();
     gl.viewport(0, 0, width, height);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    const [right, up, forward] = camera.axes;
     const perTangent = 1 / Math.tan(VERTICAL_FOV / 2);
-    gl.uniform3fv(places.camera, sub(camera.position, origin));
-    gl.uniform3fv(places.right, right);
-    gl.uniform3fv(places.up, up);
-    gl.uniform3fv(places.forward, forward);
-    gl.uniform4f(places.projection, (perTangent * height) / width, perTangent, camera.near, (perTangent * height) / 2);
-    gl.uniformMatrix3fv(places.axes, true, [...right, ...up, ...forward]);
-    const draw = (isLines) => {
+    const drawOne = ({ pool, camera, origin, levelCount, image }, isLines) => {
+      const [right, up, forward] = camera.axes;
+      gl.uniform3fv(places.camera, sub(camera.position, origin));
+      gl.uniform3fv(places.right, right);
+      gl.uniform3fv(places.up, up);
+      gl.uniform3fv(places.forward, forward);
+      gl.uniform4f(places.projection, (perTangent * height) / width, perTangent, camera.near, (perTangent * height) / 2);
+      gl.uniformMatrix3fv(places.axes, true, [...right, ...up, ...forward]);
       gl.uniform4f(places.mode, COLOURS[colour] ?? 0, levelCount, tolerance, isLines ? 1 : 0);
       for (const slab of pool.slabs) {
         const { array, count } = isLines ? this.#lines(slab) : this.#upload(slab);
@@ -190,6 +193,7 @@ export class Renderer {
         gl.drawElements(isLines ? gl.LINES : gl.TRIANGLES, count, gl.UNSIGNED_INT, 0);
       }
     };
+    const draw = (isLines) => surfaces.forEach((surface) => drawOne(surface, isLines));
     if (wireframe) {
       gl.enable(gl.POLYGON_OFFSET_FILL);
       gl.polygonOffset(1, 1);

@@ -1,22 +1,23 @@
 // The page: opens a file by its address or from the disk, streams it for a camera, and draws it.
 
-import { EtagMismatch, Pool, open } from 'lodpack';
+import { EtagMismatch, open } from 'lodpack';
 import { Camera, VERTICAL_FOV } from './camera.js';
 import { Controls } from './controls.js';
 import { Measure } from './measure.js';
 import { Renderer } from './renderer.js';
+import { Surface, joinedFrames } from './surface.js';
 
 const $ = (id) => document.getElementById(id);
 const canvas = $('canvas');
 const camera = new Camera();
 const measure = new Measure($('marks'));
 let renderer;
-let shown = null; // The open file: { file, stream, pool, from }.
+let shown = null; // The open file: { file, stream, pool, from, name, surfaces }; stream and pool are those of the first surface.
 let opening = null; // Aborts what is being opened.
 let isDirty = true; // Whether something has to be drawn.
 let wantsFrame = true; // Whether the stream has to be asked.
 let isAsking = false;
-let last = null; // The last frame of the stream.
+let last = null; // The last frame of all surfaces.
 let times = { frame: 0, update: 0 };
 
 /** Opens a file, in place of the one that is open. */
@@ -29,22 +30,23 @@ async function show(from, name) {
   $('hint').textContent = `Opening ${name} …`;
   try {
     const file = await open(from, { signal: controller.signal });
-    if (controller.signal.aborted) return file.close();
-    const stream = await file.stream();
-    const { maxTextureSize } = renderer;
-    const pool = new Pool({ infoSize: 2, infoOf: ({ level, error }) => [level, error], images: file.channels.length > 0 || file.kind === 'heights', maxTextureSize });
-    pool.onremove = (slab) => renderer.forget(slab);
-    shown = { file, stream, pool, from, name };
-    stream.onprogress = ask;
+    const surfaces = await Surface.allOf(file, renderer, controller.signal).catch((error) => {
+      file.close();
+      throw error;
+    });
+    if (controller.signal.aborted) return surfaces.forEach((surface) => surface.close());
+    const [{ stream, pool }, ground] = surfaces;
+    shown = { file, stream, pool, from, name, surfaces };
+    for (const { stream } of surfaces) stream.onprogress = ask;
     document.title = `${name} – lodpack`;
     $('hint').hidden = true;
-    if (!file.bounds) {
+    if (!bounds()) {
       complain('There is nothing to see', `${name} is a sound file, but its surface is empty.`);
     } else {
-      // Heights go along z.
-      if (file.kind === 'heights') $('up').value = 'z';
-      camera.showAll(file.bounds, upAxis());
-      listChannels(file.channels);
+      // Heights go along z; where a mesh stands on them, in the space of the mesh.
+      if (file.kind === 'heights' || ground) $('up').value = ground?.file.frame.meshFromGround[6] ? 'y' : 'z';
+      camera.showAll(bounds(), upAxis());
+      listChannels();
       applyAddress();
     }
     ask();
@@ -56,12 +58,18 @@ async function show(from, name) {
 
 function close() {
   if (!shown) return;
-  shown.pool.slabs.forEach((slab) => renderer.forget(slab));
-  shown.file.close();
+  shown.surfaces.forEach((surface) => surface.close());
   shown = null;
   last = null;
   measure.clear();
   isDirty = true;
+}
+
+/** The box around everything, or null. */
+function bounds() {
+  const boxes = shown.surfaces.map((surface) => surface.bounds).filter(Boolean);
+  const all = (name, of) => [0, 1, 2].map((axis) => of(...boxes.map((box) => box[name][axis])));
+  return boxes.length > 0 ? { min: all('min', Math.min), max: all('max', Math.max) } : null;
 }
 
 /** Says what went wrong, in words for people. */
@@ -93,24 +101,25 @@ function view() {
   return { position: camera.position, forward, up, viewport: [width, height], verticalFov: VERTICAL_FOV, near: camera.near, pixelTolerance };
 }
 
-/** Asks the stream what to draw: one question at a time. */
+/** Asks the streams what to draw: one question at a time. */
 async function follow() {
   if (!shown || isAsking || !wantsFrame) return;
   isAsking = true;
   wantsFrame = false;
-  const { stream, pool, file, name, from } = shown;
+  const { stream, surfaces, file, name, from } = shown;
   try {
-    const frame = await stream.frame({ view: view() });
+    const seen = view();
+    const frames = await Promise.all(surfaces.map((surface) => surface.ask(seen)));
     if (shown?.stream !== stream) return;
     const begun = performance.now();
-    pool.update(frame);
+    surfaces.forEach(({ pool }, k) => pool.update(frames[k]));
     times.update = performance.now() - begun;
-    last = frame;
-    if (frame.uploads.length + frame.drops.length > 0) isDirty = true;
-    if (frame.problems.length > 0) {
-      complain('Parts of the surface cannot be loaded', `${frame.problems[0]}. What is loaded stays visible, coarser than wanted.`, () => {
+    last = joinedFrames(frames);
+    if (last.hasChanges) isDirty = true;
+    if (last.problems.length > 0) {
+      complain('Parts of the surface cannot be loaded', `${last.problems[0]}. What is loaded stays visible, coarser than wanted.`, () => {
         if (file.failure instanceof EtagMismatch) show(from, name);
-        else stream.retry().then(ask);
+        else Promise.all(surfaces.map(({ stream }) => stream.retry())).then(ask);
       });
     }
   } catch (error) {
@@ -120,18 +129,20 @@ async function follow() {
   }
 }
 
-/** Offers the channels of a file: at first the first one of colours, or normals. */
-function listChannels(channels) {
-  const known = channels.filter(({ kind }) => kind !== 'unknown');
-  $('channel').replaceChildren(...known.map(({ name }) => new Option(name, `channel ${name}`)), new Option('none'));
+const channels = () => (shown?.surfaces ?? []).flatMap(({ file }) => file.channels).filter(({ kind }) => kind !== 'unknown');
+
+/** Offers the channels of all surfaces: at first the first one of colours, or normals. */
+function listChannels() {
+  const names = [...new Set(channels().map(({ name }) => name))];
+  $('channel').replaceChildren(...names.map((name) => new Option(name, `channel ${name}`)), new Option('none'));
   $('channel').value = firstChannel();
-  $('channel-row').hidden = known.length === 0;
+  $('channel-row').hidden = names.length === 0;
   [$('low').value, $('high').value, $('scale').hidden, $('light-row').hidden] = ['', '', true, true];
 }
 
 /** What is chosen while nobody chooses. */
 function firstChannel() {
-  const first = ['colour', 'normal'].map((wanted) => shown?.file.channels.find(({ kind }) => kind === wanted)).find(Boolean);
+  const first = ['colour', 'normal'].map((wanted) => channels().find(({ kind }) => kind === wanted)).find(Boolean);
   return first ? `channel ${first.name}` : 'none';
 }
 
@@ -145,12 +156,12 @@ function chosenRange() {
 
 /** Shows the channel that is chosen, if another one is shown. */
 async function showChannel() {
-  const { stream, name } = shown;
+  const { stream, surfaces, name } = shown;
   const wanted = JSON.stringify([chosenChannel(), chosenRange()]);
   if (shown.channel === wanted || (!shown.channel && chosenChannel() === 'none')) return;
   shown.channel = wanted;
   try {
-    await stream.show(chosenChannel(), { range: chosenRange(), normals: true });
+    await Promise.all(surfaces.map((surface) => surface.show(chosenChannel(), chosenRange())));
   } catch (error) {
     if (shown?.stream !== stream) return;
     shown.channel = undefined;
@@ -159,27 +170,28 @@ async function showChannel() {
   }
   if (shown?.stream !== stream || shown.channel !== wanted) return;
   const digits = (value) => String(Number(value.toPrecision(5)));
-  [$('low').placeholder, $('high').placeholder] = stream.range?.map(digits) ?? ['', ''];
-  $('scale').hidden = !stream.range;
-  $('light-row').hidden = !stream.channel;
+  const range = surfaces.map(({ stream }) => stream.range).find(Boolean);
+  [$('low').placeholder, $('high').placeholder] = range?.map(digits) ?? ['', ''];
+  $('scale').hidden = !range;
+  $('light-row').hidden = !surfaces.some(({ stream }) => stream.channel);
   ask();
 }
 
 function statistics() {
   if (!shown) return '';
-  const { file, pool } = shown;
+  const { file, surfaces } = shown;
+  const sum = (of) => surfaces.reduce((all, { pool }) => all + of(pool), 0);
   const { requests, bytes } = file.traffic;
   const number = (value) => Math.round(value).toLocaleString('en').replaceAll(',', ' ');
-  const lines = [`${number(pool.triangleCount)} triangles`, `${number(pool.roots.size)} roots`];
+  const lines = [`${number(sum(({ triangleCount }) => triangleCount))} triangles`, `${number(sum(({ roots }) => roots.size))} roots`];
   lines.push(`${number(bytes / 1000)} of ${number(file.byteLength / 1000)} kB`, `${requests} requests`);
   if (last) {
     lines.push(last.shows === 'picture' ? `${last.errorPx.toFixed(2)} px error` : last.shows);
     lines.push(last.isComplete ? 'complete' : `${last.lateRoots} roots coarser`);
     if (last.lateImages > 0) lines.push(`${last.lateImages} roots without image`);
   }
-  if (pool.images) {
-    const { used, allocated } = pool.texels;
-    lines.push(`${number(used / 1000)} of ${number(allocated / 1000)} k texels`);
+  if (surfaces.some(({ pool }) => pool.images)) {
+    lines.push(`${number(sum(({ texels }) => texels.used) / 1000)} of ${number(sum(({ texels }) => texels.allocated) / 1000)} k texels`);
   }
   lines.push(`${times.frame.toFixed(1)} ms a frame`);
   return lines.join('\n');
@@ -194,18 +206,13 @@ function frame(now) {
   follow();
   if (!isDirty || renderer.isLost) return;
   isDirty = false;
-  const pool = shown?.pool ?? emptyPool;
-  renderer.draw(pool, camera, shown?.stream.origin ?? [0, 0, 0], {
-    colour: $('colour').value, levelCount: shown?.file.heights?.depthCount ?? shown?.file.levels.length ?? 1, tolerance: 2 ** Number($('tolerance').value), wireframe: $('wireframe').checked,
-    image: imageOf(shown?.stream.channel), isUnlit: !$('light').checked,
+  renderer.draw((shown?.surfaces ?? []).map((surface) => surface.drawn(camera)), {
+    colour: $('colour').value, tolerance: 2 ** Number($('tolerance').value), wireframe: $('wireframe').checked, isUnlit: !$('light').checked,
   });
   measure.draw(camera, [canvas.clientWidth, canvas.clientHeight], VERTICAL_FOV);
   times.frame = performance.now() - begun;
   $('hud').textContent = statistics();
 }
-const emptyPool = new Pool({ infoSize: 2 });
-const IMAGES = { label: 'classes', drawing: 'classes', normal: 'directions' };
-const imageOf = (channel) => (channel ? IMAGES[channel.kind] ?? 'colours' : undefined);
 
 let remembering;
 function moved() {
@@ -240,10 +247,10 @@ function applyAddress() {
   const pixels = Number(settings.get('px'));
   if (pixels > 0 && Number.isFinite(pixels)) $('tolerance').value = Math.log2(pixels);
   $('wireframe').checked = settings.get('wire') === '1';
-  const channels = [...$('channel').options].map(({ value }) => value);
+  const options = [...$('channel').options].map(({ value }) => value);
   const channel = settings.get('channel');
-  const option = [channel === 'none' ? 'none' : `channel ${channel}`].find((value) => channels.includes(value));
-  if (channels.length > 0) $('channel').value = option ?? firstChannel();
+  const option = [channel === 'none' ? 'none' : `channel ${channel}`].find((value) => options.includes(value));
+  if (options.length > 0) $('channel').value = option ?? firstChannel();
   const range = settings.get('range')?.split(':').map(Number) ?? [];
   [$('low').value, $('high').value] = range.length === 2 && range[0] < range[1] ? range : ['', ''];
   $('light').checked = settings.get('unlit') !== '1';
@@ -260,20 +267,20 @@ function settingsChanged() {
 /** What a place in the picture shows, or null. */
 function pick(x, y) {
   if (!shown) return null;
-  const { stream: { origin }, pool } = shown;
-  const from = camera.position.map((value, axis) => value - origin[axis]);
-  return pool.raycast(from, camera.ray(x, y, canvas.clientWidth / canvas.clientHeight));
+  const ray = camera.ray(x, y, canvas.clientWidth / canvas.clientHeight);
+  const hits = shown.surfaces.map((surface) => surface.pick(camera.position, ray)).filter(Boolean);
+  return hits.sort((a, b) => a.distance - b.distance)[0] ?? null;
 }
 
 function pickPoint(x, y) {
   const hit = pick(x, y);
-  return hit?.point.map((value, axis) => value + shown.stream.origin[axis]);
+  return hit?.surface.place(hit).point;
 }
 
 function click(x, y) {
   if (!$('measure').checked) return;
   const hit = pick(x, y);
-  if (hit) measure.add(hit, shown.stream.origin);
+  if (hit) measure.add(hit.surface.place(hit));
   isDirty = true;
 }
 
@@ -305,7 +312,7 @@ $('choose').addEventListener('change', () => {
 });
 const upAxis = () => ($('up').value === 'z' ? [0, 0, 1] : [0, 1, 0]);
 function whole() {
-  if (shown?.file.bounds) camera.showAll(shown.file.bounds, upAxis());
+  if (shown && bounds()) camera.showAll(bounds(), upAxis());
   moved();
 }
 

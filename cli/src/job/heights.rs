@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::merge::{FoundPart, Parts};
-use super::plan::{Job, PLAN_NAME, PartOptions};
+use super::plan::{Job, PartOptions};
 use super::stage::even_runs;
 use super::{BuildError, BuildOptions, Manifest, PartEntry, file_name, typed_raster};
 use crate::heights::{About, Basis, Builder, BuiltUnit, HeightsError, HeightsSummary, Joint, Keep, Samples, Seen};
@@ -23,7 +23,7 @@ use crate::pipeline::PipelineError;
 use crate::pipeline::summary::Stopwatch;
 use crate::progress::Progress;
 use crate::storage::memory::least_bytes;
-use crate::storage::{DAMAGED, JobId, SealedReader, SealedWriter, WorkDirectory, WorkError};
+use crate::storage::{DAMAGED, JobId, PLAN_NAME, SealedReader, SealedWriter, WorkDirectory, WorkError};
 
 /// The samples of all rasters, in steps.
 const SAMPLES_NAME: &str = "samples";

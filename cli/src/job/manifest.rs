@@ -2,6 +2,7 @@
 
 use std::fs::{self, File};
 use std::io::{self, Read};
+use std::iter;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -10,11 +11,9 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 use super::{BuildOptions, JobError, Stages, content};
 use crate::geometry_images::atlas_files;
 use crate::import::files_beside;
+use crate::mesh::appearance::Channels;
 use crate::pipeline::ModelOptions;
-use crate::storage::{JobId, WorkError};
-
-/// The manifest's name in a job's directory.
-pub const MANIFEST_NAME: &str = "job.json";
+use crate::storage::{JobId, MANIFEST_NAME, WorkError};
 
 /// A job's inputs, options and parts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,6 +28,9 @@ pub struct Manifest {
     /// images.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub beside: Vec<InputFile>,
+    /// What the ground that the mesh stands on was made of. The job's directory has the ground itself.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ground: Vec<InputFile>,
     /// The options that the bytes of the file depend on.
     pub options: ModelOptions,
     /// Whether the job makes a file of heights: its regions are units of the grid.
@@ -105,12 +107,16 @@ impl Manifest {
         // The import names those that are missing.
         let beside = beside.filter(|path| path.is_file()).map(InputFile::of);
         let beside = beside.collect::<Result<_, _>>()?;
+        let ground =
+            options.ground.iter().flat_map(|path| iter::once(path.clone()).chain(files_beside(path, &Channels::None)));
+        let ground = ground.filter(|path| path.is_file()).map(InputFile::of).collect::<Result<_, _>>()?;
         let lodpack = env!("CARGO_PKG_VERSION").to_owned();
         let mut manifest = Self {
             lodpack,
             job: String::new(),
             inputs,
             beside,
+            ground,
             options: options.model.clone(),
             heights: options.heights,
             parts: vec![],
@@ -122,9 +128,9 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// The inputs, and what they name.
+    /// The inputs, what they name, and what the ground was made of.
     fn files(&self) -> impl Iterator<Item = &InputFile> {
-        self.inputs.iter().chain(&self.beside)
+        self.inputs.iter().chain(&self.beside).chain(&self.ground)
     }
 
     /// The job's number. It depends on the contents of the inputs, not on their paths.
@@ -134,6 +140,9 @@ impl Manifest {
         let mut text = serde_json::to_vec(&(&self.lodpack, contents, &self.options)).unwrap_or_default();
         if self.heights {
             text.extend(b"heights");
+        }
+        if !self.ground.is_empty() {
+            text.extend(format!("ground {}", self.ground.len()).bytes());
         }
         JobId(xxh3_128(&text))
     }
@@ -197,7 +206,8 @@ impl Manifest {
         if self.options != now.options || self.heights != now.heights {
             return Some("it was begun with other options".into());
         }
-        if self.inputs.len() != now.inputs.len() || self.beside.len() != now.beside.len() {
+        let counts = |manifest: &Self| [&manifest.inputs, &manifest.beside, &manifest.ground].map(Vec::len);
+        if counts(self) != counts(now) {
             return Some("it was begun with other inputs".into());
         }
         let mut pairs = self.files().zip(now.files());

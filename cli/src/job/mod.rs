@@ -8,6 +8,8 @@
 //! - the parts, `part-K.lodpart`, each of which can be built without the others,
 //! - for each part a lock while it is built, a small report once it is built, or the reason why it failed.
 //!
+//! A job whose mesh stands on a ground has that in `ground.lodpack`, a file of heights that the merge puts under the mesh.
+//!
 //! A job of heights (`heights`) has the same files; its plan comes with `samples`, the grid in steps, and its regions are units of the grid.
 //!
 //! The planning itself can be divided, too ([`StagedJob`]): then the directory `stages` holds for each task of each [`Stage`] a lock, what it
@@ -21,6 +23,7 @@ mod content;
 mod encoded;
 mod error;
 mod file_name;
+mod ground;
 mod heights;
 mod input;
 mod manifest;
@@ -39,12 +42,14 @@ mod tasks;
 mod tests;
 mod worker;
 
+pub use crate::storage::MANIFEST_NAME;
 pub use add::Added;
 pub use build::{build, build_mesh};
 pub use error::{BuildError, JobError};
 pub use file_name::{FILE_EXTENSION, JOB_EXTENSION, beside, merged_file};
+pub use ground::{GROUND_NAME, keep_ground, kept_ground};
 pub use heights::merge_heights;
-pub use manifest::{InputFile, MANIFEST_NAME, Manifest, PartEntry};
+pub use manifest::{InputFile, Manifest, PartEntry};
 pub use merge::{Parts, merge};
 pub use options::{BuildOptions, typed_raster};
 pub use part::{PART_EXTENSION, part_name};

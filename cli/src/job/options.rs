@@ -10,7 +10,7 @@ use crate::import::raster::{RasterOptions, RasterPlace, survey};
 use crate::import::{Overflow, Room, survey_meshes};
 use crate::mesh::tolerance::{Tolerance, Unit};
 use crate::pipeline::{ModelOptions, PipelineError};
-use crate::progress::Progress;
+use crate::progress::{Progress, Silent};
 
 /// `auto` for rasters, in [`Tolerance::OfBend`].
 const AUTO_BENDS: f64 = 2.0;
@@ -27,6 +27,9 @@ pub struct BuildOptions {
     /// The directory that a build works in where the input does not fit in memory. It is made when needed, and removed at the end unless
     /// the build can be resumed from it.
     pub work: PathBuf,
+    /// What the ground that the mesh stands on is made of. Whoever plans a job makes the ground, and puts it into the directory
+    /// ([`super::keep_ground`]); the job only remembers these.
+    pub ground: Vec<PathBuf>,
     /// Keeps the grid of rasters: the job makes a file of heights ([`crate::heights`]).
     pub heights: bool,
     /// Resumes the build of the same inputs and options that an earlier process has left in `work`, if there is one.
@@ -40,6 +43,7 @@ impl Default for BuildOptions {
             model: ModelOptions::default(),
             memory: u64::MAX,
             work: std::env::temp_dir().join(format!("lodpack-{}.building", std::process::id())),
+            ground: vec![],
             heights: false,
             resume: false,
         }
@@ -68,6 +72,15 @@ impl BuildOptions {
             _ => self.model.unit,
         };
         Ok(Self { model: ModelOptions { unit, placement, ..self.model.clone() }, ..self.clone() })
+    }
+
+    /// Where the mesh will be in the world, by what was typed and by what the inputs say of themselves.
+    ///
+    /// # Errors
+    /// As for builds, as far as that is known before anything is built.
+    pub fn place(&self) -> Result<Option<Placement>, BuildError> {
+        // Whoever builds then hears the notes.
+        Ok(self.checked(&Silent)?.model.placement)
     }
 
     fn check(&self) -> Result<(), BuildError> {

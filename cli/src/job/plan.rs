@@ -18,12 +18,11 @@ use crate::pipeline::{PipelineError, Plan, Prepared, RegionSize, Scale, join, pr
 use crate::progress::Progress;
 use crate::region::{DividedMesh, RegionDirectory, RegionError, RegionStore, Regions};
 use crate::storage::memory::least_bytes;
-use crate::storage::{JobId, SealedReader, SealedWriter, WorkDirectory, WorkError};
+use crate::storage::{JobId, PLAN_NAME, SealedReader, SealedWriter, WorkDirectory, WorkError};
 
 /// The option that limits the memory of each part.
 const PART_MEMORY_OPTION: &str = "--part-memory";
 
-pub(super) const PLAN_NAME: &str = "plan";
 const PLAN_KIND: [u8; 4] = *b"plan";
 
 /// How a job is divided into parts.

@@ -7,7 +7,7 @@ use std::borrow::Cow;
 use std::cell::{Cell, OnceCell, RefCell};
 use std::fs;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::file_name::product_name;
 use super::planned::chain;
@@ -73,12 +73,13 @@ impl StagedJob {
         options: &BuildOptions,
         progress: &dyn Progress,
     ) -> Result<Manifest, BuildError> {
-        let absolute = options.inputs.iter().map(|input| {
-            std::path::absolute(input).map_err(|source| BuildError::from(WorkError::new(input, "read", source)))
-        });
+        let absolute = |path: &PathBuf| {
+            std::path::absolute(path).map_err(|source| BuildError::from(WorkError::new(path, "read", source)))
+        };
         // Workers may run anywhere.
-        let inputs = absolute.collect::<Result<_, _>>()?;
-        let options = BuildOptions { inputs, ..options.clone() }.checked(progress)?;
+        let inputs = options.inputs.iter().map(absolute).collect::<Result<_, _>>()?;
+        let ground = options.ground.iter().map(absolute).collect::<Result<_, _>>()?;
+        let options = BuildOptions { inputs, ground, ..options.clone() }.checked(progress)?;
         if let Some(atlas) = options.inputs.iter().find(|input| input.is_dir()) {
             let what = format!("{} is an atlas, which cannot be divided; omit --stages", atlas.display());
             return Err(PipelineError::Tolerance { what }.into());
@@ -119,6 +120,8 @@ impl StagedJob {
             false => WorkDirectory::create(path)?,
         };
         let folder = path.join(STAGES_NAME);
+        // Without a manifest nothing says what a process that was killed has left in it.
+        let _ = fs::remove_dir_all(&folder);
         fs::create_dir_all(&folder).map_err(|source| WorkError::new(&folder, "made", source))?;
         manifest.write(path)?;
         directory.keep(true);

@@ -22,7 +22,7 @@ const WORTHWHILE: f64 = 0.8;
 /// Distances below this share of the tolerance need not be resolved in charts of whole parts.
 const FLOOR_OF_PARTS: f64 = 0.75;
 /// Points of a chart at which its root mean square error is estimated.
-const RMS_POINTS: usize = 1000;
+const RMS_POINTS: usize = 500;
 
 /// A root, and what is known of it beside its record.
 #[derive(Clone, Debug)]
@@ -34,7 +34,7 @@ pub(super) struct Root {
     pub drawn: DrawnBlocks,
     /// Interior vertices of all blocks.
     pub vertices: u64,
-    /// Root mean square distance of about a thousand input vertices from the finest level, in input units.
+    /// Root mean square distance of some hundreds of input vertices from the finest level, in input units.
     pub rms: f64,
 }
 

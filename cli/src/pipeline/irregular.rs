@@ -11,7 +11,7 @@ use crate::mesh::NONE;
 use crate::stage::areas::{Areas, Jumps};
 use crate::stage::certify;
 use crate::stage::chart::NEVER;
-use crate::stage::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_chart};
+use crate::stage::simplify::{Early, LevelPatch, SimplifiedChart, SimplifyOptions, simplify_again};
 use glam::DVec3;
 use lodpack::{
     LatticePoint,
@@ -69,6 +69,7 @@ impl ChartWork<'_> {
     ) -> Outcome {
         let finest = self.charted.scale.finest();
         let limit = self.charted.scale.error_limit;
+        let mut early = None;
         loop {
             let keep_all = *failures >= MAX_FAILURES;
             // One attempt takes the whole border as samples. Beyond that, wishes have proved vain.
@@ -78,7 +79,7 @@ impl ChartWork<'_> {
                     return Outcome::Wishes(wishes);
                 }
             }
-            let mut simplified = self.simplify(cut, importance, *failures);
+            let mut simplified = self.simplify(cut, importance, *failures, &mut early);
             if !simplified.stuck.is_empty() {
                 let wishes = self.wishes(cut, simplified.stuck.iter().map(|s| (s.vertex, s.level)));
                 if !wishes.is_empty() {
@@ -121,7 +122,14 @@ impl ChartWork<'_> {
         }
     }
 
-    fn simplify(&mut self, cut: &CutChart, importance: &[f32], failures: u32) -> SimplifiedChart {
+    /// `early` serves all attempts that differ in weights alone.
+    fn simplify(
+        &mut self,
+        cut: &CutChart,
+        importance: &[f32],
+        failures: u32,
+        early: &mut Option<Early>,
+    ) -> SimplifiedChart {
         let start = thread_cpu_time();
         let mut thresholds: Vec<f64> = self.charted.scale.levels.iter().map(|level| level.threshold).collect();
         if let Some(finest) = thresholds.last_mut() {
@@ -137,7 +145,7 @@ impl ChartWork<'_> {
         let of_triangles = self.charted.areas_of(self.chart);
         let areas = Areas::of(&of_triangles, self.charted.jumps());
         let options = SimplifyOptions { thresholds: &thresholds, coarsest, importance, min_triangles: 0, areas };
-        let simplified = simplify_chart(&cut.mesh, &options);
+        let simplified = simplify_again(&cut.mesh, &options, (failures < LOCAL_FAILURES).then_some(early));
         self.times.simplify += thread_cpu_time() - start;
         simplified
     }

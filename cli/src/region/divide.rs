@@ -19,7 +19,8 @@ use crate::mesh::appearance::Appearance;
 use crate::mesh::attributes::{AttributeValues, Attributes, FileAttributes, RegionAttributes};
 use crate::storage::memory::{attribute_bytes, region_bytes};
 use crate::storage::{
-    DAMAGED, JobId, Lookup, Record, RecordReader, RecordWriter, SealedReader, SealedWriter, WorkDirectory, WorkError,
+    DAMAGED, DIVIDED_NAME, JobId, Lookup, Record, RecordReader, RecordWriter, SealedReader, SealedWriter,
+    WorkDirectory, WorkError,
 };
 
 /// The regions of a mesh. They share the positions of the whole mesh.
@@ -86,7 +87,6 @@ pub struct Counts {
     pub appearance: Appearance,
 }
 
-const COUNTS_NAME: &str = "divided";
 const COUNTS_KIND: [u8; 4] = *b"divd";
 
 fn triangle_file(region: usize) -> String {
@@ -130,7 +130,7 @@ impl DividedMesh {
         failure.map_or(Ok(()), Err)?;
         let triangles = gathering.finish(&mut write)?;
         let counts = Counts { triangles, bounds, attributes, appearance };
-        let mut writer = SealedWriter::within(&directory, COUNTS_NAME, COUNTS_KIND, job)?;
+        let mut writer = SealedWriter::within(&directory, DIVIDED_NAME, COUNTS_KIND, job)?;
         writer.put(&counts)?;
         writer.finish(false)?;
         directory.remove(&all);
@@ -144,7 +144,7 @@ impl DividedMesh {
     /// # Errors
     /// If there is none, or its files are damaged.
     pub fn open(directory: &WorkDirectory, job: JobId) -> Result<Self, WorkError> {
-        let mut reader = SealedReader::open_of_job(&directory.path(COUNTS_NAME), COUNTS_KIND, job)?;
+        let mut reader = SealedReader::open_of_job(&directory.path(DIVIDED_NAME), COUNTS_KIND, job)?;
         let counts: Counts = reader.get()?;
         reader.finish()?;
         let input = NumberedMesh::in_directory(directory, counts.triangles.iter().sum())?;

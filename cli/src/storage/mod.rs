@@ -78,6 +78,14 @@ struct Directory {
 
 /// The file that the process at work holds a lock on.
 const LOCK_NAME: &str = "lock";
+/// The file that says what a job is.
+pub const MANIFEST_NAME: &str = "job.json";
+/// The file that says that a job's regions are there.
+pub(crate) const PLAN_NAME: &str = "plan";
+/// The file that says that a job's input is divided.
+pub(crate) const DIVIDED_NAME: &str = "divided";
+/// Files that vouch for others go first: what a kill then leaves of the directory is begun anew.
+const FIRST_REMOVED: [&str; 3] = [MANIFEST_NAME, PLAN_NAME, DIVIDED_NAME];
 
 impl WorkDirectory {
     /// Makes a new directory, or takes an empty one. Anything else of that name is refused and left alone.
@@ -161,6 +169,9 @@ impl Drop for Directory {
     fn drop(&mut self) {
         if !*self.kept.get_mut() {
             // A failure is ignored: nothing more can be done here, and the directory's name says that it is temporary.
+            for name in FIRST_REMOVED {
+                let _ = fs::remove_file(self.path.join(name));
+            }
             let _ = fs::remove_dir_all(&self.path);
         }
     }

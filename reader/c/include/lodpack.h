@@ -10,7 +10,8 @@
  *     lodpack_decode(file, cut, &mesh);
  *
  * What the surface carries besides positions is asked for when a cut is decoded: lodpack_decode_channels(). A file of heights has queries of its own:
- * lodpack_select_heights(). A program that draws for a moving camera opens a stream and asks for a frame at a time: lodpack_open_stream().
+ * lodpack_select_heights(); so has the ground that a mesh may stand on, which lodpack_open_ground() opens. A program that draws for a moving camera opens a
+ * stream and asks for a frame at a time: lodpack_open_stream().
  *
  * Every function that can fail returns a status, and lodpack_last_error() says what went wrong, where, and what to do. No function
  * panics, unwinds or exits. Where a status is not LODPACK_STATUS_OK, what a function should have written is a null pointer or unchanged.
@@ -186,6 +187,8 @@ typedef struct {
   uint64_t overview_triangle_count;
   // Bound of the overview's two-sided distance to the input.
   double overview_error;
+  // Bytes of the heights that the mesh stands on (lodpack_open_ground()); 0 without any.
+  uint64_t ground_bytes;
 } lodpack_info;
 
 // What a file says about one level.
@@ -199,6 +202,36 @@ typedef struct {
   // Bytes that this level adds to the coarser ones.
   uint64_t page_bytes;
 } lodpack_level;
+
+// Where a ground is in the space of its mesh.
+typedef struct {
+  // Rows of the matrix that takes positions of the ground to the space of the mesh. The fourth column is what is added.
+  double mesh_from_ground[3][4];
+  // The way back.
+  double ground_from_mesh[3][4];
+  // Units of the mesh in a unit of the ground. Errors of the ground grow by it; its tolerances are those of the mesh divided by it.
+  double scale;
+} lodpack_ground_frame;
+
+// A camera. What it does not show is outside.
+typedef struct {
+  // Where it stands.
+  double position[3];
+  // Where it looks: a direction of any length but zero.
+  double forward[3];
+  // What is up in the picture; it need not be perpendicular to `forward`.
+  double up[3];
+  // Full angle between the picture's upper and lower border, radians.
+  double vertical_fov;
+  // Depth of the near plane, above zero.
+  double near_plane;
+  // The error to reach in the picture, pixels.
+  double pixel_tolerance;
+  // Width of the picture in pixels.
+  uint32_t width;
+  // Height of the picture in pixels.
+  uint32_t height;
+} lodpack_view;
 
 // What is known about a file of heights as soon as it is open.
 typedef struct {
@@ -253,26 +286,6 @@ typedef struct {
   // How many these are.
   size_t triangle_count;
 } lodpack_page;
-
-// A camera. What it does not show is outside.
-typedef struct {
-  // Where it stands.
-  double position[3];
-  // Where it looks: a direction of any length but zero.
-  double forward[3];
-  // What is up in the picture; it need not be perpendicular to `forward`.
-  double up[3];
-  // Full angle between the picture's upper and lower border, radians.
-  double vertical_fov;
-  // Depth of the near plane, above zero.
-  double near_plane;
-  // The error to reach in the picture, pixels.
-  double pixel_tolerance;
-  // Width of the picture in pixels.
-  uint32_t width;
-  // Height of the picture in pixels.
-  uint32_t height;
-} lodpack_view;
 
 // What to draw, and how finely. lodpack_query_default() fills all of it.
 typedef struct {
@@ -405,6 +418,17 @@ lodpack_status lodpack_get_level(const lodpack_file *file, uint32_t number, lodp
 
 // Reads the complete file, and checks every checksum and every rule of the format.
 lodpack_status lodpack_verify(const lodpack_file *file);
+
+// Opens the ground that a mesh stands on as a file of heights, and writes where it is. Writes a null pointer and no frame if there is none. Reads
+// 16 kB. The ground is closed like any file, and stays open when the file of the mesh is closed.
+lodpack_status lodpack_open_ground(const lodpack_file *file,
+                                   lodpack_file **ground,
+                                   lodpack_ground_frame *frame);
+
+// The camera that shows the ground in the same pixels as a camera shows the mesh, and with the same depths. A stream of the ground is drawn with it.
+lodpack_status lodpack_view_of_ground(const lodpack_ground_frame *frame,
+                                      const lodpack_view *view,
+                                      lodpack_view *seen);
 
 // Writes what a file of heights says of itself. Reads nothing.
 lodpack_status lodpack_get_heights_info(const lodpack_file *file, lodpack_heights_info *info);

@@ -30,6 +30,16 @@ pub enum Kind {
 }
 
 impl File {
+    /// An open file of this name.
+    pub fn new(opened: Opened<AnySource>, name: String) -> Self {
+        Self { names: Names::new(&opened), opened, name }
+    }
+
+    /// Path, address, or what it is instead.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
     /// Its mesh.
     pub fn mesh(&self) -> Result<&lodpack::File<AnySource>, Failure> {
         match &self.opened {
@@ -101,6 +111,8 @@ pub struct Info {
     pub overview_triangle_count: u64,
     /// Bound of the overview's two-sided distance to the input.
     pub overview_error: f64,
+    /// Bytes of the heights that the mesh stands on (lodpack_open_ground()); 0 without any.
+    pub ground_bytes: u64,
 }
 
 /// What a file says about one level.
@@ -157,7 +169,7 @@ pub extern "C" fn lodpack_open_source(source: *const Source, file: *mut *mut Fil
 
 fn open(source: AnySource, name: String, out: *mut *mut File) -> Result<(), Failure> {
     match Opened::open(source, Limits::default()) {
-        Ok(opened) => give(out, File { names: Names::new(&opened), opened, name }),
+        Ok(opened) => give(out, File::new(opened, name)),
         Err(error) => Err(Failure::from(error).of(&name)),
     }
 }
@@ -200,6 +212,7 @@ fn info_of_mesh(file: &lodpack::File<AnySource>) -> Info {
         source_vertex_count: source.map_or(0, |source| source.vertex_count),
         overview_triangle_count,
         overview_error,
+        ground_bytes: file.index().ground_range().map_or(0, |range| range.end - range.start),
     }
 }
 

@@ -6,6 +6,7 @@
 //! | `channels` | what the surface carries besides positions |
 //! | `query` | queries and cuts |
 //! | `heights` | the same of files of heights, and their samples |
+//! | `ground` | the heights that a mesh stands on |
 //! | `mesh` | decoding, and copies into the caller's memory |
 //! | `pages` | meshes of which each vertex has a place in an image |
 //! | `stream` | frames of a moving camera |
@@ -15,6 +16,7 @@
 
 mod channels;
 mod file;
+mod ground;
 mod heights;
 mod mesh;
 mod pages;

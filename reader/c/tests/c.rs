@@ -122,6 +122,9 @@ fn a_program_reads_sound_files_and_survives_all_others_without_a_leak() {
         // Three channels, in each of the three ways to open the file; and what a flight shows.
         let said = succeeds(Command::new(program).arg("sound").arg(painted()));
         assert_eq!((number(&said, "channels"), number(&said, "frames")), (9, 6), "{said}");
+        // Its ground in each of these ways, each with a flight, and one of the mesh.
+        let said = succeeds(Command::new(program).arg("sound").arg(vectors().join("ground.lodpack")));
+        assert_eq!((number(&said, "grounds"), number(&said, "frames")), (3, 24), "{said}");
     }
     if is_there("valgrind") {
         for (kind, files) in [("sound", &sound), ("invalid", &invalid)] {
@@ -178,6 +181,15 @@ fn the_example_of_the_readme_draws_a_file() {
     let file = vectors().join("tree.lodpack");
     let obj = succeeds(Command::new(&program).arg(&file).arg("0.5"));
     assert!(obj.lines().any(|line| line.starts_with("v ")) && obj.lines().any(|line| line.starts_with("f ")), "{obj}");
+    // A ground is written in the space of its mesh, behind it: the header of each, and corners that continue.
+    let obj = succeeds(Command::new(&program).arg(vectors().join("ground.lodpack")).arg("0"));
+    let found = |begin: &str| obj.lines().filter(|line| line.starts_with(begin)).collect::<Vec<_>>();
+    let (vertices, last) = (found("v "), found("f ").pop().expect("a triangle"));
+    assert_eq!(found("# ").len(), 2, "{obj}");
+    assert!(last.split(' ').skip(1).any(|corner| corner == vertices.len().to_string()), "{obj}");
+    // Heights alone are written, too.
+    let obj = succeeds(Command::new(&program).arg(vectors().join("heights/cell.lodpack")).arg("0"));
+    assert!(obj.lines().any(|line| line.starts_with("f ")), "{obj}");
     let wrong = Command::new(&program).arg(dir.path().join("nowhere.lodpack")).arg("1").output().expect("it starts");
     assert!(!wrong.status.success() && text(&wrong).contains("nowhere.lodpack: No such file"), "{}", text(&wrong));
 }

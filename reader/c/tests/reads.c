@@ -14,7 +14,7 @@ typedef enum { SOUND, INVALID, HOSTILE } nature;
 
 static int failures = 0;
 static const char *current = "";
-static int opened = 0, drawn = 0, channels = 0, frames = 0;
+static int opened = 0, drawn = 0, channels = 0, frames = 0, grounds = 0;
 
 #define EXPECT(condition)                                                                                     \
     do {                                                                                                      \
@@ -384,6 +384,45 @@ static void look_at(const lodpack_file *file, const lodpack_query *query, int is
     lodpack_free_mesh(mesh);
 }
 
+static double along(const double row[4], const double p[3]) { return row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3]; }
+
+/* The heights that a mesh stands on, which are a file like any other. */
+static void ask_ground(const lodpack_file *file, const lodpack_info *info, int is_sound) {
+    lodpack_file *ground;
+    lodpack_ground_frame frame;
+    lodpack_status status = lodpack_open_ground(file, &ground, &frame);
+    EXPECT(status == LODPACK_STATUS_OK || (!is_sound && is_refusal(status) && ground == NULL));
+    EXPECT(status != LODPACK_STATUS_OK || (ground != NULL) == (info->ground_bytes > 0));
+    if (!ground) {
+        return;
+    }
+    grounds++;
+    lodpack_info below;
+    EXPECT(lodpack_get_info(ground, &below) == LODPACK_STATUS_OK && below.kind == LODPACK_KIND_HEIGHTS);
+    ask_heights(ground, is_sound);
+    lodpack_status verified = lodpack_verify(ground);
+    EXPECT(verified == LODPACK_STATUS_OK || (!is_sound && is_refusal(verified)));
+    /* There and back again; lengths grow by the scale. */
+    double low[3], high[3], back[3], own = 0, seen = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        low[axis] = along(frame.mesh_from_ground[axis], below.bounds_low);
+        high[axis] = along(frame.mesh_from_ground[axis], below.bounds_high);
+        own += (below.bounds_high[axis] - below.bounds_low[axis]) * (below.bounds_high[axis] - below.bounds_low[axis]);
+        seen += (high[axis] - low[axis]) * (high[axis] - low[axis]);
+    }
+    for (int axis = 0; axis < 3; axis++) {
+        back[axis] = along(frame.ground_from_mesh[axis], low);
+        EXPECT(fabs(back[axis] - below.bounds_low[axis]) <= 1e-9 * (1 + fabs(back[axis])) || !is_sound);
+    }
+    EXPECT(fabs(sqrt(seen) - frame.scale * sqrt(own)) <= 1e-9 * (1 + sqrt(seen)) || !is_sound);
+    lodpack_view view = lodpack_view_default(), from;
+    EXPECT(lodpack_view_of_ground(&frame, &view, &from) == LODPACK_STATUS_OK);
+    EXPECT(fabs(from.near_plane * frame.scale - view.near_plane) < 1e-12 && from.width == view.width);
+    EXPECT(lodpack_view_of_ground(NULL, &view, &from) == LODPACK_STATUS_ARGUMENT);
+    fly(ground, &below, is_sound);
+    lodpack_close(ground);
+}
+
 static void ask_everything(const lodpack_file *file, int is_sound) {
     lodpack_info info;
     lodpack_level level;
@@ -392,6 +431,7 @@ static void ask_everything(const lodpack_file *file, int is_sound) {
     EXPECT(lodpack_get_info(file, &info) == LODPACK_STATUS_OK);
     lodpack_channel about;
     EXPECT(lodpack_get_channel(file, info.channel_count, &about) == LODPACK_STATUS_ARGUMENT);
+    ask_ground(file, &info, is_sound);
     if (info.kind == LODPACK_KIND_HEIGHTS) {
         ask_heights(file, is_sound);
         return;
@@ -471,6 +511,8 @@ static void ask_null(void) {
     EXPECT(lodpack_next_problem(NULL) == NULL && lodpack_page_count(NULL) == 0);
     EXPECT(lodpack_read_heights(NULL, 0, 1, 0, 1, NULL, 1) == LODPACK_STATUS_ARGUMENT);
     EXPECT(lodpack_copy_normals(NULL, NULL, 0, 0) == LODPACK_STATUS_ARGUMENT);
+    lodpack_ground_frame ground;
+    EXPECT(lodpack_open_ground(NULL, &file, &ground) == LODPACK_STATUS_ARGUMENT && file == NULL);
     lodpack_close_stream(NULL);
     EXPECT(lodpack_vertex_count(NULL) == 0 && lodpack_triangle_count(NULL) == 0);
     EXPECT(strlen(lodpack_version()) >= 5);
@@ -533,7 +575,7 @@ int main(int argc, char **argv) {
     for (int i = 2; i < argc; i++) {
         read_file(argv[i], kind);
     }
-    printf("%d files, %s; %d opened, %d meshes, %d channels, %d frames\n", argc - 2,
-           failures ? "some not as expected" : "all as expected", opened, drawn, channels, frames);
+    printf("%d files, %s; %d opened, %d meshes, %d channels, %d frames, %d grounds\n", argc - 2,
+           failures ? "some not as expected" : "all as expected", opened, drawn, channels, frames, grounds);
     return failures != 0;
 }

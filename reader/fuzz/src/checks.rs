@@ -33,6 +33,8 @@ pub fn open(bytes: &[u8]) {
         }
         if let Ok(Some(ground)) = file.ground() {
             assert!(ground.frame.scale() > 0.0 && ground.frame.point([1e15; 3]).iter().all(|x| x.is_finite()));
+            let matrices = [ground.frame.surface_from_ground(), ground.frame.ground_from_surface()];
+            assert!(matrices.iter().flatten().flatten().all(|x| x.is_finite()));
             let coarse = HeightsQuery { max_triangles: Some(1000), ..HeightsQuery::default() };
             if let Ok(mesh) = ground.heights.cut(&coarse).and_then(|cut| ground.heights.mesh(&cut)) {
                 assert!(mesh.positions.iter().all(|&point| ground.frame.point(point).iter().all(|x| x.is_finite())));

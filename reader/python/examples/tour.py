@@ -73,6 +73,15 @@ if coloured.colours is not None:
     print("mean colour", coloured.colours.mean(axis=0).round(), coloured.textured())
 
 # %% [markdown]
+# A mesh may stand on heights in the same file. Their mesh comes in the space of the mesh on them; their samples are an array of two dimensions.
+
+# %%
+ground = file.ground()
+if ground is not None:
+    print(ground.extract(tolerance=8 * info["mean_edge_length"]))
+    print(ground.heights.window().heights.shape, "samples; to the mesh by", ground.transform.tolist())
+
+# %% [markdown]
 # Where trimesh, PyVista or Open3D are installed, a mesh becomes one of theirs. PyVista's cells know their level and their error, and
 # `pyvista.read("scan.lodpack", tolerance=...)` works without this package being imported.
 

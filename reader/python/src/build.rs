@@ -94,8 +94,7 @@ fn options(request: &BuildRequest) -> Result<BuildOptions, String> {
         model: ModelOptions { tolerance, unit, effort, levels, ..ModelOptions::default() },
         memory: request.memory.unwrap_or_else(|| machine_bytes() / 2),
         work: request.work.clone(),
-        heights: false,
-        resume: false,
+        ..BuildOptions::default()
     })
 }
 

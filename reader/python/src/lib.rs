@@ -5,6 +5,7 @@
 //! | `source` | what a file is read from: a path, an address, bytes, or a Python object |
 //! | `reader` | an open file, and its answers |
 //! | `heights` | an open file of heights, and its answers |
+//! | `ground` | the heights that a mesh stands on |
 //! | `textured` | meshes with what the surface carries |
 //! | `array` | arrays that numpy takes over without copying |
 //! | `error` | from the reader's errors to exceptions by culprit |
@@ -15,6 +16,7 @@ mod array;
 #[cfg(feature = "build")]
 mod build;
 mod error;
+mod ground;
 mod heights;
 mod interrupt;
 mod reader;
@@ -27,6 +29,7 @@ mod _lodpack {
     #[pymodule_export]
     use crate::{
         array::Array,
+        ground::NativeFrame,
         heights::HeightsReader,
         reader::{NativeCut, Reader, open_bytes, open_object, open_path, open_url},
         textured::Textured,

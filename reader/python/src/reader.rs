@@ -3,12 +3,16 @@
 use crate::{
     array::Array,
     error::{exception, raise},
+    ground::{NativeFrame, OfFile},
     heights::HeightsReader,
     interrupt::interruptible,
     source::{Bytes, Object, Source},
     textured::Textured,
 };
-use lodpack::{Cut, Error, File, Limiter, Limits, Mesh, Opened, Opener, Outside, Query, ReadAt, source::Counting};
+use lodpack::{
+    Cut, Error, File, Ground, Limiter, Limits, Mesh, Opened, Opener, Outside, Query, ReadAt,
+    source::{Counting, Within},
+};
 use pyo3::{
     Bound, Py, PyAny, PyErr, PyResult, Python,
     exceptions::{PyIsADirectoryError, PyOSError},
@@ -247,6 +251,12 @@ impl Reader {
             channels.append(entry)?;
         }
         info.set_item("channels", channels)?;
+        let ground = index.ground_range().map(|range| {
+            let entry = PyDict::new(py);
+            entry.set_item("bytes", range.end - range.start)?;
+            Ok::<_, PyErr>(entry)
+        });
+        info.set_item("ground", ground.transpose()?)?;
         Ok(info.unbind())
     }
 
@@ -291,6 +301,16 @@ impl Reader {
         let is_slow = self.is_slow || cut.triangle_count > SLOW_TRIANGLES / 10;
         let mesh = self.ask(py, is_slow, move |file| file.extract_textured(&cut, &channels))?;
         Ok(Textured::new(mesh, infos))
+    }
+
+    /// The heights that the mesh stands on, and where they are; None without a ground.
+    fn ground(&self, py: Python<'_>) -> PyResult<Option<(HeightsReader, NativeFrame)>> {
+        let Some(range) = self.file.index().ground_range() else { return Ok(None) };
+        let source: Source = Box::new(Within::new(OfFile(Arc::clone(&self.file)), range));
+        let open = move |file: &File<Counting<Source>>| Ground::within(file.index(), Counting::new(source));
+        let Ground { heights, frame } = self.ask(py, self.is_slow, open)?;
+        let name = format!("the ground of {}", self.name);
+        Ok(Some((HeightsReader { file: Arc::new(heights), name: name.into() }, NativeFrame(frame))))
     }
 
     /// Reads the complete file, and checks every rule of the format.

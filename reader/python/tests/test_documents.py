@@ -9,7 +9,7 @@ import unittest
 
 import lodpack
 
-from .served import PACKAGE, SCAN, served, served_scan
+from .served import PACKAGE, SCAN, VECTORS, served, served_scan
 
 
 def run(*arguments: str) -> str:
@@ -36,6 +36,10 @@ class Documents(unittest.TestCase):
         with served(SCAN.read_bytes()) as (url, _):
             said = run(os.fspath(PACKAGE / "examples" / "tour.py"), url)
         self.assertRegex(said, r"area \d")
+        self.assertNotIn("samples; to the mesh", said)
+
+    def test_the_tour_sees_a_ground(self):
+        self.assertIn("samples; to the mesh", run(os.fspath(PACKAGE / "examples" / "tour.py"), os.fspath(VECTORS / "ground.lodpack")))
 
     def test_what_the_package_documents_is_there(self):
         for name in lodpack.__all__:

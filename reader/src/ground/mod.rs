@@ -13,7 +13,7 @@ use crate::{
         header::kind,
         placement::{Placement, UpAxis},
     },
-    heights::Heights,
+    heights::{Heights, HeightsIndex},
     index::Index,
     select::View,
     source::{ReadAt, Within},
@@ -54,10 +54,7 @@ impl<S: ReadAt> Ground<S> {
                 Error::Query { .. } => Error::format("the ground of a mesh is no file of heights"),
                 other => other,
             })?;
-            if heights.surface().is_globe() {
-                return Err(Error::format("the ground of a mesh lies on a globe, not on a plane"));
-            }
-            let frame = GroundFrame::new(heights.placement(), index.placement())?;
+            let frame = GroundFrame::under(heights.index(), index.placement())?;
             Ok(Self { heights, frame })
         };
         open().map_err(|error: Error| error.at(|| "section ground".to_string()))
@@ -118,6 +115,17 @@ impl GroundFrame {
         })
     }
 
+    /// The frame of these heights under a surface with this placement.
+    ///
+    /// # Errors
+    /// As [`Self::new`], and [`Error::Format`] if the heights lie on a globe.
+    pub fn under(heights: &HeightsIndex, surface: Option<&Placement>) -> Result<Self> {
+        if heights.surface().is_globe() {
+            return Err(Error::format("the ground of a mesh lies on a globe, not on a plane"));
+        }
+        Self::new(heights.placement(), surface)
+    }
+
     /// Whether coordinates stay as they are.
     pub fn is_identity(&self) -> bool {
         self.is_in_place() && !self.is_y_up
@@ -126,6 +134,17 @@ impl GroundFrame {
     /// How long a unit of the ground is in units of the surface.
     pub fn scale(&self) -> f64 {
         if self.is_in_place() { 1.0 } else { self.units[0] / self.units[1] }
+    }
+
+    /// The rows of the matrix that takes coordinates of the ground to those of the surface: [`Self::point`], but for rounding. The fourth column is
+    /// what is added.
+    pub fn surface_from_ground(&self) -> [[f64; 4]; 3] {
+        rows(self.point([0.0; 3]), |axis| self.direction(axis.map(|x| x * self.scale())))
+    }
+
+    /// The way back: [`Self::point_of_ground`], but for rounding.
+    pub fn ground_from_surface(&self) -> [[f64; 4]; 3] {
+        rows(self.point_of_ground([0.0; 3]), |axis| self.direction_of_ground(axis.map(|x| x / self.scale())))
     }
 
     /// A point of the ground in the space of the surface.
@@ -140,8 +159,7 @@ impl GroundFrame {
 
     /// A point of the surface's space in that of the ground: the way back, but for rounding.
     pub fn point_of_ground(&self, point: [f64; 3]) -> [f64; 3] {
-        let [x, y, z] = point;
-        let turned = if self.is_y_up { [x, -z, y] } else { point };
+        let turned = self.direction_of_ground(point);
         match self.is_in_place() {
             true => turned,
             false => [0, 1, 2]
@@ -154,13 +172,17 @@ impl GroundFrame {
         if self.is_y_up { [x, z, -y] } else { [x, y, z] }
     }
 
+    /// The way back: a direction of the surface in the space of the ground.
+    pub fn direction_of_ground<T: Copy + std::ops::Neg<Output = T>>(&self, [x, y, z]: [T; 3]) -> [T; 3] {
+        if self.is_y_up { [x, -z, y] } else { [x, y, z] }
+    }
+
     /// A view of the surface as a view of the ground: both fill the same pixels, and have the same depths in a depth buffer.
     pub fn view_of_ground(&self, view: &View) -> View {
-        let turned = |[x, y, z]: [f64; 3]| if self.is_y_up { [x, -z, y] } else { [x, y, z] };
         View {
             position: self.point_of_ground(view.position),
-            forward: turned(view.forward),
-            up: turned(view.up),
+            forward: self.direction_of_ground(view.forward),
+            up: self.direction_of_ground(view.up),
             near: view.near / self.scale(),
             ..*view
         }
@@ -183,6 +205,13 @@ impl GroundFrame {
     }
 }
 
+/// The rows of a matrix, from what it makes of the origin and of an axis.
+fn rows(origin: [f64; 3], turned: impl Fn([f64; 3]) -> [f64; 3]) -> [[f64; 4]; 3] {
+    let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(turned);
+    // Adding zero makes no other number of anything but a negative zero.
+    [0, 1, 2].map(|row| [x[row], y[row], z[row], origin[row]].map(|number| number + 0.0))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -200,6 +229,11 @@ mod tests {
         assert_eq!(frame.point(point), [20.0, 6.0, -40.0]);
         assert_eq!(frame.point_of_ground([20.0, 6.0, -40.0]), point);
         assert_eq!((frame.scale(), frame.direction([1, 2, 3])), (2.0, [1, 3, -2]));
+        assert_eq!(frame.direction_of_ground([1, 3, -2]), [1, 2, 3]);
+        let by =
+            |rows: [[f64; 4]; 3], [x, y, z]: [f64; 3]| rows.map(|row| row[0] * x + row[1] * y + row[2] * z + row[3]);
+        assert_eq!(by(frame.surface_from_ground(), point), [20.0, 6.0, -40.0]);
+        assert_eq!(by(frame.ground_from_surface(), [20.0, 6.0, -40.0]), point);
         let bounds = frame.bounds([[500_000.0, 5_000_000.0, 100.0], point]);
         assert_eq!(bounds, [[0.0, 0.0, -40.0], [20.0, 6.0, 0.0]]);
         assert_eq!(frame.bounds_of_ground(bounds), [[500_000.0, 5_000_000.0, 100.0], point]);

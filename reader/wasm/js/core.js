@@ -48,6 +48,20 @@ export class Core {
     return { ...info, channels: this.#channels };
   }
 
+  /** Where the ground of a mesh lies, and where the mesh is; null without a ground. */
+  async ground() {
+    if (this.#isOfHeights || !this.call('ground')) return null;
+    const [offset, length] = this.floats(0, 2);
+    return { offset, length, place: this.take(16) };
+  }
+
+  /** Of a ground: where it is in the space of the mesh. */
+  async groundFrame({ place }) {
+    this.write(place);
+    this.call('ground_frame');
+    return this.floats(0, 25);
+  }
+
   /** The small mesh that came with opening, or null. */
   async overview() {
     return this.call('overview') ? this.#mesh() : null;

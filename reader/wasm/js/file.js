@@ -1,16 +1,16 @@
-// An open file, and its streams.
+// An open file, and its streams. index.d.ts says what they do.
 
 import { SharedPromiseCache } from './cache.js';
 import { channelNumber, channelNumbers, checkedRange } from './channels.js';
 import { FIRST_READ_BYTES } from './core.js';
 import { EtagMismatch, LodpackError, SourceError } from './errors.js';
+import { GroundFrame } from './ground.js';
 import { packQuery } from './query.js';
 import { startReader } from './remote.js';
 import { sourceOf } from './source.js';
 
 const sharedCache = new SharedPromiseCache();
 
-/** Opens a file: an address, a File or Blob, bytes, or a source. */
 export async function open(from, options = {}) {
   const source = sourceOf(from);
   const cache = options.cache ?? sharedCache;
@@ -28,6 +28,7 @@ export class LodpackFile {
   #reader;
   #streams = new Map();
   #reading;
+  #options;
 
   /** @private Use open(). */
   static async open(source, cache, options) {
@@ -48,6 +49,7 @@ export class LodpackFile {
       [reading.etag, reading.head, reading.size] = [etag, new Uint8Array(data), size];
       file.byteLength = size;
       Object.assign(file, await file.#reader.call('open', { data, size, limits }, signal));
+      file.#options = options;
       return file;
     } catch (error) {
       file.close();
@@ -60,34 +62,44 @@ export class LodpackFile {
     this.#reading = reading;
   }
 
-  /** Requests sent for this file so far, and the bytes that they asked for. What the cache had is not counted twice. */
   get traffic() {
     const { requests, bytes } = this.#reading;
     return { requests, bytes };
   }
 
-  /** Why nothing can be read any more: EtagMismatch if the file has changed. */
   get failure() {
     return this.#reading.failure;
   }
 
-  /** One small mesh of the whole surface, or null. Nothing is read for it. */
+  async ground({ signal } = {}) {
+    const part = await this.#reader.call('ground', {}, signal);
+    if (!part) return null;
+    // It is read as a part of this file, whose cache is enough.
+    const getBytes = async (at, length, signal) => (
+      { size: part.length, data: await readRest(this.#reading, part.offset + at, Math.min(length, part.length - at), signal) });
+    const ground = await LodpackFile.open({ getBytes }, new SharedPromiseCache({ maxBytes: 0 }), { ...this.#options, signal });
+    try {
+      ground.frame = new GroundFrame(await ground.#reader.call('groundFrame', part, signal));
+      return ground;
+    } catch (error) {
+      ground.close();
+      throw error;
+    }
+  }
+
   overview() {
     return this.#reader.call('overview');
   }
 
-  /** The cut for a query. */
   async select(query, { signal } = {}) {
     return this.#reader.call('select', { query: packQuery(query) }, signal);
   }
 
-  /** The cut that draws everything at a level; 0 is the coarsest. */
   async selectLevel(level, { signal } = {}) {
     if (!Number.isInteger(level) || level < 0) throw new LodpackError('query', 'a level is a whole number from 0');
     return this.#reader.call('select', { level }, signal);
   }
 
-  /** The mesh of a cut; with the images of channels, if some are wanted: 'auto', or a list of names. */
   async extract(cut, { signal, channels = 'none', pageSize = 4096 } = {}) {
     const [nodes, numbers] = [nodesOf(cut), channelNumbers(this.channels, channels)];
     // Meshes of heights have the colours of a ramp anyway.
@@ -96,18 +108,15 @@ export class LodpackFile {
     return this.#reader.call('extractTextured', { nodes, channels: numbers, pageSize: Math.floor(pageSize) }, signal);
   }
 
-  /** The smallest and the largest value of a channel at the coarsest level; null for colours, normals and labels. */
   async channelRange(name, { signal } = {}) {
     const [channel] = channelNumbers(this.channels, [name]);
     return channel === undefined ? null : this.#reader.call('channelRange', { channel }, signal);
   }
 
-  /** How many boundary edges the mesh of a cut has. */
   async boundaryEdgeCount(cut, { signal } = {}) {
     return this.#reader.call('boundaryEdgeCount', { nodes: nodesOf(cut) }, signal);
   }
 
-  /** Starts to stream for a camera. */
   async stream(options = {}) {
     const middle = this.bounds ? this.bounds.min.map((low, axis) => (low + this.bounds.max[axis]) / 2) : [0, 0, 0];
     const { origin = middle, byteCache = 64 << 20, decodedCache = 256 << 20, texelCache = 128 << 20, maxReads = 6, ahead = 300 } = options;
@@ -121,7 +130,6 @@ export class LodpackFile {
     return stream;
   }
 
-  /** Ends the worker and all requests. Calls that are under way reject. */
   close() {
     this.#reader?.close();
     this.#streams.clear();
@@ -139,14 +147,11 @@ export class Stream {
   constructor(reader, reading, number, origin, channels, closed) {
     [this.#reader, this.#reading, this.#number, this.#channels, this.#closed] = [reader, reading, number, channels, closed];
     this.origin = origin;
-    /** The channel that is shown, or null; and the values of the ends of its ramp, if it has one. */
     this.channel = null;
     this.range = null;
-    /** Called when something has been loaded, so that another frame would show more. */
     this.onprogress = undefined;
   }
 
-  /** Draws a frame: resolves at once with what to upload and to drop. Send one at a time. */
   async frame(query) {
     const { failure } = this.#reading;
     const frame = await this.#reader.call('frame', { stream: this.#number, query: packQuery(query) });
@@ -154,10 +159,6 @@ export class Stream {
     return frame;
   }
 
-  /**
-   * Shows a channel from the next frame on: 'auto', 'none' or a name; numbers by a ramp between two values. With `normals`, images have those of the
-   * file beside it, and with `materials` what else materials have beside colours.
-   */
   async show(channel, { range, normals = false, materials = false, signal } = {}) {
     const number = channelNumber(this.#channels, channel, normals ? 'normal' : undefined);
     const beside = (normals ? 1 : 0) + (materials && this.#channels[number]?.kind === 'colour' ? 2 : 0);
@@ -166,12 +167,10 @@ export class Stream {
     this.notify();
   }
 
-  /** The next frame uploads everything that is drawn: for a GPU that has lost it. */
   lose() {
     return this.#reader.call('lose', { stream: this.#number });
   }
 
-  /** Tries again what has been given up. */
   retry() {
     return this.#reader.call('retry', { stream: this.#number });
   }

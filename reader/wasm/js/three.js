@@ -1,4 +1,4 @@
-// An object for three.js that streams by itself: LodpackMesh.
+// An object for three.js that streams by itself: LodpackMesh. three.d.ts says what it does.
 
 import {
   Box3, BufferAttribute, BufferGeometry, DoubleSide, DynamicDrawUsage, Frustum, Matrix4, Mesh, MeshBasicMaterial, MeshStandardMaterial, Object3D, Ray,
@@ -11,6 +11,9 @@ import { SlabTexture, cover } from './three-texture.js';
 const nothing = () => {};
 /** Whether a mesh of these options is lit. */
 const takesLight = ({ material, lit = true }) => (material ? 'normalMap' in material : lit);
+
+/** A ground shows its own colours, or none where the mesh on it shows none. */
+const groundChannel = (channel) => (channel === 'none' ? 'none' : 'auto');
 
 /** Draws a file as finely as the camera needs, in a few buffers with one material. */
 export class LodpackMesh extends Object3D {
@@ -27,7 +30,6 @@ export class LodpackMesh extends Object3D {
   #hasMore = true; // Whether the same question has another answer by now.
   #isDisposed = false;
 
-  /** Opens a file and streams it. Takes the options of open() as well. */
   static async load(from, options = {}) {
     const file = await open(from, options);
     try {
@@ -40,13 +42,22 @@ export class LodpackMesh extends Object3D {
     }
   }
 
-  /** Streams a file that is open. */
   static async of(file, options = {}) {
     // Colours of roots and those of the file exclude each other.
     const { channel = options.colorOf ? 'none' : 'auto', range } = options;
     // A material without light needs colours alone.
     const beside = takesLight(options) ? { normals: true, materials: true } : {};
-    return new LodpackMesh(file, await file.stream({ channel, range, ...beside, ...options.stream }), options);
+    const mesh = new LodpackMesh(file, await file.stream({ channel, range, ...beside, ...options.stream }), options);
+    let ground;
+    try {
+      ground = options.ground === false ? null : await file.ground();
+      if (ground) mesh.#stand(await LodpackMesh.of(ground, { ...options, channel: groundChannel(channel), range: undefined }));
+      return mesh;
+    } catch (error) {
+      ground?.close();
+      mesh.dispose();
+      throw error;
+    }
   }
 
   /** @private Use load() or of(). */
@@ -65,14 +76,10 @@ export class LodpackMesh extends Object3D {
     this.#isCovered = this.#ownsMaterial && file.channels.some(({ kind }) => kind === 'drawing');
     if (this.#isCovered) Object.assign(this.material, { side: DoubleSide, onBeforeCompile: cover });
     this.#beside = takesLight(options) ? { normals: true, materials: true } : {};
-    /** The last frame, with its counters; null before the first. */
-    this.frame = null;
-    /** Called after something new has been put in place, for programs that draw only when something changes. */
+    this.frame = this.ground = null;
     this.onchange = undefined;
-    /** Called with an Error if frames fail, and with messages of what could not be loaded. */
     this.onproblem = (problem) => console.warn('lodpack:', problem);
     const { min, max } = file.bounds ?? { min: [0, 0, 0], max: [0, 0, 0] };
-    /** Of everything, in the object's own coordinates. */
     this.boundingBox = new Box3(new Vector3(...min), new Vector3(...max));
     this.boundingSphere = this.boundingBox.getBoundingSphere(new Sphere());
     this.#pool = new Pool({ images: file.channels.length > 0 || file.kind === 'heights', ...(colorOf ? { infoSize: 3, infoOf: colorOf } : {}) });
@@ -87,20 +94,30 @@ export class LodpackMesh extends Object3D {
     this.#upload();
   }
 
-  /** The channel that is shown, or null. */
+  /** Takes the ground, whose coordinates are others, as a part. */
+  #stand(ground) {
+    const matrix = new Matrix4().set(...ground.file.frame.meshFromGround, 0, 0, 0, 1);
+    ground.applyMatrix4(matrix);
+    ground.#ownsFile = true;
+    ground.onchange = () => this.onchange?.();
+    ground.onproblem = (problem) => this.onproblem?.(problem);
+    this.boundingBox.union(ground.boundingBox.clone().applyMatrix4(matrix)).getBoundingSphere(this.boundingSphere);
+    this.ground = ground;
+    this.add(ground);
+  }
+
   get channel() {
     return this.#stream.channel;
   }
 
-  /** The values of the ends of its ramp, or null. */
   get range() {
     return this.#stream.range;
   }
 
-  /** Shows another channel: 'auto', 'none' or a name; numbers by a ramp between two values. */
   async show(channel, options = {}) {
     await this.#stream.show(channel, { ...this.#beside, ...options });
     for (const texture of this.#textures.values()) texture.look(this.#look);
+    await this.ground?.show(groundChannel(channel), { ...options, range: undefined });
     this.#hasMore = true;
     this.onchange?.();
   }
@@ -111,20 +128,22 @@ export class LodpackMesh extends Object3D {
     return { isCovered, isBlended: !['label', 'drawing'].includes(this.channel?.kind), hasDirections: this.channel?.kind === 'normal' };
   }
 
-  /** Texels that roots use, and texels that textures have. */
   get texels() {
     return this.#pool.texels;
   }
 
-  /** The number of triangles that are drawn. */
   get triangleCount() {
-    return this.#pool.triangleCount - 1;
+    return this.#pool.triangleCount - 1 + (this.ground?.triangleCount ?? 0);
   }
 
   /**
    * Asks for what a camera needs. Drawing calls it, so programs need to only to prepare for a camera that does not draw yet.
    */
   update(camera, renderer) {
+    if (this.ground) {
+      this.ground.pixelTolerance = this.pixelTolerance;
+      this.ground.update(camera, renderer);
+    }
     for (const [slab, mesh] of this.#meshes) {
       // What a program sets at the object holds for all of it.
       const { castShadow, receiveShadow, renderOrder } = this;
@@ -151,8 +170,8 @@ export class LodpackMesh extends Object3D {
     ).finally(() => { this.#isAsking = false; });
   }
 
-  /** Tries again what could not be loaded. */
   async retry() {
+    await this.ground?.retry();
     await this.#stream.retry();
     this.#hasMore = true;
   }
@@ -234,7 +253,6 @@ export class LodpackMesh extends Object3D {
     this.#textures.delete(slab);
   }
 
-  /** What Raycaster calls: the nearest hit, with `root`, `level` and certified `error`. */
   raycast(raycaster, intersects) {
     if (!raycaster.ray.intersectsSphere(this.boundingSphere.clone().applyMatrix4(this.matrixWorld))) return;
     const ray = new Ray().copy(raycaster.ray).applyMatrix4(new Matrix4().copy(this.matrixWorld).invert());
@@ -250,10 +268,10 @@ export class LodpackMesh extends Object3D {
     intersects.push({ distance, point, object: this, face: { a, b, c, normal, materialIndex: 0 }, root, level, error });
   }
 
-  /** Ends streaming and gives all memory back; also the file's, if load() opened it. */
   dispose() {
     if (this.#isDisposed) return;
     this.#isDisposed = true;
+    this.ground?.dispose();
     this.#stream.close();
     for (const slab of [...this.#meshes.keys()]) this.#remove(slab);
     if (this.#ownsMaterial) this.material.dispose();

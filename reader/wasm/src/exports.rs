@@ -93,6 +93,18 @@ pub extern "C" fn lodpack_heights() -> i32 {
     call(State::heights)
 }
 
+/// Where the ground of a mesh lies in the file, and where the mesh is; returns 0 if there is none.
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_ground() -> i32 {
+    call(State::ground)
+}
+
+/// Where an open ground is in the space of the mesh, whose place is in the input.
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_ground_frame() -> i32 {
+    call(State::ground_frame)
+}
+
 /// The overview's mesh; returns 0 if there is none.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_overview() -> i32 {

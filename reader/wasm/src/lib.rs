@@ -13,6 +13,7 @@
 //! | `pack` | what a frame changes, packed for the GPU |
 //! | `channels` | what the surface carries: what there is, and meshes with it |
 //! | `heights` | files of heights: what there is, cuts and meshes |
+//! | `ground` | the heights that a mesh stands on: where they are |
 //! | `query` | queries as numbers |
 //! | `answer` | results as numbers and bytes |
 
@@ -20,6 +21,7 @@ pub mod answer;
 mod channels;
 mod dress;
 pub mod exports;
+mod ground;
 mod heights;
 mod pack;
 mod query;

@@ -49,6 +49,11 @@ export async function ask(open, bytes) {
     if (mesh) checkMesh(mesh);
   }
   await attempt('stream', () => stream(file, view ?? {}, attempt));
+  const ground = await attempt('ground', () => file.ground());
+  if (ground) {
+    await attempt('stream', () => stream(ground, ground.frame.view(view ?? {}), attempt));
+    ground.close();
+  }
   // Whatever was refused, the reader still answers.
   const again = await attempt('again', () => file.overview());
   if (done.has('overview') !== done.has('again') || again?.triangles.length !== overview?.triangles.length) throw new Error('it answers differently afterwards');

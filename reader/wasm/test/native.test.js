@@ -28,7 +28,7 @@ describe('beside the native viewer', { skip }, () => {
           const context = canvas.getContext('2d');
           context.drawImage(bitmap, 0, 0);
           const { data: native } = context.getImageData(0, 0, width, height);
-          renderer.draw(shown.pool, camera, shown.stream.origin, { colour: 'shading', levelCount: 1, tolerance: 1, wireframe: false, image: 'colours', isUnlit });
+          renderer.draw(shown.surfaces.map((surface) => ({ ...surface.drawn(camera), image: 'colours' })), { colour: 'shading', tolerance: 1, wireframe: false, isUnlit });
           const own = new Uint8Array(4 * width * height);
           gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, own);
           const isSurface = (pixels, at) => Math.abs(pixels[at] - 232) + Math.abs(pixels[at + 1] - 236) + Math.abs(pixels[at + 2] - 244) > 6;

@@ -11,6 +11,7 @@ const SCAN = '/files/valid-scan.lodpack';
 const PAINTED = '/files/valid-painted.lodpack';
 const DRAWN = '/files/valid-drawn.lodpack';
 const LIT = '/files/valid-lit.lodpack';
+const TOWN = '/files/valid-town.lodpack';
 const GLOBE = '/files/heights-globe.lodpack';
 
 describe('the viewer page', { skip }, () => {
@@ -47,7 +48,7 @@ describe('the viewer page', { skip }, () => {
   const covered = () => page.evaluate(() => {
     const { renderer, shown, camera } = globalThis.lodpackViewer;
     const { gl, canvas } = renderer;
-    renderer.draw(shown.pool, camera, shown.stream.origin, { colour: 'shading', levelCount: 1, tolerance: 1, wireframe: false });
+    renderer.draw(shown.surfaces.map((surface) => surface.drawn(camera)), { colour: 'shading', tolerance: 1, wireframe: false });
     const pixels = new Uint8Array(4 * canvas.width * canvas.height);
     gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
     let count = 0;
@@ -127,6 +128,88 @@ describe('the viewer page', { skip }, () => {
     assert.ok(results.results.length > 1, JSON.stringify(results));
     for (const { wrong, degenerate } of results.results) assert.deepEqual([wrong, degenerate], [0, 0]);
     await isComplete();
+  });
+
+  test('a mesh and its ground are one picture with one depth buffer, and both are picked and counted', async () => {
+    await visit(`/?url=${TOWN}`);
+    await isComplete();
+    await page.waitForFunction(() => globalThis.lodpackViewer.shown.surfaces[1]?.stream.channel?.name === 'colour');
+    await isComplete();
+    await page.waitForTimeout(300);
+    const seen = await page.evaluate(async () => {
+      const { renderer, shown: { surfaces }, camera, pick } = globalThis.lodpackViewer;
+      const { gl, canvas, draw } = renderer;
+      const read = () => {
+        const pixels = new Uint8Array(4 * canvas.width * canvas.height);
+        gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+        return pixels;
+      };
+      const pixelsOf = (drawn) => {
+        renderer.draw(drawn, { colour: 'shading', tolerance: 1, wireframe: false });
+        return read();
+      };
+      // What the page itself draws.
+      const both = await new Promise((resolve) => {
+        renderer.draw = (...all) => {
+          delete renderer.draw;
+          draw.apply(renderer, all);
+          resolve(read());
+        };
+        document.getElementById('tolerance').dispatchEvent(new Event('input'));
+      });
+      const drawn = surfaces.map((surface) => surface.drawn(camera));
+      const alone = drawn.map((one) => pixelsOf([one]));
+      const counts = { shown: [0, 0], hides: [0, 0], wrong: 0, upwards: 0, middle: [] };
+      for (let y = 1; y < canvas.height; y += 4) {
+        for (let x = 1; x < canvas.width; x += 4) {
+          const place = [(2 * x + 1) / canvas.width - 1, (2 * y + 1) / canvas.height - 1];
+          const hit = pick(...place);
+          if (!hit) continue;
+          const which = surfaces.indexOf(hit.surface);
+          counts.shown[which] += 1;
+          // Where neither the panel nor the numbers are.
+          if (place.every((at) => Math.abs(at) < 0.4)) counts.middle[which] ??= [x, canvas.height - y];
+          const ray = camera.ray(...place, canvas.clientWidth / canvas.clientHeight);
+          if (surfaces[1 - which].pick(camera.position, ray)) counts.hides[which] += 1;
+          const at = 4 * (y * canvas.width + x);
+          if ([0, 1, 2].some((k) => Math.abs(both[at + k] - alone[which][at + k]) > 3)) counts.wrong += 1;
+          // The ground is from 37 to 50 m high, the town's origin is 40 m, and its unit is a foot.
+          const { point } = hit.surface.place(hit);
+          if (which === 1) counts.upwards += point[1] > -4 / 0.3048 && point[1] < 11 / 0.3048 ? 1 : 0;
+        }
+      }
+      const channels = [...document.querySelectorAll('#channel option')].map(({ textContent }) => textContent);
+      const triangles = surfaces.map(({ pool }) => pool.triangleCount);
+      const colours = new Set(Array.from({ length: alone[1].length / 4 }, (_, k) => alone[1].slice(4 * k, 4 * k + 3).join())).size;
+      return { ...counts, up: camera.up, channels, triangles, colours, hud: document.getElementById('hud').textContent.replaceAll(/(\d) (?=\d)/g, '$1') };
+    });
+    const text = JSON.stringify(seen);
+    assert.ok(seen.shown.every((count) => count > 200) && seen.hides.every((count) => count > 20), text);
+    // Pixels on edges are of both.
+    assert.ok(seen.wrong < 0.06 * (seen.shown[0] + seen.shown[1]), text);
+    assert.equal(seen.upwards, seen.shown[1], text);
+    assert.deepEqual([seen.up, seen.channels], [[0, 1, 0], ['colour', 'none']]);
+    assert.ok(seen.triangles.every((count) => count > 50) && seen.colours > 100, text);
+    assert.ok(seen.hud.includes(`${seen.triangles[0] + seen.triangles[1]} triangles`), text);
+    // A point of each is measured, and a closer look loads more of the ground.
+    await page.keyboard.press('m');
+    for (const place of seen.middle) await page.mouse.click(...place);
+    await page.waitForSelector('#marks text');
+    assert.match(await page.textContent('#marks text'), /^\d+(\.\d+)? ± \d+(\.\d+)?$/);
+    const before = seen.triangles[1];
+    await page.evaluate(() => { globalThis.lodpackViewer.camera.zoom(0.3); document.getElementById('tolerance').value = -2; document.getElementById('tolerance').dispatchEvent(new Event('input')); });
+    await page.waitForFunction((before) => globalThis.lodpackViewer.last.isComplete && globalThis.lodpackViewer.shown.surfaces[1].pool.triangleCount !== before, before);
+    // What is closed gives both back.
+    await page.goto(`${server.url}/?url=${SCAN}`);
+    await isComplete();
+    assert.equal(await page.evaluate(() => globalThis.lodpackViewer.shown.surfaces.length), 1);
+  });
+
+  test('a ground that is damaged is named', async () => {
+    await visit('/?url=/vectors/invalid/ground_on_a_globe.lodpack');
+    assert.match(await complaint(), /lies on a globe/);
+    await page.goto(`${server.url}/?url=/vectors/invalid/ground_of_a_mesh.lodpack`);
+    assert.match(await complaint(), /no file of heights/);
   });
 
   test('opens a file that is dropped', async () => {

@@ -90,7 +90,7 @@ export function outwardsOfTorus([x, y, z]) {
 /** The pixels of what the viewer page shows now, with these images, lit or not. */
 export function pixelsOf({ renderer, shown, camera }, image, isUnlit) {
   const { gl, canvas } = renderer;
-  renderer.draw(shown.pool, camera, shown.stream.origin, { colour: 'shading', levelCount: 1, tolerance: 1, wireframe: false, image, isUnlit });
+  renderer.draw(shown.surfaces.map((surface) => ({ ...surface.drawn(camera), image })), { colour: 'shading', tolerance: 1, wireframe: false, isUnlit });
   const pixels = new Uint8Array(4 * canvas.width * canvas.height);
   gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
   return pixels;

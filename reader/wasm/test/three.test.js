@@ -12,6 +12,7 @@ const SCAN = '/files/valid-scan.lodpack';
 const PAINTED = '/files/valid-painted.lodpack';
 const DRAWN = '/files/valid-drawn.lodpack';
 const LIT = '/files/valid-lit.lodpack';
+const TOWN = '/files/valid-town.lodpack';
 const TERRAIN = '/files/heights-flat.lodpack';
 
 async function visit(address, options, action) {
@@ -81,6 +82,41 @@ describe('LodpackMesh', { skip }, () => {
       assert.equal(result.kind, 'heights');
       assert.ok(result.areShaded);
       assert.ok(result.triangles > 100 && result.error >= 0 && result.level >= 0, JSON.stringify(result));
+    });
+  });
+
+  test('a mesh stands on its ground', async () => {
+    await visit(`/lodpack/examples/three.html?url=${TOWN}`, {}, async (page) => {
+      await page.waitForFunction(() => globalThis.mesh?.frame?.isComplete && globalThis.mesh.ground?.frame?.isComplete);
+      const result = await page.evaluate(async () => {
+        const { mesh, camera, scene, renderer } = globalThis;
+        const { Raycaster, Vector2 } = await import('three');
+        const raycaster = new Raycaster();
+        const seen = { mesh: 0, ground: 0 };
+        const heights = [];
+        for (let y = -0.9; y < 1; y += 0.1) {
+          for (let x = -0.9; x < 1; x += 0.1) {
+            raycaster.setFromCamera(new Vector2(x, y), camera);
+            const [hit] = raycaster.intersectObject(scene, true);
+            if (!hit) continue;
+            seen[hit.object === mesh ? 'mesh' : hit.object === mesh.ground ? 'ground' : 'other'] += 1;
+            if (hit.object === mesh.ground) heights.push(hit.point.y);
+          }
+        }
+        const box = mesh.boundingBox.clone();
+        const triangles = [mesh.triangleCount, mesh.ground.triangleCount];
+        const isColoured = mesh.ground.children.some(({ material }) => material.map);
+        mesh.dispose();
+        renderer.render(scene, camera);
+        return { seen, heights, triangles, isColoured, size: box.max.toArray().map((most, axis) => most - box.min.getComponent(axis)), geometries: renderer.info.memory.geometries };
+      });
+      const text = JSON.stringify(result);
+      assert.ok(result.seen.mesh > 5 && result.seen.ground > 5 && !result.seen.other, text);
+      // In feet above an origin of 40 m.
+      assert.ok(result.heights.every((height) => height > -4 / 0.3048 && height < 11 / 0.3048), text);
+      assert.ok(result.triangles[0] > result.triangles[1] && result.triangles[1] > 50 && result.isColoured, text);
+      assert.ok(result.size[0] > 130 / 0.3048 && result.size[2] > 130 / 0.3048 && result.size[1] < 50 / 0.3048, text);
+      assert.equal(result.geometries, 0);
     });
   });
 

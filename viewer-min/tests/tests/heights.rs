@@ -1,7 +1,7 @@
 //! Files of heights: checks pass on planes, coasts and globes and find planted faults; the program draws them.
 
 use std::{
-    path::PathBuf,
+    path::{Path, PathBuf},
     sync::{
         Arc,
         atomic::{AtomicU32, Ordering},
@@ -293,9 +293,20 @@ fn a_mesh_and_its_ground_share_a_depth_buffer() {
     let mut both = vec![];
     join_ground(&surface, &heights, &mut both).unwrap();
     let options = Options { views: 8, size_px: 120, difference: None, fault: None };
-    let outcome = check(Arc::new(both), None, &options).unwrap();
+    let outcome = check(Arc::new(both.clone()), None, &options).unwrap();
     assert!(outcome.failures.is_empty(), "{:#?}", outcome.lines);
     let hidden = outcome.lines.iter().find(|line| line.contains("hides its ground")).expect("both are compared");
     let counts: Vec<u32> = hidden.split_whitespace().filter_map(|word| word.parse().ok()).collect();
     assert!(counts.len() == 2 && counts.iter().all(|&count| count > 10), "each hides the other somewhere: {hidden}");
+    // Tiles of such a picture join to it.
+    let folder = folder("ground-tiles");
+    let [path, out] = ["both.lodpack", "joined.png"].map(|name| folder.join(name).to_str().unwrap().to_owned());
+    std::fs::write(&path, both).unwrap();
+    for camera in ["3,3,3:0,0,0:0,1,0", "0.5,1.5,2.5:0,0,0:0,1,0"] {
+        let output = program(&[&path, "--screenshot", &out, "--size", "320x256", "--tiles", "2x2", "--camera", camera]);
+        assert!(output.status.success(), "{output:?}");
+        let picture = load(Path::new(&out)).unwrap();
+        let covered = picture.pixels().filter(|&&pixel| pixel != BACKGROUND).count();
+        assert!(covered > 10_000, "{covered}");
+    }
 }

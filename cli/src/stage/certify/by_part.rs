@@ -41,6 +41,8 @@ pub struct Comparison {
     pairs: Vec<Pair>,
     /// Whether there is no border.
     is_closed: bool,
+    /// A distance that occurs between parts, and where.
+    lower: (f64, DVec3),
 }
 
 /// Two surfaces, or parts of two.
@@ -73,7 +75,8 @@ impl Comparison {
         let of_fine = (is_closed || of_coarse.is_some()).then(|| Parts::new(fine, points().map(|vertex| vertex.fine)));
         let of_fine = of_fine.flatten();
         let is_several = of_coarse.is_some() || of_fine.is_some();
-        let pairs = of_fine.zip(of_coarse).and_then(|parts| pairs_of([fine, coarse], parts, pairing));
+        let found = of_fine.zip(of_coarse).and_then(|parts| pairs_of([fine, coarse], parts, pairing));
+        let (pairs, lower) = found.map_or((None, (0.0, DVec3::ZERO)), |(pairs, lower)| (Some(pairs), lower));
         let whole = || {
             let [fine, coarse] = [fine, coarse].map(|surface| Side {
                 surface: Arc::clone(surface.bvh()),
@@ -83,7 +86,7 @@ impl Comparison {
             // Parts that do not correspond are not laid onto each other as a whole either; a border may help.
             vec![Pair { may_drape: !(is_closed && is_several), ..Pair::new(fine, coarse, pairing.clone()) }]
         };
-        Self { pairs: pairs.unwrap_or_else(whole), is_closed }
+        Self { pairs: pairs.unwrap_or_else(whole), is_closed, lower }
     }
 
     #[cfg(test)]
@@ -99,13 +102,14 @@ impl Comparison {
     /// Bounds the Hausdorff distance like [`super::two_sided`]: in several parts by the largest distance between two that correspond, which
     /// may be more (also in `lower`).
     pub fn two_sided(&mut self, options: &CertifyOptions) -> Bound {
-        let mut options = options.clone();
+        let mut options = CertifyOptions { lower: options.lower.max(self.lower.0), ..options.clone() };
         let bounds = self.pairs.iter_mut().map(|pair| {
             let bound = pair.two_sided(&options);
             options.lower = options.lower.max(bound.lower);
             bound
         });
-        bounds.reduce(Bound::or_worse).unwrap_or(Bound { lower: 0.0, upper: 0.0, worst: DVec3::ZERO, work: 0 })
+        let (lower, worst) = self.lower;
+        bounds.fold(Bound { lower, upper: lower, worst, work: 0 }, Bound::or_worse)
     }
 
     /// Squared distances of every so many vertices of the finer surface from the coarser one, or from the part that corresponds.
@@ -199,12 +203,12 @@ impl Pair {
     }
 }
 
-/// The pairs of parts that correspond, those with a border first; none if they do not.
+/// The pairs of parts that correspond, those with a border first, and a distance that occurs between two; none if they do not.
 fn pairs_of(
     surfaces: [&Surface; 2],
     (of_fine, of_coarse): (Parts, Parts),
     pairing: &BorderPairing,
-) -> Option<Vec<Pair>> {
+) -> Option<(Vec<Pair>, (f64, DVec3))> {
     let has_border = [of_fine.bordered.is_empty(), of_coarse.bordered.is_empty()];
     if has_border[0] != has_border[1] || of_fine.closed.len() != of_coarse.closed.len() {
         return None;
@@ -224,11 +228,37 @@ fn pairs_of(
         triangles: Some(part.numbers.clone()),
         vertices: Some(part.vertices.clone()),
     };
+    let mut lower = (0.0, DVec3::ZERO);
     for (fine, partner) in of_fine.closed.iter().zip(partners) {
-        let [fine, coarse] = [fine, &of_coarse.closed[partner]].map(side);
+        let coarse = &of_coarse.closed[partner];
+        let beyond = fine.beyond(coarse);
+        if beyond.0 > lower.0 {
+            lower = beyond;
+        }
+        let [fine, coarse] = [fine, coarse].map(side);
         pairs.push(Pair::new(fine, coarse, vec![]));
     }
-    Some(pairs)
+    Some((pairs, lower))
+}
+
+impl Part {
+    /// A distance that occurs between two parts, and where: by how much the box of one reaches beyond that of the other.
+    fn beyond(&self, other: &Self) -> (f64, DVec3) {
+        let mut most = (0.0, DVec3::ZERO);
+        for (one, other) in [(self, other), (other, self)] {
+            for axis in 0..3 {
+                let [low, high] = one.bounds.map(|p| p[axis]);
+                for (end, by) in [(low, other.bounds[0][axis] - low), (high, high - other.bounds[1][axis])] {
+                    if by > most.0
+                        && let Some(&at) = one.positions.iter().find(|p| p[axis] == end)
+                    {
+                        most = (by, at);
+                    }
+                }
+            }
+        }
+        most
+    }
 }
 
 impl Parts {

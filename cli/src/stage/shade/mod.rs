@@ -5,6 +5,7 @@
 //! every machine and any number of threads.
 
 mod cache;
+mod decode;
 mod jumps;
 mod maps;
 mod texels;

@@ -252,3 +252,45 @@ fn factors_of_materials_come_from_their_components() {
     let light = LINEAR_OF_BYTE[51];
     assert!(close(face.emissive(at, 0.0), [light, 0.5 * LINEAR_OF_BYTE[102], 0.0]));
 }
+
+#[test]
+fn images_in_files_show_what_those_in_memory_show() {
+    let value = |x: u32, y: u32, k: u32| ((x * (3 + k) + y * y * (k + 1)) % 251) as u8;
+    let rgb = ImageBuffer::from_fn(61, 40, |x, y| image::Rgb([0, 1, 2].map(|k| value(x, y, k))));
+    let rgba = ImageBuffer::from_fn(61, 40, |x, y| Rgba([0, 1, 2, 3].map(|k| value(x, y, k))));
+    let fine = ImageBuffer::from_fn(61, 40, |x, y| Rgba([0, 1, 2, 3].map(|k| u16::from(value(x, y, k)) * 257 + 5)));
+    let grey = ImageBuffer::from_fn(61, 40, |x, y| image::LumaA([value(x, y, 1), value(x, y, 2)]));
+    let (rgb, rgba) = (DynamicImage::ImageRgb8(rgb), DynamicImage::ImageRgba8(rgba));
+    let images = [
+        encoded(&rgb, ImageFormat::Png),
+        encoded(&rgb, ImageFormat::Jpeg),
+        encoded(&rgba, ImageFormat::Png),
+        encoded(&DynamicImage::ImageRgba16(fine), ImageFormat::Png),
+        encoded(&DynamicImage::ImageLumaA8(grey), ImageFormat::Png),
+    ];
+    for (number, image) in images.into_iter().enumerate() {
+        for alpha in [AlphaMode::Opaque, AlphaMode::Blend] {
+            let (mut appearance, region) = textured(image.clone(), [[0.21, 0.4], [0.83, 0.7], [0.1, 0.9]]);
+            appearance.materials[0].alpha = alpha;
+            for footprint in [0.0, 0.05, 0.2, 1.0] {
+                let [file, memory] = [0, 1 << 30].map(|memory| {
+                    let shader = Shader::new(&appearance, None, memory, &|text| panic!("{text}"));
+                    shader.painter(&region).face(0, CORNERS).base_colour([0.2, 0.5, 0.3], footprint).map(f32::to_bits)
+                });
+                assert_eq!(file, memory, "{number} {footprint}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_large_image_that_ends_early_is_left_out_with_a_note() {
+    let image = DynamicImage::ImageLuma8(ImageBuffer::from_fn(64, 64, |x, y| Luma([(x * y % 256) as u8])));
+    let ImageSource::Inline { name, bytes } = encoded(&image, ImageFormat::Png) else { unreachable!() };
+    for end in [40, bytes.len() / 2, bytes.len() - 30] {
+        let cut = ImageSource::Inline { name: name.clone(), bytes: bytes[..end].to_vec() };
+        let (colour, note) = colour_at(&textured(cut, [[0.5; 2]; 3]), 0.0);
+        assert!(note.contains("cannot be used"), "{end}: {note}");
+        assert!(close([colour[0], colour[1], colour[2]], [0.5, 1.0, 1.0]), "{end}: {colour:?}");
+    }
+}

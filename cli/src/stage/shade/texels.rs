@@ -59,7 +59,10 @@ impl Place {
     /// As [`Place::keep`].
     pub fn move_here(&self, bytes: Vec<u8>) -> io::Result<Bytes> {
         match self.is_file(bytes.len() as u64) {
-            true => self.keep(bytes.len() as u64, |push| Ok(push(&bytes))),
+            true => self.keep(bytes.len() as u64, |push| {
+                push(&bytes);
+                Ok(())
+            }),
             false => Ok(Bytes::Memory(bytes)),
         }
     }

@@ -1,12 +1,14 @@
 //! An image in linear light, with coarser and coarser averages of it.
 
-use super::texels::{Bytes, Place};
-use crate::mesh::appearance::{EncodedImage, MAX_IMAGE_TEXELS, Wrap, decode_image, image_size};
-use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
-use glam::Vec3A;
-use image::DynamicImage;
 use std::io;
 use std::sync::OnceLock;
+
+use glam::Vec3A;
+
+use super::decode::{from_rows, from_whole, rows_of_png};
+use super::texels::{Bytes, Place};
+use crate::mesh::appearance::{EncodedImage, Wrap, decode_image, image_size};
+use crate::mesh::srgb::LINEAR_OF_BYTE;
 
 /// What the numbers of an image are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,7 +49,7 @@ struct Level {
 }
 
 /// Red, green, blue and straight alpha. What has no alpha is opaque.
-enum Texels {
+pub(super) enum Texels {
     /// Encoded as sRGB, as most images are: three bytes a texel, as they were decoded, because the largest images take most memory here.
     Opaque(Bytes),
     /// As [`Texels::Root`].
@@ -314,108 +316,13 @@ impl Level {
     }
 }
 
-/// The texels of a decoded image.
-fn from_whole(image: DynamicImage, meaning: Meaning, place: &Place) -> Result<Texels, String> {
-    let is_opaque = meaning != Meaning::Transparent;
-    let is_fine = !matches!(
-        image,
-        DynamicImage::ImageLuma8(_)
-            | DynamicImage::ImageLumaA8(_)
-            | DynamicImage::ImageRgb8(_)
-            | DynamicImage::ImageRgba8(_)
-    );
-    let keep = |bytes: Vec<u8>| place.move_here(bytes).map_err(|error| error.to_string());
-    Ok(if is_fine {
-        let texel = |texel: &image::Rgba<u16>| {
-            let [red, green, blue, alpha] = texel.0.map(|value| f32::from(value) / 65535.0);
-            let light = |x: f32| if meaning == Meaning::Shares { x } else { linear_from_srgb(x) };
-            little_endian(root([light(red), light(green), light(blue), if is_opaque { 1.0 } else { alpha }]))
-        };
-        let texels: Vec<[u8; 8]> = image.into_rgba16().pixels().map(texel).collect();
-        Texels::Root(keep(texels.into_flattened())?)
-    } else if meaning != Meaning::Shares && (is_opaque || !image.color().has_alpha()) {
-        Texels::Opaque(keep(image.into_rgb8().into_raw())?)
-    } else {
-        let mut texels = image.into_rgba8().into_raw();
-        if is_opaque {
-            texels.as_chunks_mut().0.iter_mut().for_each(|[_, _, _, alpha]| *alpha = 255);
-        }
-        let texels = keep(texels)?;
-        if meaning == Meaning::Shares { Texels::Shares(texels) } else { Texels::Encoded(texels) }
-    })
-}
-
-/// The rows of a PNG of 8 bits; none of what has to be decoded as a whole.
-fn rows_of_png<R: EncodedImage>(mut encoded: R, size: [u32; 2]) -> Result<Option<png::Reader<R>>, String> {
-    const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
-    let start = encoded.fill_buf().map_err(|error| error.to_string())?;
-    if !start.starts_with(SIGNATURE) || texels_of(size) > MAX_IMAGE_TEXELS {
-        return Ok(None);
-    }
-    let mut decoder = png::Decoder::new(encoded);
-    decoder.set_transformations(png::Transformations::EXPAND);
-    let reader = decoder.read_info().map_err(|error| error.to_string())?;
-    let is_simple = !reader.info().interlaced && reader.output_color_type().1 == png::BitDepth::Eight;
-    Ok(is_simple.then_some(reader))
-}
-
-/// The texels of an image that is decoded row by row.
-fn from_rows<R: EncodedImage>(
-    mut rows: png::Reader<R>,
-    size: [u32; 2],
-    meaning: Meaning,
-    place: &Place,
-) -> Result<Texels, String> {
-    let colours = rows.output_color_type().0;
-    let has_alpha = matches!(colours, png::ColorType::GrayscaleAlpha | png::ColorType::Rgba);
-    let is_opaque = meaning != Meaning::Transparent;
-    let is_plain = meaning != Meaning::Shares && (is_opaque || !has_alpha);
-    let components = if is_plain { 3 } else { 4 };
-    let texels = place.keep(texels_of(size) * components as u64, |push| -> Result<(), RowError> {
-        let mut line = vec![];
-        for _ in 0..size[1] {
-            let row = rows.next_row().map_err(RowError::Image)?;
-            let data = row.as_ref().map_or(&[][..], |row| row.data());
-            line.clear();
-            for texel in data.chunks_exact(colours.samples()) {
-                let [red, green, blue, alpha] = match *texel {
-                    [grey] => [grey, grey, grey, 255],
-                    [grey, alpha] => [grey, grey, grey, alpha],
-                    [red, green, blue] => [red, green, blue, 255],
-                    [red, green, blue, alpha, ..] => [red, green, blue, alpha],
-                    [] => [0; 4],
-                };
-                line.extend_from_slice(&[red, green, blue, if is_opaque { 255 } else { alpha }][..components]);
-            }
-            line.resize(size[0] as usize * components, 0);
-            push(&line);
-        }
-        Ok(())
-    });
-    let texels = texels.map_err(|error| error.to_string())?;
-    Ok(match meaning {
-        _ if is_plain => Texels::Opaque(texels),
-        Meaning::Shares => Texels::Shares(texels),
-        _ => Texels::Encoded(texels),
-    })
-}
-
-/// What goes wrong while rows are decoded and kept.
-#[derive(Debug, thiserror::Error)]
-enum RowError {
-    #[error("{0}")]
-    Image(png::DecodingError),
-    #[error("{0}")]
-    File(#[from] io::Error),
-}
-
 /// How many texels an image of a size has.
-fn texels_of(size: [u32; 2]) -> u64 {
+pub(super) fn texels_of(size: [u32; 2]) -> u64 {
     u64::from(size[0]) * u64::from(size[1])
 }
 
 /// The bytes of four numbers.
-fn little_endian(texel: [u16; 4]) -> [u8; 8] {
+pub(super) fn little_endian(texel: [u16; 4]) -> [u8; 8] {
     let [[a, b], [c, d], [e, f], [g, h]] = texel.map(u16::to_le_bytes);
     [a, b, c, d, e, f, g, h]
 }
@@ -531,7 +438,7 @@ fn straight([red, green, blue, alpha]: [f32; 4]) -> [f32; 4] {
     if alpha > 0.0 { [red / alpha, green / alpha, blue / alpha, alpha] } else { [0.0; 4] }
 }
 
-fn root([red, green, blue, alpha]: [f32; 4]) -> [u16; 4] {
+pub(super) fn root([red, green, blue, alpha]: [f32; 4]) -> [u16; 4] {
     let share = |value: f32| (value.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16;
     [share(red.sqrt()), share(green.sqrt()), share(blue.sqrt()), share(alpha)]
 }

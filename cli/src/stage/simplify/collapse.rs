@@ -5,10 +5,11 @@
 
 use glam::DVec3;
 
+use super::early::Merge;
 use super::half_edges::HalfEdges;
 use super::quadric::Quadric;
 use super::queue::{EdgeQueue, rank};
-use crate::mesh::{NONE, previous_half_edge};
+use crate::mesh::NONE;
 use crate::stage::chart::FREE;
 
 /// The level of a vertex that is not on the border.
@@ -116,7 +117,10 @@ pub(super) struct Collapser {
     /// Vertices whose mark equals the generation are neighbours of the vertex in question.
     mark: Vec<u32>,
     generation: u32,
-    ring: Vec<u32>,
+    /// The collapses that were carried out, while they are wanted.
+    pub merges: Option<Vec<Merge>>,
+    /// The neighbours of the two vertices in question.
+    rings: [Vec<u32>; 2],
     edges: Vec<u32>,
 }
 
@@ -138,8 +142,9 @@ impl Collapser {
             twins,
             queue: EdgeQueue::new(mesh.edge_count()),
             mark: vec![0; positions.len()],
+            merges: None,
             generation: 0,
-            ring: Vec::new(),
+            rings: Default::default(),
             edges: Vec::new(),
             current_level: INTERIOR,
             threshold: 0.0,
@@ -178,7 +183,14 @@ impl Collapser {
 
     /// Collapses the queued edges, cheapest first, until the queue is empty.
     pub fn drain(&mut self) {
-        while let Some((old_rank, edge)) = self.queue.pop() {
+        self.drain_to(0);
+    }
+
+    /// Collapses the queued edges, cheapest first, until the queue is empty or so few triangles are left.
+    pub fn drain_to(&mut self, triangles: usize) {
+        while self.mesh.triangle_count() > triangles
+            && let Some((old_rank, edge)) = self.queue.pop()
+        {
             let Some(best) = self.evaluate(edge).filter(|c| self.is_eligible(c)) else { continue };
             let new_rank = rank(best.cost);
             if new_rank > old_rank && self.queue.top_rank().is_some_and(|top| new_rank > top) {
@@ -299,12 +311,37 @@ impl Collapser {
         if !self.keeps_topology(half_edge, removed, kept) || !self.keeps_shape(removed, kept, target, tolerated) {
             return false;
         }
+        self.merge(half_edge, [removed, kept], target);
+        if let Some(merges) = &mut self.merges {
+            merges.push(Merge { half_edge, removed, target });
+        }
+        self.consider_around(kept);
+        true
+    }
+
+    /// Carries out a collapse that was carried out before, unless it would change the shape too much now or break the topology; neither is
+    /// checked where nothing is `tolerated`, since all is as it was.
+    pub fn repeat(
+        &mut self,
+        half_edge: u32,
+        [removed, kept]: [u32; 2],
+        target: DVec3,
+        tolerated: Option<Tolerated>,
+    ) -> bool {
+        if let Some(tolerated) = tolerated
+            && (!self.keeps_topology(half_edge, removed, kept) || !self.keeps_shape(removed, kept, target, tolerated))
+        {
+            return false;
+        }
+        self.merge(half_edge, [removed, kept], target);
+        true
+    }
+
+    fn merge(&mut self, half_edge: u32, [removed, kept]: [u32; 2], target: DVec3) {
         self.mesh.collapse(half_edge, removed);
         self.positions[kept as usize] = target;
         let quadric = self.quadrics[removed as usize];
         self.quadrics[kept as usize] += quadric;
-        self.consider_around(kept);
-        true
     }
 
     /// The link condition (Dey et al., "Topology Preserving Edge Contraction", 1999): the only common neighbours of the
@@ -312,33 +349,32 @@ impl Collapser {
     fn keeps_topology(&mut self, half_edge: u32, removed: u32, kept: u32) -> bool {
         let twin = self.mesh.twin(half_edge);
         let sides = if twin == NONE { 1 } else { 2 };
-        let mut ring = std::mem::take(&mut self.ring);
         self.generation += 1;
-        self.mesh.ring(removed, &mut ring);
-        let removed_valence = ring.len();
-        let mut meets_twin = false;
-        for &v in &ring {
-            self.mark[v as usize] = self.generation;
-            meets_twin |= v != kept && self.coincide(v, kept);
-        }
-        self.mesh.ring(kept, &mut ring);
-        let kept_valence = ring.len();
-        let common = ring.iter().filter(|&&v| self.mark[v as usize] == self.generation).count();
-        self.ring = ring;
+        let [of_removed, of_kept] = &mut self.rings;
+        self.mesh.ring(removed, of_removed);
+        self.mesh.ring(kept, of_kept);
+        let (removed_valence, kept_valence) = (of_removed.len(), of_kept.len());
+        of_removed.iter().for_each(|&v| self.mark[v as usize] = self.generation);
+        let common = of_kept.iter().filter(|&&v| self.mark[v as usize] == self.generation).count();
+        let meets_twin =
+            self.twins[kept as usize] != NONE && self.rings[0].iter().any(|&v| v != kept && self.coincide(v, kept));
         let smallest = if sides == 1 { 2 } else { 3 };
         let border = self.mesh.is_border(removed) || self.mesh.is_border(kept);
         let is_smallest_mesh = removed_valence == smallest && kept_valence == smallest && (border == (sides == 1));
         common == sides && !is_smallest_mesh && !meets_twin
     }
 
+    /// Whether no triangle changes too much. The rings are those of both vertices.
     fn keeps_shape(&self, removed: u32, kept: u32, target: DVec3, tolerated: Tolerated) -> bool {
-        for (centre, other) in [(removed, kept), (kept, removed)] {
+        for ((centre, other), ring) in [(removed, kept), (kept, removed)].into_iter().zip(&self.rings) {
             let from = self.positions[centre as usize];
             if centre == kept && from == target {
                 continue;
             }
-            for h in self.mesh.fan(centre) {
-                let (x, y) = (self.mesh.target(h), self.mesh.origin(previous_half_edge(h)));
+            let is_closed = !self.mesh.is_border(centre);
+            let pairs = ring.windows(2).map(|pair| [pair[0], pair[1]]);
+            let around = is_closed.then(|| [ring[ring.len() - 1], ring[0]]);
+            for [x, y] in around.into_iter().chain(pairs) {
                 if x == other || y == other {
                     continue;
                 }

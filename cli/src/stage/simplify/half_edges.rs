@@ -167,6 +167,18 @@ impl HalfEdges {
         })
     }
 
+    /// The other end of a half-edge; none if it is gone or the vertex is no end of it.
+    pub fn other_end(&self, half_edge: u32, vertex: u32) -> Option<u32> {
+        if self.origin(half_edge) == NONE {
+            return None;
+        }
+        match (self.origin(half_edge), self.target(half_edge)) {
+            (from, to) if from == vertex => Some(to),
+            (from, to) if to == vertex => Some(from),
+            _ => None,
+        }
+    }
+
     /// Merges the vertex `removed` into the other end of `half_edge`. The link condition must hold.
     pub fn collapse(&mut self, half_edge: u32, removed: u32) {
         let (from, to) = (self.origin(half_edge), self.target(half_edge));

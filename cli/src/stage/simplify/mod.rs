@@ -14,6 +14,7 @@
 //! the scale nor the position of the input matters.
 
 mod collapse;
+mod early;
 mod forced;
 mod half_edges;
 mod quadric;
@@ -23,9 +24,11 @@ mod tests;
 
 use glam::DVec3;
 
+pub use self::early::Early;
 pub use self::quadric::Quadric;
 
 use self::collapse::Collapser;
+use self::early::LEFT;
 use self::half_edges::HalfEdges;
 use crate::mesh::{NONE, previous_half_edge};
 use crate::stage::areas::Areas;
@@ -127,6 +130,15 @@ const ROUNDING: f64 = 1e-15;
 
 /// Makes every level of a chart by one sequence of collapses, from the finest to the coarsest.
 pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> SimplifiedChart {
+    simplify_again(chart, options, None)
+}
+
+/// As [`simplify_chart`]. What the first attempt at a chart leaves in `early` makes further ones faster that differ in importance alone.
+pub fn simplify_again(
+    chart: &ChartMesh,
+    options: &SimplifyOptions,
+    mut early: Option<&mut Option<Early>>,
+) -> SimplifiedChart {
     let level_count = options.thresholds.len().min(usize::from(FREE));
     let mut result = SimplifiedChart { levels: vec![None; level_count], stuck: Vec::new() };
     let Some(mesh) = HalfEdges::new(&chart.triangles, chart.positions.len()).filter(|m| border_is(chart, m)) else {
@@ -147,7 +159,17 @@ pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> Simplifie
         // Anything below the rounding of unit coordinates is not an error, unless no error is allowed: then nothing is
         // removed by choice. A surface folded into a plane would otherwise count as flat and lose its folds.
         let squared = if threshold > 0.0 { threshold * threshold + ROUNDING } else { -1.0 };
+        let repeated = early.take();
+        if let Some(Some(early)) = &repeated {
+            early.repeat(&mut collapser, options.importance);
+        }
         collapser.begin_level(level as u8, squared);
+        if let Some(early @ None) = repeated {
+            collapser.merges = Some(vec![]);
+            collapser.drain_to((LEFT * chart.triangles.len() as f64) as usize);
+            let importance = options.importance.unwrap_or_default().to_vec();
+            *early = collapser.merges.take().map(|merges| Early { merges, importance });
+        }
         let remaining = loop {
             collapser.drain();
             let remaining: Vec<u32> =

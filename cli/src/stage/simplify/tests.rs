@@ -299,6 +299,35 @@ fn importance_keeps_part_of_a_chart_finer() {
 }
 
 #[test]
+fn a_later_attempt_repeats_all_but_what_became_important() {
+    for chart in [hilly_grid(33, 0.1), annulus(), handle(), sphere(20, 40)] {
+        let thresholds = [0.02, 0.005];
+        let attempt = |importance: &[f32], early: &mut Option<Early>| {
+            let options =
+                SimplifyOptions { thresholds: &thresholds, importance: Some(importance), ..Default::default() };
+            let result = simplify_again(&chart, &options, Some(early));
+            check_levels(&chart, &result);
+            result.levels[1].clone().expect("nothing is stuck")
+        };
+        let mut early = None;
+        let first = attempt(&[], &mut early);
+        let merges = early.as_ref().map_or(0, |early| early.merges.len());
+        assert!(merges > 0);
+        let middle = chart.positions.iter().sum::<DVec3>() / chart.positions.len() as f64;
+        let is_left = |p: &DVec3| p.x < middle.x;
+        let importance: Vec<f32> = chart.positions.iter().map(|p| if is_left(p) { 100.0 } else { 1.0 }).collect();
+        let second = attempt(&importance, &mut early);
+        assert_eq!(early.as_ref().map_or(0, |early| early.merges.len()), merges, "it is that of the first attempt");
+        let sides = |patch: &LevelPatch| {
+            let left = patch.interior.iter().filter(|p| is_left(p)).count();
+            [left, patch.interior.len() - left]
+        };
+        let ([left, right], [finer, same]) = (sides(&first), sides(&second));
+        assert!(2 * finer >= 3 * left && same.abs_diff(right) <= 4 + right / 4, "{left} {right} {finer} {same}");
+    }
+}
+
+#[test]
 fn a_loop_without_enough_samples_is_reported() {
     let mut disk = hilly_grid(9, 0.1);
     disk.loops[0].iter_mut().skip(1).for_each(|b| b.level = 1);

@@ -12,8 +12,9 @@ Lengths are in the units of the file's coordinates. Opening reads 8 kB; what is 
 from ._build import build
 from ._errors import BuildError, Error, FormatError, LimitError, QueryError, SourceError, UnsupportedError
 from ._file import Cut, File, open
+from ._ground import Ground
 from ._heights import HeightsFile, Window
-from ._info import Channel, HeightsInfo, Info, Level, OverviewInfo, RampInfo
+from ._info import Channel, GroundInfo, HeightsInfo, Info, Level, OverviewInfo, RampInfo
 from ._lodpack import VERSION as __version__
 from ._mesh import Mesh, TexturedMesh
 
@@ -24,6 +25,8 @@ __all__ = [
     "Error",
     "File",
     "FormatError",
+    "Ground",
+    "GroundInfo",
     "HeightsFile",
     "HeightsInfo",
     "Info",

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from ._ground import Ground
+
     Bounds = Sequence[Sequence[float]] | NDArray[np.floating[Any]]
 
 # The reader counts in 64 bits.
@@ -212,8 +214,16 @@ class File(OpenFile[_lodpack.Reader]):
                 raise QueryError(f"the file has no channel {name!r}; it has {', '.join(names) or 'none'}")
         return [names.index(name) for name in dict.fromkeys(wanted)]
 
+    def ground(self) -> Ground | None:
+        """The heights that the mesh stands on, as a file of heights, and where they are in its space; None if the file has none.
+        Reads 16 kB. They stay open when this file is closed."""
+        from ._ground import Ground  # It needs this module.
+
+        opened = self._native.ground()
+        return None if opened is None else Ground(*opened)
+
     def verify(self) -> None:
-        """Reads the complete file, checks every checksum and every rule of the format, and draws every root at every level. Raises
+        """Reads the complete file, with a ground that it has, checks every checksum and every rule of the format, and draws every root at every level. Raises
         `FormatError` with the first damage."""
         self._native.verify()
 

@@ -59,9 +59,12 @@ class HeightsFile(OpenFile[_lodpack.HeightsReader]):
         `Mesh.normals` are those of the slopes of the heights, and `Mesh.colours` those of the file's ramp, if it has one.
 
         Raises `QueryError` for what is not a number."""
+        return self._mesh(tolerance, triangles, None if bbox is None else _corners(bbox))
+
+    def _mesh(self, tolerance: float | None, triangles: int | None, bbox: list[list[float]] | None) -> Mesh:
         error, limited_by, (positions, corners, tiles, normals, colours) = self._native.extract(
             tolerance=None if tolerance is None else float(tolerance),
-            bbox=None if bbox is None else _corners(bbox),
+            bbox=bbox,
             triangles=_budget(triangles, "triangles"),
         )
         return Mesh(

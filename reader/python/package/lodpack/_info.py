@@ -95,6 +95,13 @@ class HeightsInfo(TypedDict):
     """Smallest and largest coordinates in space; None for an empty file."""
 
 
+class GroundInfo(TypedDict):
+    """What a file says about the heights that its mesh stands on, before they are opened."""
+
+    bytes: int
+    """Of them in the file."""
+
+
 class Info(TypedDict):
     """What is known about a file as soon as it is open."""
 
@@ -119,3 +126,5 @@ class Info(TypedDict):
     overview: OverviewInfo | None
     channels: list[Channel]
     """What the surface carries besides positions."""
+    ground: GroundInfo | None
+    """The heights that the mesh stands on: `File.ground` opens them."""

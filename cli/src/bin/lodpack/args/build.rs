@@ -127,7 +127,7 @@ pub struct BuildArgs {
     #[arg(long, value_name = "N", conflicts_with = "job", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub workers: Option<u32>,
     /// Keep the grid of rasters: the file gets a height for each sample in place of triangles, which makes it smaller and its build many times
-    /// faster. `extract`, `export`, `info`, `verify`, the viewers, JavaScript and Python read such files; C does not yet. The
+    /// faster. `extract`, `export`, `info`, `verify`, the viewers, JavaScript, Python and C read such files. The
     /// tolerance is how far a height may be off: 0 keeps integers as they are, and auto is half of what a sample is off the middle of its
     /// neighbours, on average.
     #[arg(long, conflicts_with_all = ["job", "workers", "resume", "extensible", "drape", "channels", "color_quality", "effort", "levels", "fillings", "up"])]
@@ -135,7 +135,7 @@ pub struct BuildArgs {
     /// What a mesh stands on: a raster of heights, which may be given several times for a mosaic, or one file that was built with --heights. The file
     /// then holds both, and everything that reads it has both: a city and its ground. --crs, --origin and the tolerance count for rasters, too. `lodpack merge --ground` puts
     /// a ground under a file that is there already.
-    #[arg(long, value_name = "DEM", conflicts_with_all = ["job", "heights", "workers"])]
+    #[arg(long, value_name = "DEM", conflicts_with_all = ["job", "heights"])]
     pub ground: Vec<PathBuf>,
     /// Directory for temporary files. By default that of the output.
     #[arg(long, value_name = "DIR")]

@@ -21,6 +21,9 @@ pub struct PlanArgs {
     /// Keep the grid of rasters, as `build --heights` does. Regions are then squares of about 1,024 cells, and the job takes 4 bytes a sample.
     #[arg(long, conflicts_with_all = ["stages", "extensible", "drape", "channels", "color_quality", "effort", "levels", "fillings", "up"])]
     pub heights: bool,
+    /// What the mesh stands on, as with `build --ground`. The job keeps the ground beside its parts, and `lodpack merge` puts it under the mesh.
+    #[arg(long, value_name = "DEM", conflicts_with_all = ["heights", "extensible"])]
+    pub ground: Vec<PathBuf>,
     #[command(flatten)]
     pub job: JobArgs,
 }
@@ -144,7 +147,7 @@ pub struct MergeArgs {
     /// A job, a directory of parts, or parts one by one; with --ground also a finished file of a mesh.
     #[arg(required = true, value_name = "PARTS")]
     pub parts: Vec<PathBuf>,
-    /// Put this file of heights, built with --heights, under the mesh: the file then holds both. A ground that it had is replaced. Nothing is built
+    /// Put this file of heights, built with --heights, under the mesh: the file then holds both. A ground that it had, or that the job was planned with, is replaced. Nothing is built
     /// again, so no other byte of the mesh changes. Both must be in the same coordinate reference system, as far as they name one.
     #[arg(long, value_name = "TERRAIN.lodpack")]
     pub ground: Option<PathBuf>,

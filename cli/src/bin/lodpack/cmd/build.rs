@@ -1,6 +1,6 @@
 //! `lodpack build`
 
-use super::ground::{self, Target, WithGround};
+use super::ground::{self, Joined, Target, WithGround};
 use super::inputs::find_inputs;
 use super::state::{begin_in, beside_first, folder_beside, naming, with_advice, work_directory};
 use super::summary::print;
@@ -10,7 +10,6 @@ use crate::interrupt;
 use crate::output::{PendingFile, bytes, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
-use lodpack_cli::import::raster::RasterOptions;
 use lodpack_cli::job::{BuildOptions, BuiltPart, FILE_EXTENSION, PlannedJob, build};
 use lodpack_cli::storage::memory::machine_bytes;
 use std::io::BufWriter;
@@ -43,34 +42,27 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
     let overwrite = args.force || args.resume && work.exists();
     let inputs = options.inputs.iter().chain(&args.ground).map(|path| path.as_path());
     let (pending, file) = PendingFile::create(output, overwrite, inputs)?;
-    if let Some(workers) = args.workers {
-        let summary = workers::run(args, workers, &options, output, pending, file)?;
-        if args.json {
-            print_json(&summary)?
-        } else {
-            print(&summary, output)?
-        }
-        return Ok(ExitCode::SUCCESS);
-    }
     interrupt::on_stop(&work, "run the same command with --resume to continue");
     let folder = args.temp.clone().unwrap_or_else(|| folder_beside(output));
-    let under = ground::open(&find_inputs(&args.ground)?, &options.model, &args.run, &folder)?;
-    if under.is_some() {
-        // They are said of the ground.
-        options.model.raster = RasterOptions::default();
-    }
-    let (target, file) = Target::new(file, under, &folder)?;
-    let mut out = BufWriter::new(file);
-    let (summary, ground) = {
-        let progress = Terminal::working_in(args.run.progress, progress_bar::BUILD, &work);
-        let built = build(&options, &mut out, &progress);
-        let summary = built.map_err(|error| with_advice(error, output, &work))?;
-        let written = out.into_inner().map_err(|error| error.into_error());
-        let (written, ground) =
-            target.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
+    let under = ground::open(&args.ground, &mut options, &args.run, &folder)?;
+    let (target, file) = Target::new(file, under.map(|under| under.heights), &folder)?;
+    let finish = |mesh| -> Result<Option<Joined>> {
+        let (written, ground) = target.finish(mesh)?;
         pending.finish(written)?;
-        progress.complete();
-        (summary, ground)
+        Ok(ground)
+    };
+    let (summary, ground) = match args.workers {
+        Some(workers) => workers::run(args, workers, &options, output, file, finish)?,
+        None => {
+            let mut out = BufWriter::new(file);
+            let progress = Terminal::working_in(args.run.progress, progress_bar::BUILD, &work);
+            let built = build(&options, &mut out, &progress);
+            let summary = built.map_err(|error| with_advice(error, output, &work))?;
+            let written = out.into_inner().map_err(|error| error.into_error());
+            let ground = finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
+            progress.complete();
+            (summary, ground)
+        }
     };
     if args.json {
         print_json(&WithGround { summary, ground })?;

@@ -1,14 +1,15 @@
 //! The ground under a mesh: what `build --ground` and `merge --ground` have in common.
 
+use super::inputs::find_inputs;
 use crate::args::RunArgs;
 use crate::output::{bytes, count, say};
 use crate::progress_bar::{self, Terminal};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use lodpack::heights::Heights;
 use lodpack::{GroundFrame, Limits, Opened, join_ground};
 use lodpack_cli::heights::{HeightsOptions, build as build_heights};
-use lodpack_cli::import::raster::HeightSource;
-use lodpack_cli::job::{FILE_EXTENSION, typed_raster};
+use lodpack_cli::import::raster::{HeightSource, RasterOptions};
+use lodpack_cli::job::{BuildOptions, FILE_EXTENSION, typed_raster};
 use lodpack_cli::pipeline::ModelOptions;
 use lodpack_cli::storage::memory::machine_bytes;
 use serde::Serialize;
@@ -40,17 +41,33 @@ pub struct Target {
     ground: Option<(Heights<File>, File)>,
 }
 
-/// Heights of rasters, or of one file that holds heights already. What will not fit under the mesh is refused here, as far as that is known, and
-/// not after a long build.
-pub fn open(paths: &[PathBuf], model: &ModelOptions, run: &RunArgs, folder: &Path) -> Result<Option<Heights<File>>> {
+/// A ground that is ready, and the files that it was made of.
+pub struct Under {
+    pub heights: Heights<File>,
+    pub inputs: Vec<PathBuf>,
+}
+
+/// Heights of the rasters that were typed, or of one file that holds heights already; none where nothing was typed. What will not fit under the mesh of
+/// `options` is refused here, and not after a long build. Options of rasters are said of the ground, so the mesh loses them.
+pub fn open(typed: &[PathBuf], options: &mut BuildOptions, run: &RunArgs, folder: &Path) -> Result<Option<Under>> {
+    let paths = find_inputs(typed)?;
     let Some(first) = paths.first() else { return Ok(None) };
-    let heights = open_any(first, paths, model, run, folder)?;
+    let heights = open_any(first, &paths, &options.model, run, folder)?;
     if heights.surface().is_globe() {
         bail!("{}: heights on a globe cannot be the ground of a mesh; add --surface plane", first.display());
     }
-    let fits = GroundFrame::new(heights.placement(), model.placement.as_ref());
-    fits.with_context(|| format!("{}: the ground does not fit under what --crs and --origin say", first.display()))?;
-    Ok(Some(heights))
+    let RasterOptions { geoid, .. } = std::mem::take(&mut options.model.raster);
+    let place = options.place()?;
+    // No file is damaged by being elsewhere.
+    let fits = GroundFrame::new(heights.placement(), place.as_ref()).map_err(|error| match error {
+        lodpack::Error::Format { what, .. } => anyhow!(what),
+        other => other.into(),
+    });
+    fits.with_context(|| {
+        format!("{}: the ground does not fit under what the inputs, --crs and --origin say", first.display())
+    })?;
+    let inputs = paths.iter().cloned().chain(geoid).collect();
+    Ok(Some(Under { heights, inputs }))
 }
 
 fn open_any(

@@ -10,7 +10,9 @@ use crate::output::{PendingFile, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::heights::HeightsSummary;
-use lodpack_cli::job::{FILE_EXTENSION, PART_EXTENSION, PARTS_NAME, Parts, merge, merge_heights, merged_file};
+use lodpack_cli::job::{
+    FILE_EXTENSION, PART_EXTENSION, PARTS_NAME, Parts, kept_ground, merge, merge_heights, merged_file,
+};
 use lodpack_cli::pipeline::summary::BuildSummary;
 use lodpack_cli::progress::Progress;
 use std::fs;
@@ -43,7 +45,8 @@ pub fn run(args: &MergeArgs) -> Result<ExitCode> {
     // Refused before the parts are read.
     let inputs = args.parts.iter().chain(&args.ground).map(|path| path.as_path());
     let (pending, file) = PendingFile::create(output, args.force, inputs)?;
-    let under = args.ground.as_deref().map(ground::open_file).transpose()?;
+    let kept = if args.ground.is_some() { None } else { kept_ground(&args.parts)? };
+    let under = args.ground.as_ref().or(kept.as_ref()).map(|path| ground::open_file(path)).transpose()?;
     let (target, file) = Target::new(file, under, &folder_beside(output))?;
     let (summary, ground) = {
         let progress = Terminal::new(args.progress, progress_bar::MERGE);

@@ -1,8 +1,9 @@
 //! `lodpack plan` and `lodpack add`
 
 use super::build::options;
+use super::ground::{self, Under};
 use super::inputs::{Notes, find_inputs};
-use super::state::{begin_job, beside_first, naming};
+use super::state::{begin_job, beside_first, folder_beside, naming};
 use super::{print_json, use_threads};
 use crate::args::{AddArgs, JobArgs, PlanArgs};
 use crate::interrupt;
@@ -11,7 +12,8 @@ use crate::output::{bytes, count, say, shell};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Result, anyhow, bail};
 use lodpack_cli::job::{
-    BuildError, BuildOptions, JOB_EXTENSION, Job, Manifest, PartEntry, PartOptions, Stage, StagedJob,
+    BuildError, BuildOptions, GROUND_NAME, JOB_EXTENSION, Job, Manifest, PartEntry, PartOptions, Stage, StagedJob,
+    keep_ground,
 };
 use lodpack_cli::progress::Progress;
 use lodpack_cli::storage::memory::machine_bytes;
@@ -28,15 +30,19 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode> {
     };
     begin(output, job)?;
     let heights = args.heights;
-    let options = BuildOptions { resume: job.resume, heights, ..options(inputs, &args.model, &job.run) };
+    let mut options = BuildOptions { resume: job.resume, heights, ..options(inputs, &args.model, &job.run) };
+    let under =
+        ground::open(&args.ground, &mut options, &job.run, &folder_beside(&output.with_file_name(GROUND_NAME)))?;
+    options.ground = under.as_ref().map(|under| under.inputs.clone()).unwrap_or_default();
     if job.stages {
-        return begin_stages(output, job, &options);
+        return begin_stages(output, job, &options, under.as_ref());
     }
     let manifest = {
         let stages = if heights { progress_bar::PLAN_HEIGHTS } else { progress_bar::PLAN };
         let progress = Terminal::working_in(job.run.progress, stages, output);
         let planned = Job::plan(output, part_options(job), &options, &progress);
         let manifest = planned.map_err(|error| advised(error, output))?;
+        keep(under.as_ref(), output)?;
         note_empty_parts(&manifest, &progress);
         progress.complete();
         manifest
@@ -94,10 +100,19 @@ fn part_options(args: &JobArgs) -> PartOptions {
     PartOptions { count: args.parts, memory: args.part_memory, range_bytes: args.range_bytes }
 }
 
+/// Puts the ground of a job's mesh into its directory, for the merge.
+fn keep(under: Option<&Under>, job: &Path) -> Result<()> {
+    match under {
+        Some(under) => Ok(keep_ground(job, under.heights.source())?),
+        None => Ok(()),
+    }
+}
+
 /// Begins a job that workers plan, and shows its stages.
-fn begin_stages(output: &Path, args: &JobArgs, options: &BuildOptions) -> Result<ExitCode> {
+fn begin_stages(output: &Path, args: &JobArgs, options: &BuildOptions, under: Option<&Under>) -> Result<ExitCode> {
     let manifest = StagedJob::begin(output, part_options(args), options, &Notes);
     let manifest = manifest.map_err(|error| naming(error, output, Some("-o")))?;
+    keep(under, output)?;
     if args.json {
         print_json(&manifest)?;
         return Ok(ExitCode::SUCCESS);

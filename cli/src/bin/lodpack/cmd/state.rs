@@ -4,7 +4,9 @@ use crate::messages;
 use crate::output::check_folder;
 use anyhow::{Context, Result, anyhow, bail};
 use lodpack_cli::import::ImportError;
-use lodpack_cli::job::{BuildError, FILE_EXTENSION, MANIFEST_NAME, PARTS_NAME, SLURM_NAME, STAGES_NAME, beside};
+use lodpack_cli::job::{
+    BuildError, FILE_EXTENSION, GROUND_NAME, MANIFEST_NAME, PARTS_NAME, SLURM_NAME, STAGES_NAME, beside,
+};
 use lodpack_cli::storage::WorkError;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -81,7 +83,7 @@ pub fn begin_job(job: &Path, resume: bool, force: bool) -> Result<()> {
 fn is_of_job(name: &str) -> bool {
     ["lock", "plan", "samples", "pairs", "divided", "vertices", "triangles", "vertex-values", "corner-values"]
         .contains(&name)
-        || [PARTS_NAME, STAGES_NAME, SLURM_NAME, MANIFEST_NAME].contains(&name)
+        || [PARTS_NAME, STAGES_NAME, SLURM_NAME, MANIFEST_NAME, GROUND_NAME].contains(&name)
         || ["region-", "part-", MANIFEST_NAME].iter().any(|prefix| name.starts_with(prefix))
         || name.ends_with(".tmp")
 }

@@ -3,8 +3,6 @@
 use super::inputs::Notes;
 use super::state::naming;
 use crate::args::BuildArgs;
-use crate::interrupt;
-use crate::output::PendingFile;
 use crate::progress_bar::{Terminal, folder_bytes};
 use anyhow::{Context, Result, anyhow};
 use lodpack_cli::job::{
@@ -29,15 +27,15 @@ const MERGE_SHARE: f64 = 0.02;
 /// How often the progress is looked at.
 const INTERVAL: Duration = Duration::from_millis(200);
 
-/// Builds a file with so many processes, which share a job in the directory `work`.
-pub fn run(
+/// Builds a file with so many processes, which share a job in the directory `work`. `finish` gets the written file, and its result is handed on.
+pub fn run<T>(
     args: &BuildArgs,
     workers: u32,
     options: &BuildOptions,
     output: &Path,
-    pending: PendingFile,
     file: File,
-) -> Result<BuildSummary> {
+    finish: impl FnOnce(File) -> Result<T>,
+) -> Result<(BuildSummary, T)> {
     let (work, started) = (&options.work, Instant::now());
     let parts = PartOptions {
         count: Some(count_of_tasks(options, workers)),
@@ -47,7 +45,6 @@ pub fn run(
     // It was checked before that an existing state may be continued.
     let begun = BuildOptions { resume: true, ..options.clone() };
     StagedJob::begin(work, parts, &begun, &Notes).map_err(|error| naming(error, work, Some("--temp")))?;
-    interrupt::on_stop(work, "run the same command with --resume to continue");
     let job = StagedJob::open(work)?;
     let shares =
         Stage::ALL.into_iter().filter(|&stage| job.tasks(stage) > 0).map(|stage| (stage.name(), stage.share()));
@@ -63,7 +60,7 @@ pub fn run(
     let parts = Parts::check(std::slice::from_ref(work), &Silent)?;
     let merged = merge(&parts, work, &mut out, &progress).map_err(|error| naming(error, output, Some("-o")))?;
     let written = out.into_inner().map_err(|error| error.into_error());
-    pending.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
+    let finished = finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
     progress.complete();
     // Nothing needs the state any more.
     let status = JobStatus::of(work)?;
@@ -75,14 +72,15 @@ pub fn run(
     });
     let of_merge = merged.stages.iter().filter(|stage| stage.stage == "pack").cloned();
     let stages: Vec<StageTime> = of_tasks.chain(of_merge).collect();
-    Ok(BuildSummary {
+    let summary = BuildSummary {
         wall_seconds: started.elapsed().as_secs_f64(),
         cpu_seconds: stages.iter().map(|stage| stage.cpu_seconds).sum(),
         peak_memory_bytes: status.stages.iter().map(|stage| stage.peak_memory_bytes).max().unwrap_or(0),
         temporary_bytes: shown.most_bytes,
         stages,
         ..merged
-    })
+    };
+    Ok((summary, finished))
 }
 
 fn count_of_tasks(options: &BuildOptions, workers: u32) -> u32 {

@@ -21,8 +21,17 @@ pub(super) enum Hold {
     Free,
     /// It is the nearest point of a border edge of its tile.
     Edge(u32),
-    /// It is a vertex of its tile.
+    /// It is a vertex of its tile, on the border.
     Vertex(u32),
+    /// It is a vertex of its tile, a plain one (see [`Tiles::plain_vertices`]), and may become another point.
+    Corner(u32),
+}
+
+impl Hold {
+    /// Whether the foot may be moved to another tile.
+    fn is_loose(self) -> bool {
+        matches!(self, Self::Free | Self::Corner(_))
+    }
 }
 
 /// The foot of a vertex.
@@ -131,6 +140,23 @@ impl Drape {
         }
     }
 
+    /// Moves feet to a vertex of their tiles where that is within a threshold. Where the vertices of both surfaces are nearly the same, most
+    /// triangles lie in one tile then, and their ways around vertices need not be followed.
+    pub(super) fn snap_feet(&mut self, threshold: f64) {
+        let is_plain = self.tiles.plain_vertices();
+        for (foot, &at) in self.feet.iter_mut().zip(&self.points) {
+            if foot.hold != Hold::Free || foot.tile == NONE {
+                continue;
+            }
+            let corners = self.coarse.triangles[foot.tile as usize];
+            let squares = corners.map(|corner| self.corners[corner as usize].distance_squared(at));
+            let nearest = (0..3).min_by(|&a, &b| squares[a].total_cmp(&squares[b])).unwrap_or(0);
+            if squares[nearest] <= threshold && is_plain[corners[nearest] as usize] {
+                *foot = Foot { square: squares[nearest], hold: Hold::Corner(corners[nearest]), ..*foot };
+            }
+        }
+    }
+
     fn walk(&self, at: DVec3, start: u32) -> Foot {
         let (mut tile, mut before) = (start, NONE);
         let mut square = self.coarse.distance_squared(at, tile);
@@ -157,7 +183,7 @@ impl Drape {
         for v in farthest.into_iter().chain(0..self.feet.len()) {
             if self.feet[v].square > search.threshold() {
                 let (square, tile) = search.query_vertex_nearly(v as u32);
-                if self.feet[v].hold == Hold::Free && square < self.feet[v].square {
+                if self.feet[v].hold.is_loose() && square < self.feet[v].square {
                     self.feet[v] = Foot { square, tile, hold: Hold::Free };
                     changed[v] = true;
                 }
@@ -170,7 +196,7 @@ impl Drape {
         let (foot, at) = (&self.feet[vertex as usize], self.points[vertex as usize]);
         match foot.hold {
             Hold::Free => self.coarse.closest_in(at, foot.tile),
-            Hold::Vertex(corner) => self.corners[corner as usize],
+            Hold::Vertex(corner) | Hold::Corner(corner) => self.corners[corner as usize],
             Hold::Edge(edge) => {
                 let [start, end] = self.border[edge as usize].map(|v| self.corners[v as usize]);
                 nearest_on_segment(at, start, end)
@@ -216,10 +242,11 @@ impl Drape {
         for tile in tiles {
             let squares = v.map(|v| {
                 let foot = &self.feet[v as usize];
-                match (foot.tile == tile, foot.hold == Hold::Free) {
-                    (true, _) => foot.square,
-                    (false, true) => self.coarse.distance_squared(self.points[v as usize], tile),
-                    (false, false) => f64::INFINITY,
+                match foot.hold {
+                    _ if foot.tile == tile => foot.square,
+                    Hold::Corner(corner) if self.tiles.has(tile, corner) => foot.square,
+                    Hold::Free | Hold::Corner(_) => self.coarse.distance_squared(self.points[v as usize], tile),
+                    Hold::Edge(_) | Hold::Vertex(_) => f64::INFINITY,
                 }
             });
             let square = squares[0].max(squares[1]).max(squares[2]);
@@ -232,7 +259,8 @@ impl Drape {
             for k in 0..3 {
                 let foot = &mut self.feet[v[k] as usize];
                 if foot.tile != tile {
-                    (foot.square, foot.tile) = (squares[k], tile);
+                    let stays = matches!(foot.hold, Hold::Corner(corner) if self.tiles.has(tile, corner));
+                    *foot = Foot { square: squares[k], tile, hold: if stays { foot.hold } else { Hold::Free } };
                     changed[v[k] as usize] = true;
                 }
             }
@@ -246,7 +274,7 @@ impl Drape {
         for (moving, other) in [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)] {
             let before = self.feet[v[moving]];
             let foot = self.walk(self.points[v[moving]], self.feet[v[other]].tile);
-            if before.hold != Hold::Free || foot.tile == before.tile || foot.square > threshold {
+            if !before.hold.is_loose() || foot.tile == before.tile || foot.square > threshold {
                 continue;
             }
             self.feet[v[moving]] = foot;

@@ -24,6 +24,10 @@
 //! Hence every point of the coarser surface is the image of some point, which lies within the length of its move.
 //! Components and handles do not matter. If any step fails, there is no map, and branch and bound gives the answer.
 //!
+//! Where both surfaces have nearly the same vertices, feet are moved to vertices of tiles. Such a foot lies in all tiles around its vertex.
+//! If both feet of an edge lie in one tile, its image is straight there: as a way it goes around those vertices, and crosses
+//! between tiles at them. If all feet of a triangle lie in one tile, it is mapped linearly, and its edges are the same straight ones.
+//!
 //! A triangle that moves by more than asked for is left to branch and bound, together with its image. A triangle that
 //! is not mapped is left to it together with tiles in which it could have an image (`unmapped`); that is enough,
 //! because the argument needs a map to exist, not to be known. Positions on tiles are rounded; the final inflation
@@ -63,6 +67,8 @@ pub type BorderPairing = Vec<Vec<PairedVertex>>;
 
 /// Closed surfaces of fewer tiles are bounded faster without a map.
 const FEW_TILES: usize = 16;
+/// Of surfaces with fewer than this many triangles to one of the other, most vertices may be laid onto vertices.
+const ALIKE: usize = 3;
 /// If a larger share of the triangles is not mapped, branch and bound alone is as good.
 const MAX_UNMAPPED: usize = 4;
 /// If more triangles than this move too far, some queries from the other side first are worth their cost.
@@ -167,6 +173,9 @@ impl Map {
     /// Moves feet for the sake of triangles that move by more than the threshold of a search. None if there is no map then, or hardly any.
     fn improve(&mut self, forward: &mut Search) -> Option<()> {
         let mut changed = vec![self.moves.is_empty(); self.drape.feet.len()];
+        if self.moves.is_empty() && self.drape.are_alike() {
+            self.drape.snap_feet(forward.threshold());
+        }
         self.moves.resize(self.drape.fine.triangle_count(), f64::INFINITY);
         self.drape.improve_feet(forward, &mut changed);
         self.drape.lay_all(forward.threshold(), &mut self.moves, changed);
@@ -179,6 +188,11 @@ impl Map {
 }
 
 impl Drape {
+    /// Whether both surfaces have about as many vertices.
+    fn are_alike(&self) -> bool {
+        self.fine.triangle_count() <= ALIKE * self.coarse.triangle_count()
+    }
+
     /// Where the images of some triangles are: all of some tiles, ascending, and parts of others.
     fn images(&self, far: &[Move]) -> (Vec<u32>, Vec<Patch>) {
         let mut parts = Parts::default();

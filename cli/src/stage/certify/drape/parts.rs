@@ -95,6 +95,12 @@ impl Drape {
             }
             return Some(square);
         }
+        if let Some(tile) = self.common_tile(v) {
+            if let Some(sink) = sink {
+                sink(tile, v.map(|v| self.foot(v)));
+            }
+            return Some(square);
+        }
         parts.outline.clear();
         parts.runs.clear();
         parts.begin_run(tiles[0]);
@@ -170,7 +176,7 @@ impl Drape {
         let feet = ends.map(|v| &self.feet[v as usize]);
         way.clear();
         crossings.clear();
-        if !self.tiles.way(feet[0].tile, feet[1].tile, way) {
+        if !self.way(ends, way) {
             return None;
         }
         let ends = ends.map(|v| self.points[v as usize]);
@@ -178,7 +184,9 @@ impl Drape {
         for pair in way.windows(2) {
             let edge = self.tiles.edge_between(pair[0], pair[1])?;
             let holds = |end: usize| match feet[end].hold {
-                Hold::Vertex(corner) if edge.contains(&corner) => Some(self.corners[corner as usize]),
+                Hold::Vertex(corner) | Hold::Corner(corner) if edge.contains(&corner) => {
+                    Some(self.corners[corner as usize])
+                }
                 _ => None,
             };
             // If the foot of an end is a vertex of the edge between the tiles, the crossing is at that end.
@@ -202,6 +210,53 @@ impl Drape {
             crossings.push(MappedPoint { point, image: Image::Point(image) });
         }
         Some(square)
+    }
+
+    /// Appends the tiles that the image of an edge passes. Where both feet lie in one tile, it is straight there: then the way goes around
+    /// those feet that are vertices of it.
+    pub(super) fn way(&self, ends: [u32; 2], way: &mut Vec<u32>) -> bool {
+        let start = way.len();
+        let [from, to] = ends.map(|v| &self.feet[v as usize]);
+        let is_direct = match (from.hold, to.hold) {
+            (Hold::Corner(a), Hold::Corner(b)) => {
+                way.push(from.tile);
+                self.tiles.way_to_edge(a, from.tile, b, way)
+                    && self.tiles.way_around(b, way[way.len() - 1], to.tile, way)
+            }
+            (Hold::Corner(a), Hold::Free) if self.tiles.has(to.tile, a) => {
+                way.push(from.tile);
+                self.tiles.way_around(a, from.tile, to.tile, way)
+            }
+            (Hold::Free, Hold::Corner(b)) if self.tiles.has(from.tile, b) => {
+                way.push(from.tile);
+                self.tiles.way_around(b, from.tile, to.tile, way)
+            }
+            _ => false,
+        };
+        if !is_direct {
+            way.truncate(start);
+        }
+        is_direct || self.tiles.way(from.tile, to.tile, way)
+    }
+
+    /// A tile in which all feet of a triangle lie, if one is known. The images of its edges are straight there, see [`Self::way`].
+    fn common_tile(&self, triangle: [u32; 3]) -> Option<u32> {
+        let feet = triangle.map(|v| &self.feet[v as usize]);
+        let lies_in = |tile: u32| {
+            feet.iter().all(|foot| match foot.hold {
+                Hold::Free => foot.tile == tile,
+                Hold::Corner(corner) => self.tiles.has(tile, corner),
+                Hold::Edge(_) | Hold::Vertex(_) => false,
+            })
+        };
+        let tile = match feet.iter().find(|foot| foot.hold == Hold::Free) {
+            Some(free) => Some(free.tile),
+            None => match feet[0].hold {
+                Hold::Corner(corner) => self.tiles.find_around(corner, feet[0].tile, lies_in),
+                _ => None,
+            },
+        };
+        tile.filter(|&tile| lies_in(tile))
     }
 
     fn image(&self, mapped: &MappedPoint) -> DVec3 {

@@ -139,13 +139,26 @@ impl Tiles {
             return true;
         }
         let Some(vertex) = self.shared_vertex(&[from, to]) else { return self.shortest_way(from, to, found) };
-        let start = found.len();
+        self.way_around(vertex, from, to, found) || self.shortest_way(from, to, found)
+    }
+
+    /// Appends the tiles around a vertex of two tiles from one to the other, the shorter way, without the first tile. Nothing is appended
+    /// where the surface does not go on around the vertex.
+    pub(super) fn way_around(&self, vertex: u32, from: u32, to: u32, found: &mut Vec<u32>) -> bool {
+        self.turn(vertex, from, found, |tile| tile == to)
+    }
+
+    /// Appends the tiles around a vertex from a tile of it to the nearest one that is asked for, without the first tile.
+    fn turn(&self, vertex: u32, from: u32, found: &mut Vec<u32>, is_end: impl Fn(u32) -> bool) -> bool {
+        if is_end(from) {
+            return true;
+        }
         let (mut forth, mut back) = (from, from);
         for steps in 1..=MAX_STEPS {
             forth = self.next_around(forth, vertex, true);
             back = self.next_around(back, vertex, false);
-            if forth == to || back == to {
-                let forward = forth == to;
+            let forward = forth != NONE && is_end(forth);
+            if forward || back != NONE && is_end(back) {
                 let mut tile = from;
                 for _ in 0..steps {
                     tile = self.next_around(tile, vertex, forward);
@@ -157,8 +170,56 @@ impl Tiles {
                 break;
             }
         }
-        found.truncate(start);
-        self.shortest_way(from, to, found)
+        false
+    }
+
+    /// For each vertex whether all of its tiles are reached around it, whichever one is the first.
+    pub(super) fn plain_vertices(&self) -> Vec<bool> {
+        let mut counts: Vec<(usize, u32)> = vec![(0, NONE); self.surface.positions.len()];
+        for (tile, corners) in (0..).zip(&self.surface.triangles) {
+            corners.iter().for_each(|&v| counts[v as usize] = (counts[v as usize].0 + 1, tile));
+        }
+        let is_plain = |(vertex, (count, tile)): (u32, (usize, u32))| {
+            if count == 0 || count > MAX_STEPS {
+                return false;
+            }
+            let mut reached = 1;
+            for forward in [true, false] {
+                let mut next = self.next_around(tile, vertex, forward);
+                while next != NONE && next != tile && reached < count {
+                    reached += 1;
+                    next = self.next_around(next, vertex, forward);
+                }
+                if next == tile {
+                    break;
+                }
+            }
+            reached == count
+        };
+        (0..).zip(counts).map(is_plain).collect()
+    }
+
+    /// Whether a tile has a vertex.
+    pub(super) fn has(&self, tile: u32, vertex: u32) -> bool {
+        self.surface.triangles[tile as usize].contains(&vertex)
+    }
+
+    /// The nearest tile around a vertex that is asked for, from one of its tiles on.
+    pub(super) fn find_around(&self, vertex: u32, from: u32, is_it: impl Fn(u32) -> bool) -> Option<u32> {
+        let (mut forth, mut back) = (from, from);
+        for _ in 0..=MAX_STEPS {
+            if let Some(found) = [forth, back].into_iter().find(|&tile| tile != NONE && is_it(tile)) {
+                return Some(found);
+            }
+            forth = self.next_around(forth, vertex, true);
+            back = self.next_around(back, vertex, false);
+        }
+        None
+    }
+
+    /// Appends the tiles around a vertex from a tile of it to the nearest one that has another vertex, too, without the first tile.
+    pub(super) fn way_to_edge(&self, vertex: u32, from: u32, other: u32, found: &mut Vec<u32>) -> bool {
+        self.turn(vertex, from, found, |tile| self.has(tile, other))
     }
 
     /// Appends the tiles of a way with the fewest edges, without the first tile.

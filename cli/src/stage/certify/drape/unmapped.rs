@@ -57,9 +57,8 @@ impl Drape {
         for slot in slots {
             let v = self.fine.triangles[slot as usize];
             for k in 0..3 {
-                let [from, to] = ordered(v[k], v[(k + 1) % 3]).map(|v| self.feet[v as usize].tile);
                 way.clear();
-                if !self.tiles.way(from, to, &mut way) {
+                if !self.way(ordered(v[k], v[(k + 1) % 3]), &mut way) {
                     return None;
                 }
                 visit(&way)?;
