@@ -105,18 +105,26 @@ fn workers_end_with_a_killed_build_which_can_be_resumed() {
 fn what_is_left_of_a_state_that_was_being_removed_is_begun_anew() {
     let folder = Folder::new();
     let state = folder.path("out.lodpack.building");
-    for (options, removed) in [("", Some("stages")), ("", Some("parts")), ("--tolerance 1", None)] {
+    // What is gone beside the manifest: a folder, or files whose names end so, of which others say that they are there.
+    for (options, removed) in
+        [("", "stages"), ("", "parts"), ("--tolerance 1", "nothing"), ("", ".repaired"), ("", ".charted"), ("", ".stats")]
+    {
         folder.ok(&format!("plan SCAN -o out.lodpack.building --stages --parts 8 {options}"));
         folder.ok("work out.lodpack.building");
         // What vouches for other files goes first, and a signal may come at any moment after that.
         for name in ["job.json", "plan", "divided"] {
             let _ = fs::remove_file(state.join(name));
         }
-        if let Some(removed) = removed {
-            fs::remove_dir_all(state.join(removed)).expect("it was there");
+        for entry in fs::read_dir(&state).expect("readable").map(|entry| entry.expect("readable").path()) {
+            let name = entry.file_name().and_then(|name| name.to_str()).expect("a name");
+            if name == removed {
+                fs::remove_dir_all(&entry).expect("a folder");
+            } else if removed.starts_with('.') && name.ends_with(removed) {
+                fs::remove_file(&entry).expect("a file");
+            }
         }
         folder.ok("build SCAN --workers 2 -o out.lodpack --resume");
-        assert!(folder.built("out.lodpack"), "{options} without {removed:?}");
+        assert!(folder.built("out.lodpack"), "{options} without {removed}");
         fs::remove_file(folder.path("out.lodpack")).expect("it was built");
     }
 }

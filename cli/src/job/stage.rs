@@ -8,13 +8,11 @@ use serde::{Deserialize, Serialize};
 use super::part::part_name;
 use super::planned::PARTS_NAME;
 use crate::import::Ways;
+use crate::storage::STAGES_NAME;
 
 /// Parts for each task of [`Stage::Encode`], at least, and the most tasks.
 const PARTS_PER_ENCODER: u32 = 4;
 const MAX_ENCODERS: u32 = 500;
-
-/// The folder of tasks within a job's directory.
-pub const STAGES_NAME: &str = "stages";
 
 /// A stage of a job. The tasks of a stage can be done in any order, by any number of processes at the same time, once all tasks of the stages
 /// before it are done.

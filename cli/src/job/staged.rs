@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use super::file_name::product_name;
 use super::planned::chain;
-use super::stage::{STAGES_NAME, TaskFiles};
+use super::stage::TaskFiles;
 use super::status::PartReport;
 use super::tasks::{AllRuns, Task};
 use super::{BuildError, BuildOptions, JobError, Manifest, PartOptions, PlannedJob, Stage, Stages};
@@ -21,7 +21,7 @@ use crate::pipeline::PipelineError;
 use crate::pipeline::summary::Stopwatch;
 use crate::progress::Progress;
 use crate::storage::memory::{least_bytes, region_bytes};
-use crate::storage::{Lock, WorkDirectory, WorkError};
+use crate::storage::{Lock, STAGES_NAME, WorkDirectory, WorkError};
 
 /// The least bytes of input in a range by default: a range of less would hardly be worth a process.
 const RANGE_BYTES: u64 = 64 << 20;
@@ -120,8 +120,6 @@ impl StagedJob {
             false => WorkDirectory::create(path)?,
         };
         let folder = path.join(STAGES_NAME);
-        // Without a manifest nothing says what a process that was killed has left in it.
-        let _ = fs::remove_dir_all(&folder);
         fs::create_dir_all(&folder).map_err(|source| WorkError::new(&folder, "made", source))?;
         manifest.write(path)?;
         directory.keep(true);

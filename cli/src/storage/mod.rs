@@ -86,6 +86,10 @@ pub(crate) const PLAN_NAME: &str = "plan";
 pub(crate) const DIVIDED_NAME: &str = "divided";
 /// Files that vouch for others go first: what a kill then leaves of the directory is begun anew.
 const FIRST_REMOVED: [&str; 3] = [MANIFEST_NAME, PLAN_NAME, DIVIDED_NAME];
+/// The folder of the tasks of a job's stages.
+pub const STAGES_NAME: &str = "stages";
+/// How the names of the files of regions, and of what is built of them, begin.
+const OF_REGIONS: [&str; 2] = ["region-", "part-"];
 
 impl WorkDirectory {
     /// Makes a new directory, or takes an empty one. Anything else of that name is refused and left alone.
@@ -106,7 +110,7 @@ impl WorkDirectory {
     /// If it cannot be locked: [`io::ErrorKind::WouldBlock`] if another process is at work in it.
     pub fn open(path: &Path) -> Result<Self, WorkError> {
         let directory = Self::hold(path, true)?;
-        remove_unfinished(path);
+        remove_left(path);
         Ok(directory)
     }
 
@@ -177,12 +181,18 @@ impl Drop for Directory {
     }
 }
 
-/// Removes unfinished files that killed processes have left.
-fn remove_unfinished(folder: &Path) {
+/// Removes what killed processes have left: unfinished files, and all files of regions and stages where there is no manifest. Such a
+/// directory was being removed, so what one of its files says of another need no longer be true.
+fn remove_left(folder: &Path) {
+    let has_manifest = folder.join(MANIFEST_NAME).exists();
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name();
-        if name.to_str().is_some_and(|name| name.ends_with(".tmp")) {
+        let Some(name) = name.to_str() else { continue };
+        if name.ends_with(".tmp") || !has_manifest && OF_REGIONS.iter().any(|begin| name.starts_with(begin)) {
             let _ = fs::remove_file(entry.path());
+        }
+        if !has_manifest && name == STAGES_NAME {
+            let _ = fs::remove_dir_all(entry.path());
         }
     }
 }

@@ -76,7 +76,7 @@ impl Comparison {
         let of_fine = of_fine.flatten();
         let is_several = of_coarse.is_some() || of_fine.is_some();
         let found = of_fine.zip(of_coarse).and_then(|parts| pairs_of([fine, coarse], parts, pairing));
-        let (pairs, lower) = found.map_or((None, (0.0, DVec3::ZERO)), |(pairs, lower)| (Some(pairs), lower));
+        let (pairs, lower) = found.unzip();
         let whole = || {
             let [fine, coarse] = [fine, coarse].map(|surface| Side {
                 surface: Arc::clone(surface.bvh()),
@@ -86,7 +86,7 @@ impl Comparison {
             // Parts that do not correspond are not laid onto each other as a whole either; a border may help.
             vec![Pair { may_drape: !(is_closed && is_several), ..Pair::new(fine, coarse, pairing.clone()) }]
         };
-        Self { pairs: pairs.unwrap_or_else(whole), is_closed, lower }
+        Self { pairs: pairs.unwrap_or_else(whole), is_closed, lower: lower.unwrap_or_default() }
     }
 
     #[cfg(test)]

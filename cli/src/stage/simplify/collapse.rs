@@ -308,10 +308,9 @@ impl Collapser {
     /// Carries out a collapse, unless it would break the topology or exceed the tolerated change of shape.
     pub fn collapse(&mut self, candidate: &Candidate, tolerated: Tolerated) -> bool {
         let &Candidate { half_edge, removed, kept, target, .. } = candidate;
-        if !self.keeps_topology(half_edge, removed, kept) || !self.keeps_shape(removed, kept, target, tolerated) {
+        if !self.merge(half_edge, [removed, kept], target, Some(tolerated)) {
             return false;
         }
-        self.merge(half_edge, [removed, kept], target);
         if let Some(merges) = &mut self.merges {
             merges.push(Merge { half_edge, removed, target });
         }
@@ -319,9 +318,9 @@ impl Collapser {
         true
     }
 
-    /// Carries out a collapse that was carried out before, unless it would change the shape too much now or break the topology; neither is
-    /// checked where nothing is `tolerated`, since all is as it was.
-    pub fn repeat(
+    /// Merges the vertex `removed` into the other one, unless that would break the topology or exceed the tolerated change of shape. Neither is
+    /// checked where nothing is `tolerated`, for a collapse that was carried out before where all was the same.
+    pub fn merge(
         &mut self,
         half_edge: u32,
         [removed, kept]: [u32; 2],
@@ -333,15 +332,11 @@ impl Collapser {
         {
             return false;
         }
-        self.merge(half_edge, [removed, kept], target);
-        true
-    }
-
-    fn merge(&mut self, half_edge: u32, [removed, kept]: [u32; 2], target: DVec3) {
         self.mesh.collapse(half_edge, removed);
         self.positions[kept as usize] = target;
         let quadric = self.quadrics[removed as usize];
         self.quadrics[kept as usize] += quadric;
+        true
     }
 
     /// The link condition (Dey et al., "Topology Preserving Edge Contraction", 1999): the only common neighbours of the

@@ -35,38 +35,32 @@ impl Early {
         let factor = |list: &[f32], v: usize| list.get(v).copied().unwrap_or(1.0);
         let count = collapser.positions.len();
         let is_other = |v| factor(importance.unwrap_or_default(), v) != factor(&self.importance, v);
-        let mut differs: Vec<bool> = (0..count).map(is_other).collect();
-        // What touches a vertex that differs has to be checked; the rest is as it was.
-        let mut is_beside = vec![false; count];
+        let (mut differs, mut is_beside) = (vec![false; count], vec![false; count]);
         let mut ring = vec![];
-        let mut mark_around = |collapser: &Collapser, is_beside: &mut [bool], v: u32| {
-            collapser.mesh.ring(v, &mut ring);
-            ring.iter().for_each(|&beside| is_beside[beside as usize] = true);
-        };
-        for v in 0..count as u32 {
-            if differs[v as usize] && collapser.mesh.is_alive(v) {
-                mark_around(collapser, &mut is_beside, v);
+        // What touches a vertex that differs has to be checked; the rest is as it was.
+        let mut spread = |collapser: &Collapser, differs: &mut [bool], is_beside: &mut [bool], v: u32| {
+            if collapser.mesh.is_alive(v) && !std::mem::replace(&mut differs[v as usize], true) {
+                collapser.mesh.ring(v, &mut ring);
+                ring.iter().for_each(|&beside| is_beside[beside as usize] = true);
             }
+        };
+        for v in (0..count as u32).filter(|&v| is_other(v as usize)) {
+            spread(collapser, &mut differs, &mut is_beside, v);
         }
         for &Merge { half_edge, removed, target } in &self.merges {
-            let Some(kept) = collapser.mesh.other_end(half_edge, removed) else {
-                // One of both has been part of something else since.
-                if collapser.mesh.is_alive(removed) && !std::mem::replace(&mut differs[removed as usize], true) {
-                    mark_around(collapser, &mut is_beside, removed);
+            // None if one of both has been part of something else since.
+            let kept = collapser.mesh.other_end(half_edge, removed);
+            if let Some(kept) = kept {
+                let ends = [removed, kept].map(|v| v as usize);
+                let may_differ = ends.iter().any(|&v| differs[v]);
+                let is_checked = ends.iter().any(|&v| is_beside[v]);
+                if !may_differ && collapser.merge(half_edge, [removed, kept], target, is_checked.then_some(STRICT)) {
+                    is_beside[kept as usize] |= is_beside[removed as usize];
+                    continue;
                 }
-                continue;
-            };
-            let ends = [removed, kept].map(|v| v as usize);
-            let may_differ = ends.iter().any(|&v| differs[v]);
-            let is_checked = ends.iter().any(|&v| is_beside[v]);
-            if !may_differ && collapser.repeat(half_edge, [removed, kept], target, is_checked.then_some(STRICT)) {
-                is_beside[kept as usize] |= is_beside[removed as usize];
-                continue;
             }
-            for v in [removed, kept] {
-                if !std::mem::replace(&mut differs[v as usize], true) {
-                    mark_around(collapser, &mut is_beside, v);
-                }
+            for v in [removed].into_iter().chain(kept) {
+                spread(collapser, &mut differs, &mut is_beside, v);
             }
         }
     }

@@ -31,6 +31,7 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode> {
     begin(output, job)?;
     let heights = args.heights;
     let mut options = BuildOptions { resume: job.resume, heights, ..options(inputs, &args.model, &job.run) };
+    // The job's directory itself, once it exists, would pass for a device.
     let under =
         ground::open(&args.ground, &mut options, &job.run, &folder_beside(&output.with_file_name(GROUND_NAME)))?;
     options.ground = under.as_ref().map(|under| under.inputs.clone()).unwrap_or_default();

@@ -150,27 +150,33 @@ impl Tiles {
 
     /// Appends the tiles around a vertex from a tile of it to the nearest one that is asked for, without the first tile.
     fn turn(&self, vertex: u32, from: u32, found: &mut Vec<u32>, is_end: impl Fn(u32) -> bool) -> bool {
-        if is_end(from) {
-            return true;
+        let Some((_, steps, forward)) = self.look_around(vertex, from, is_end) else { return false };
+        let mut tile = from;
+        for _ in 0..steps {
+            tile = self.next_around(tile, vertex, forward);
+            found.push(tile);
         }
+        true
+    }
+
+    /// The nearest tile around a vertex that is asked for, from one of its tiles on; how many steps away it is, and whether forward.
+    fn look_around(&self, vertex: u32, from: u32, is_it: impl Fn(u32) -> bool) -> Option<(u32, usize, bool)> {
+        let is_it = |tile| tile != NONE && is_it(tile);
         let (mut forth, mut back) = (from, from);
-        for steps in 1..=MAX_STEPS {
+        for steps in 0..=MAX_STEPS {
+            if is_it(forth) {
+                return Some((forth, steps, true));
+            }
+            if is_it(back) {
+                return Some((back, steps, false));
+            }
             forth = self.next_around(forth, vertex, true);
             back = self.next_around(back, vertex, false);
-            let forward = forth != NONE && is_end(forth);
-            if forward || back != NONE && is_end(back) {
-                let mut tile = from;
-                for _ in 0..steps {
-                    tile = self.next_around(tile, vertex, forward);
-                    found.push(tile);
-                }
-                return true;
-            }
             if forth == NONE && back == NONE {
                 break;
             }
         }
-        false
+        None
     }
 
     /// For each vertex whether all of its tiles are reached around it, whichever one is the first.
@@ -206,15 +212,7 @@ impl Tiles {
 
     /// The nearest tile around a vertex that is asked for, from one of its tiles on.
     pub(super) fn find_around(&self, vertex: u32, from: u32, is_it: impl Fn(u32) -> bool) -> Option<u32> {
-        let (mut forth, mut back) = (from, from);
-        for _ in 0..=MAX_STEPS {
-            if let Some(found) = [forth, back].into_iter().find(|&tile| tile != NONE && is_it(tile)) {
-                return Some(found);
-            }
-            forth = self.next_around(forth, vertex, true);
-            back = self.next_around(back, vertex, false);
-        }
-        None
+        self.look_around(vertex, from, is_it).map(|(tile, ..)| tile)
     }
 
     /// Appends the tiles around a vertex from a tile of it to the nearest one that has another vertex, too, without the first tile.
