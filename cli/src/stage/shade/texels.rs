@@ -4,22 +4,35 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use memmap2::{Mmap, UncheckedAdvice};
 
+use crate::storage::WorkError;
+
+/// What messages call a file of texels, because it has no name.
+const NAME: &str = "(texels of an image)";
+
 /// Where texels are kept.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Place {
     /// The folder of files.
     folder: PathBuf,
     /// The most bytes of a level of an image in memory.
     most: u64,
+    /// Held while a large image is decoded as a whole: one at a time.
+    alone: Mutex<()>,
 }
 
 impl Place {
-    /// Up to so many bytes in memory, the rest in a folder; in that of the system's temporary files where none is known.
-    pub fn new(folder: Option<&Path>, most: u64) -> Self {
-        Self { folder: folder.map_or_else(std::env::temp_dir, Path::to_owned), most }
+    /// Up to so many bytes in memory, the rest in a folder.
+    pub fn new(folder: &Path, most: u64) -> Self {
+        Self { folder: folder.to_owned(), most, alone: Mutex::default() }
+    }
+
+    /// Waits until nobody else decodes a large image as a whole.
+    pub fn alone(&self) -> MutexGuard<'_, ()> {
+        self.alone.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Whether so many bytes are in a file.
@@ -31,7 +44,7 @@ impl Place {
     ///
     /// # Errors
     /// If a file cannot be made, written or read.
-    pub fn keep<E: From<io::Error>>(
+    pub fn keep<E: From<WorkError>>(
         &self,
         bytes: u64,
         fill: impl FnOnce(&mut dyn FnMut(&[u8])) -> Result<(), E>,
@@ -41,23 +54,25 @@ impl Place {
             fill(&mut |piece| kept.extend_from_slice(piece))?;
             return Ok(Bytes::Memory(kept));
         }
-        let mut file = BufWriter::with_capacity(1 << 20, tempfile::tempfile_in(&self.folder)?);
+        let failed = |action: &'static str| move |error| WorkError::new(&self.folder.join(NAME), action, error);
+        let file = tempfile::tempfile_in(&self.folder).map_err(failed("made"))?;
+        let mut file = BufWriter::with_capacity(1 << 20, file);
         let mut written = Ok(());
         fill(&mut |piece| {
             if written.is_ok() {
                 written = file.write_all(piece);
             }
         })?;
-        written?;
-        let file = file.into_inner().map_err(io::IntoInnerError::into_error)?;
-        Ok(Bytes::map(&file)?)
+        written.map_err(failed("written"))?;
+        let file = file.into_inner().map_err(io::IntoInnerError::into_error).map_err(failed("written"))?;
+        Ok(Bytes::map(&file).map_err(failed("read"))?)
     }
 
     /// Keeps what is in memory already.
     ///
     /// # Errors
     /// As [`Place::keep`].
-    pub fn move_here(&self, bytes: Vec<u8>) -> io::Result<Bytes> {
+    pub fn move_here(&self, bytes: Vec<u8>) -> Result<Bytes, WorkError> {
         match self.is_file(bytes.len() as u64) {
             true => self.keep(bytes.len() as u64, |push| {
                 push(&bytes);
