@@ -4,10 +4,11 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use crate::mesh::appearance::{
-    AlphaMode, Appearance, COLOUR, Channels, DRAWING, EMISSIVE, ImageSource, METALLIC, Material, MaterialMaps, NORMAL,
-    OCCLUSION, ROUGHNESS, ScalarRange,
+    AlphaMode, Appearance, COLOUR, Channels, DRAWING, EMISSIVE, METALLIC, Material, MaterialMaps, NORMAL, OCCLUSION,
+    ROUGHNESS, ScalarRange,
 };
 use crate::mesh::attributes::{AttributeLayout, Attributes, FileAttributes, MaterialRun};
+use crate::mesh::images::ImageSource;
 
 use super::ImportError;
 use super::error::Parsed;

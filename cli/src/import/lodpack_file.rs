@@ -12,9 +12,10 @@ use super::error::{ImportError, Parsed};
 use super::sink::MeshSink;
 use super::source::Source;
 use crate::mesh::appearance::{
-    AlphaMode, COLOUR, EMISSIVE, ImageSource, METALLIC, Material, NORMAL, OCCLUSION, ROUGHNESS, TextureUse, Wrap,
+    AlphaMode, COLOUR, EMISSIVE, METALLIC, Material, NORMAL, OCCLUSION, ROUGHNESS, TextureUse, Wrap,
 };
 use crate::mesh::attributes::AttributeLayout;
+use crate::mesh::images::ImageSource;
 use crate::mesh::layers::{Layer, Look};
 use crate::mesh::pages::{PagedMesh, Part};
 use crate::mesh::textured::png;

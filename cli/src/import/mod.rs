@@ -128,11 +128,11 @@ fn finish(sink: MeshSink, progress: &dyn Progress) -> Result<Imported, ImportErr
     let room = sink.room();
     let mut imported = sink.finish()?;
     if let Imported::Memory(surface) = &mut imported {
-        textures::check_images(&mut surface.appearance, progress)?;
+        textures::check_images(&mut surface.appearance, room.memory, progress)?;
         // The mesh may fit where its texels do not.
         imported = Imported::new(std::mem::take(surface), &room)?;
     } else if let Imported::Spilled(mesh) = &mut imported {
-        textures::check_images(&mut mesh.appearance, progress)?;
+        textures::check_images(&mut mesh.appearance, room.memory, progress)?;
     }
     if let Imported::Spilled(mesh) = &mut imported {
         textures::keep_images(&mut mesh.appearance, &mesh.directory)?;

@@ -1,14 +1,17 @@
 //! The files that inputs name beside themselves.
 
 use std::fs;
+use std::io::Write;
 use std::path::{Component, Path, PathBuf};
 
-use xxhash_rust::xxh3::xxh3_64;
+use xxhash_rust::xxh3::Xxh3;
 
 use super::ImportError;
 use super::source::Source;
-use crate::mesh::appearance::{Appearance, ImageSource, MAX_IMAGE_TEXELS, image_size};
+use crate::mesh::appearance::Appearance;
+use crate::mesh::images::{ImageSource, MAX_IMAGE_TEXELS, decoding_bytes, image_size, texels_of};
 use crate::progress::Progress;
+use crate::storage::memory::least_for_decoding;
 use crate::storage::{WorkDirectory, WorkError};
 
 /// The path of a file that an input names, which lies in the input's folder or below; otherwise none, with a note.
@@ -47,20 +50,40 @@ pub(super) fn leaves_folder(path: &Path) -> bool {
 }
 
 /// Looks at all images that materials use. One that cannot be read is noted, and its materials keep their factor alone; the image that is
-/// too large is an error.
-pub(super) fn check_images(appearance: &mut Appearance, progress: &dyn Progress) -> Result<(), ImportError> {
-    appearance.texels = 0;
+/// too large is an error, and so is one whose decoding takes more than its share of `memory`.
+pub(super) fn check_images(
+    appearance: &mut Appearance,
+    memory: u64,
+    progress: &dyn Progress,
+) -> Result<(), ImportError> {
+    (appearance.texels, appearance.decoding_bytes) = (0, 0);
     for number in 0..appearance.images.len() {
         let image = &appearance.images[number];
         let name = image.name();
-        let read = image.read(None).map_err(|error| error.to_string());
-        match read.and_then(|bytes| image_size(&bytes)) {
-            Ok([width, height]) => {
-                let texels = u64::from(width) * u64::from(height);
+        let look = || -> Result<_, String> {
+            let open = || image.open(None).map_err(|error| error.to_string());
+            let size = image_size(open()?)?;
+            let is_allowed = texels_of(size) <= MAX_IMAGE_TEXELS;
+            Ok((size, if is_allowed { decoding_bytes(open()?)? } else { 0 }))
+        };
+        match look() {
+            Ok(([width, height], bytes)) => {
+                let texels = texels_of([width, height]);
                 if texels > MAX_IMAGE_TEXELS {
                     return Err(ImportError::Image { name, width, height, limit: MAX_IMAGE_TEXELS });
                 }
+                let least = least_for_decoding(bytes);
+                if least > memory {
+                    return Err(ImportError::Memory {
+                        path: name.into(),
+                        what: "an image of this kind",
+                        remedy: "save it as a PNG without interlacing, which is decoded row by row",
+                        least,
+                        memory,
+                    });
+                }
                 appearance.texels += texels;
+                appearance.decoding_bytes = appearance.decoding_bytes.max(bytes);
             }
             Err(problem) => {
                 progress.note(&format!("the image {name} cannot be used: {problem}; its material has no texture"));
@@ -76,21 +99,36 @@ pub(super) fn check_images(appearance: &mut Appearance, progress: &dyn Progress)
 /// Copies all images that can be used to a work directory, so that the rest of the build needs nothing else.
 pub(super) fn keep_images(appearance: &mut Appearance, directory: &WorkDirectory) -> Result<(), WorkError> {
     for (number, image) in appearance.images.iter_mut().enumerate() {
-        let kept = match image.read(None) {
-            Ok(bytes) if image_size(&bytes).is_ok() => keep(directory, number, image.name(), &bytes)?,
-            _ => continue,
-        };
-        *image = kept;
+        let Ok(encoded) = image.open(None) else { continue };
+        if image_size(encoded).is_ok() {
+            let kept = keep(directory, number, image)?;
+            *image = kept;
+        }
     }
     Ok(())
 }
 
-fn keep(directory: &WorkDirectory, number: usize, name: String, bytes: &[u8]) -> Result<ImageSource, WorkError> {
-    let file = format!("image-{number}");
+/// Copies an image piece by piece.
+fn keep(directory: &WorkDirectory, number: usize, image: &ImageSource) -> Result<ImageSource, WorkError> {
+    let (file, name) = (format!("image-{number}"), image.name());
     let path = directory.path(&file);
-    fs::write(&path, bytes).map_err(|source| WorkError::new(&path, "written", source))?;
-    directory.count(bytes.len() as u64);
-    Ok(ImageSource::Kept { file, name, bytes: bytes.len() as u64, xxh3: xxh3_64(bytes) })
+    let unreadable = |error| WorkError::new(Path::new(&name), "read", error);
+    let mut encoded = image.open(None).map_err(unreadable)?;
+    let mut copy = fs::File::create(&path).map_err(|error| WorkError::new(&path, "made", error))?;
+    let (mut hash, mut bytes) = (Xxh3::new(), 0);
+    loop {
+        let piece = encoded.fill_buf().map_err(unreadable)?;
+        if piece.is_empty() {
+            break;
+        }
+        copy.write_all(piece).map_err(|error| WorkError::new(&path, "written", error))?;
+        hash.update(piece);
+        let length = piece.len();
+        bytes += length as u64;
+        encoded.consume(length);
+    }
+    directory.count(bytes);
+    Ok(ImageSource::Kept { file, name, bytes, xxh3: hash.digest() })
 }
 
 #[cfg(test)]

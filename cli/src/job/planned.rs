@@ -197,7 +197,7 @@ pub(super) fn write_part(
     let mut times = Times::default();
     let mut writer = PartWriter::create(path, job, head)?;
     let note = |text: &str| progress.note(text);
-    let studio = Studio::new(&head.plan.appearance, Some(store.folder()), memory, &note);
+    let studio = Studio::new(&head.plan.appearance, Some(store.folder()), store.folder(), memory, &note);
     for region in head.regions.clone() {
         if let Some(product) = store.product::<RegionProduct>(region as usize) {
             progress.skip(product.stats.roots.total());

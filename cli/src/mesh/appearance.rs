@@ -2,17 +2,11 @@
 //!
 //! An [`Appearance`] is small and goes into the plan of a build. The values themselves are [`super::attributes`].
 
-use std::borrow::Cow;
-use std::fs;
-use std::io::{self, Cursor, Read, Seek};
-use std::ops::Range;
-use std::path::{Path, PathBuf};
-
-use image::{DynamicImage, ImageReader};
 use lodpack::decode::{self, Drawing};
 use serde::{Deserialize, Serialize};
 
 use super::attributes::AttributeLayout;
+use super::images::ImageSource;
 
 /// The name of the colour channel.
 pub const COLOUR: &str = "colour";
@@ -123,6 +117,8 @@ pub struct Appearance {
     pub images: Vec<ImageSource>,
     /// Texels of all images.
     pub texels: u64,
+    /// The most memory that decoding one of them takes, of those that are decoded as a whole.
+    pub decoding_bytes: u64,
 }
 
 impl Appearance {
@@ -342,104 +338,6 @@ pub enum Wrap {
     Mirror,
     /// Its last texels.
     Clamp,
-}
-
-/// Where the bytes of an encoded image are.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum ImageSource {
-    /// In a file, or in a range of one.
-    File {
-        /// The file.
-        path: PathBuf,
-        /// The bytes of the image; all where there is none.
-        range: Option<Range<u64>>,
-    },
-    /// Here: they were written in the text of the input.
-    Inline {
-        /// The image's name for messages.
-        name: String,
-        /// The bytes.
-        bytes: Vec<u8>,
-    },
-    /// In a file of the work directory, so that the parts of a job need no other files.
-    Kept {
-        /// The name of the file.
-        file: String,
-        /// The image's name for messages.
-        name: String,
-        /// Its size.
-        bytes: u64,
-        /// XXH3 hash of its content.
-        xxh3: u64,
-    },
-}
-
-impl ImageSource {
-    /// The image's name for messages.
-    pub fn name(&self) -> String {
-        match self {
-            Self::File { path, range: None } => path.display().to_string(),
-            Self::File { path, range: Some(range) } => {
-                format!("{} (bytes {} to {})", path.display(), range.start, range.end)
-            }
-            Self::Inline { name, .. } | Self::Kept { name, .. } => name.clone(),
-        }
-    }
-}
-
-/// The most texels of an image. One of this size takes 1.7 GB once it is decoded.
-pub const MAX_IMAGE_TEXELS: u64 = 1 << 28;
-
-impl ImageSource {
-    /// The encoded bytes. `folder` is the work directory, where it keeps images.
-    ///
-    /// # Errors
-    /// If they cannot be read.
-    pub fn read(&self, folder: Option<&Path>) -> io::Result<Cow<'_, [u8]>> {
-        let bytes = match self {
-            Self::Inline { bytes, .. } => return Ok(Cow::Borrowed(bytes)),
-            Self::File { path, range: None } => fs::read(path)?,
-            Self::File { path, range: Some(range) } => {
-                let mut file = fs::File::open(path)?;
-                file.seek(io::SeekFrom::Start(range.start))?;
-                let mut bytes = vec![];
-                file.take(range.end.saturating_sub(range.start)).read_to_end(&mut bytes)?;
-                bytes
-            }
-            Self::Kept { file, .. } => fs::read(folder.unwrap_or(Path::new("")).join(file))?,
-        };
-        Ok(Cow::Owned(bytes))
-    }
-}
-
-/// Columns and rows that an encoded image declares.
-///
-/// # Errors
-/// What is wrong with it.
-pub fn image_size(bytes: &[u8]) -> Result<[u32; 2], String> {
-    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|error| error.to_string())?;
-    let (width, height) = reader.into_dimensions().map_err(|error| error.to_string())?;
-    if width == 0 || height == 0 {
-        return Err("it has no texels".into());
-    }
-    Ok([width, height])
-}
-
-/// Decodes an image of at most [`MAX_IMAGE_TEXELS`]; its content says which format it has.
-///
-/// # Errors
-/// What is wrong with it.
-pub fn decode_image(bytes: &[u8]) -> Result<DynamicImage, String> {
-    let [width, height] = image_size(bytes)?;
-    if u64::from(width) * u64::from(height) > MAX_IMAGE_TEXELS {
-        return Err(format!("it has {width} x {height} texels, more than {MAX_IMAGE_TEXELS}"));
-    }
-    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|error| error.to_string())?;
-    let mut limits = image::Limits::default();
-    // The largest texel has four numbers of 32 bits.
-    limits.max_alloc = Some(u64::from(width) * u64::from(height) * 16 + (16 << 20));
-    reader.limits(limits);
-    reader.decode().map_err(|error| error.to_string())
 }
 
 #[cfg(test)]

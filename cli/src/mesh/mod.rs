@@ -5,6 +5,7 @@ pub mod attributes;
 pub mod export;
 pub mod glb;
 pub mod glb_nodes;
+pub mod images;
 pub mod layers;
 pub mod pages;
 pub mod shaded;

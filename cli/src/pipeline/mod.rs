@@ -103,9 +103,9 @@ pub(crate) fn build_in_memory(
     let RegionStore::Memory(regions) = store else { unreachable!("nothing has been written") };
     let regions = regions.into_iter().zip(&seams);
     let note = |text: &str| progress.note(text);
-    let studio = Studio::new(&plan.appearance, None, memory, &note);
+    let studio = Studio::new(&plan.appearance, None, scratch, memory, &note);
     let products = regions.map(|(region, seams)| build_region(&region, seams, &plan, &studio, progress));
-    let products = products.collect::<lodpack::Result<Vec<_>>>()?;
+    let products = products.collect::<Result<Vec<_>, PipelineError>>()?;
     // Neighbouring roots share their arcs bit for bit, and the stored error of every root's finest block is within the tolerance,
     // unless even the input's own triangles are farther off once they are quantised.
 
@@ -119,7 +119,7 @@ pub(crate) fn build_region(
     plan: &Plan,
     studio: &Studio<'_>,
     progress: &dyn Progress,
-) -> lodpack::Result<RegionProduct> {
+) -> Result<RegionProduct, PipelineError> {
     let Region { mesh, adjacency, labels, attributes } = region;
     let start = thread_cpu_time();
     let atlas = trace_arcs(mesh, adjacency, labels, seams);
@@ -170,6 +170,7 @@ pub(crate) fn build_region(
     if has_channels {
         let painted = PaintedRegion { charted: &charted, attributes, appearance: &plan.appearance, studio };
         times.texels += painted.paint(&mut forest.records, &forest.drawn, plan.colour_step);
+        studio.shader.check()?;
     }
     // Each block has an image of what the input shows where the block lies.
 

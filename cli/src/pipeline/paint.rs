@@ -45,6 +45,7 @@ impl<'a> Studio<'a> {
     pub fn new(
         appearance: &'a Appearance,
         folder: Option<&'a Path>,
+        scratch: &Path,
         memory: u64,
         note: &'a (dyn Fn(&str) + Sync),
     ) -> Self {
@@ -53,7 +54,7 @@ impl<'a> Studio<'a> {
         }
         let [images, maps] = texel_memory(memory);
         Self {
-            shader: Shader::new(appearance, folder, images, note),
+            shader: Shader::new(appearance, folder, scratch, images, note),
             baking: Pool::new(maps),
             kept: maps / rayon::current_num_threads() as u64,
         }

@@ -70,7 +70,7 @@ pub(crate) struct RegionSize {
     pub triangles: u64,
     pub vertices: u64,
     pub charts: u64,
-    /// Bytes of its attributes.
+    /// Bytes of its attributes, and of decoding an image that they need.
     pub attribute_bytes: u64,
 }
 
@@ -190,9 +190,11 @@ impl Whole {
                 scale = scale.with_heights([heights, above], low.distance(high));
             }
         }
+        let decoding_bytes = found.appearance.decoding_bytes;
         let sizes = stats.iter().zip(counts).map(|(stats, &charts)| {
             let Extent { triangles, vertices, .. } = stats.extent;
-            RegionSize { triangles, vertices, charts, attribute_bytes: stats.attribute_bytes }
+            let attribute_bytes = stats.attribute_bytes + decoding_bytes;
+            RegionSize { triangles, vertices, charts, attribute_bytes }
         });
         let plan = Plan {
             scale,

@@ -55,6 +55,11 @@ pub fn texel_memory(memory: u64) -> [u64; 2] {
     [IMAGE_BYTES.min(memory / 4), memory / 4]
 }
 
+/// The least memory for a build that decodes an image as a whole, given what that takes: half of it is for textures.
+pub fn least_for_decoding(bytes: u64) -> u64 {
+    bytes.saturating_mul(2)
+}
+
 /// The least memory for building regions that are on disk, given what the largest of them takes.
 pub fn least_bytes(largest_region_bytes: u64) -> u64 {
     BASE_BYTES + largest_region_bytes

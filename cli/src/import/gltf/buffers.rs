@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use ::gltf::Document;
 use ::gltf::buffer::{Data, Source as BufferSource, View};
 
-use crate::mesh::appearance::ImageSource;
+use crate::mesh::images::ImageSource;
 
 use super::super::error::{ImportError, Location, Parsed};
 use super::super::source::{DROP_BYTES, FileBytes, Source};

@@ -9,7 +9,8 @@ use crate::import::attributes::AttributeSink;
 use crate::import::error::Parsed;
 use crate::import::source::Source;
 use crate::import::textures::file_beside;
-use crate::mesh::appearance::{AlphaMode, ImageSource, Material, TextureUse, Wrap};
+use crate::mesh::appearance::{AlphaMode, Material, TextureUse, Wrap};
+use crate::mesh::images::ImageSource;
 
 /// The materials of a document among those of the input.
 #[derive(Default)]

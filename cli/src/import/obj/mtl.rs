@@ -4,7 +4,8 @@ use crate::import::attributes::AttributeSink;
 use crate::import::scan::{Scanner, parse_float};
 use crate::import::source::Source;
 use crate::import::textures::file_beside;
-use crate::mesh::appearance::{AlphaMode, ImageSource, Material, TextureUse, Wrap};
+use crate::mesh::appearance::{AlphaMode, Material, TextureUse, Wrap};
+use crate::mesh::images::ImageSource;
 use crate::mesh::srgb::linear_from_srgb;
 
 /// The materials of a library, in its order. `source` is the OBJ file, whose folder the images are in.

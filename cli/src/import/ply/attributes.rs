@@ -5,8 +5,9 @@ use super::values::Values;
 use crate::import::attributes::AttributeSink;
 use crate::import::error::Parsed;
 use crate::import::source::Source;
-use crate::mesh::appearance::{AlphaMode, COLOUR, ImageSource, Material, NORMAL, TextureUse, Wrap};
+use crate::mesh::appearance::{AlphaMode, COLOUR, Material, NORMAL, TextureUse, Wrap};
 use crate::mesh::attributes::AttributeLayout;
+use crate::mesh::images::ImageSource;
 use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
 
 /// Names of red, green, blue and alpha; alpha may be missing.

@@ -10,8 +10,9 @@ use super::mosaic::Mosaic;
 use super::options::RasterOptions;
 use super::{Parsed, grid_error, tiff};
 use crate::import::sink::MeshSink;
-use crate::mesh::appearance::{AlphaMode, COLOUR, ImageSource, Material, TextureUse, Wrap};
+use crate::mesh::appearance::{AlphaMode, COLOUR, Material, TextureUse, Wrap};
 use crate::mesh::attributes::AttributeLayout;
+use crate::mesh::images::ImageSource;
 use crate::mesh::srgb::linear_from_srgb;
 use crate::progress::Progress;
 

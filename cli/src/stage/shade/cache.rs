@@ -3,8 +3,10 @@
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::texture::{Meaning, Texture};
-use crate::mesh::appearance::ImageSource;
+use super::texels::Place;
+use super::texture::{Meaning, Texture, TextureError};
+use crate::mesh::images::ImageSource;
+use crate::storage::WorkError;
 
 /// Images as textures. Each can be there several times, by how it is meant.
 pub(super) struct TextureCache<'a> {
@@ -12,6 +14,9 @@ pub(super) struct TextureCache<'a> {
     folder: Option<&'a Path>,
     note: &'a (dyn Fn(&str) + Sync),
     memory: u64,
+    place: Place,
+    /// Why a file for texels cannot be used, the first time that this happens.
+    failure: Mutex<Option<WorkError>>,
     slots: Vec<Mutex<Slot>>,
     usage: Mutex<Usage>,
 }
@@ -34,11 +39,13 @@ impl<'a> TextureCache<'a> {
     pub(super) fn new(
         images: &'a [ImageSource],
         folder: Option<&'a Path>,
+        scratch: &Path,
         memory: u64,
         note: &'a (dyn Fn(&str) + Sync),
     ) -> Self {
         let slots = (0..Meaning::COUNT * images.len()).map(|_| Mutex::new(Slot::Absent)).collect();
-        Self { images, folder, note, memory, slots, usage: Mutex::default() }
+        let place = Place::new(scratch, memory / 2);
+        Self { images, folder, note, memory, place, failure: Mutex::default(), slots, usage: Mutex::default() }
     }
 
     /// The texture of a key ([`Meaning::key`]). None if the image cannot be decoded.
@@ -65,20 +72,26 @@ impl<'a> TextureCache<'a> {
         Some(texture)
     }
 
+    /// Why textures are missing that could be there: a file for their texels cannot be used. What is made after that is of no use.
+    pub(super) fn failure(&self) -> Option<WorkError> {
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
     fn decode(&self, key: usize) -> Option<Texture> {
         let image = self.images.get(key / Meaning::COUNT)?;
-        let texture = image
-            .read(self.folder)
-            .map_err(|error| error.to_string())
-            .and_then(|bytes| Texture::decode(&bytes, Meaning::of_key(key)));
-        texture
-            .inspect_err(|error| {
-                (self.note)(&format!(
-                    "the image {} cannot be used: {error}; its material has no texture",
-                    image.name()
-                ));
-            })
-            .ok()
+        let opened = image.open(self.folder).map_err(|error| TextureError::Image(error.to_string()));
+        let texture = opened.and_then(|encoded| Texture::decode(encoded, Meaning::of_key(key), &self.place));
+        match texture {
+            Ok(texture) => return Some(texture),
+            Err(TextureError::Image(problem)) => {
+                let name = image.name();
+                (self.note)(&format!("the image {name} cannot be used: {problem}; its material has no texture"));
+            }
+            Err(TextureError::File(error)) => {
+                self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+            }
+        }
+        None
     }
 
     /// Notes that a texture is used, and returns those to forget.

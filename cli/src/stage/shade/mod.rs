@@ -5,8 +5,11 @@
 //! every machine and any number of threads.
 
 mod cache;
+mod decode;
 mod jumps;
+mod level;
 mod maps;
+mod texels;
 mod texture;
 
 use std::path::Path;
@@ -17,6 +20,7 @@ use glam::DVec3;
 use crate::mesh::appearance::{AlphaMode, Appearance, Material, TextureUse};
 use crate::mesh::attributes::RegionAttributes;
 use crate::stage::bake::Points;
+use crate::storage::WorkError;
 use cache::TextureCache;
 use texture::{Meaning, Texture};
 
@@ -31,14 +35,23 @@ pub struct Shader<'a> {
 
 impl<'a> Shader<'a> {
     /// `folder` is the work directory of a job, where it keeps images. At most about `memory` bytes of decoded images are kept, but always
-    /// the ones that are in use. `note` is told of images that cannot be decoded; their materials keep the factor alone.
+    /// the ones that are in use; those of more than half of it are in files in `scratch`. `note` is told of images that cannot be decoded; their materials keep the factor alone.
     pub fn new(
         appearance: &'a Appearance,
         folder: Option<&'a Path>,
+        scratch: &Path,
         memory: u64,
         note: &'a (dyn Fn(&str) + Sync),
     ) -> Self {
-        Self { appearance, textures: TextureCache::new(&appearance.images, folder, memory, note) }
+        Self { appearance, textures: TextureCache::new(&appearance.images, folder, scratch, memory, note) }
+    }
+
+    /// Whether what it has shown so far is what there is.
+    ///
+    /// # Errors
+    /// If a file for texels cannot be made, written or read. Then surfaces have been shown without their textures.
+    pub fn check(&self) -> Result<(), WorkError> {
+        self.textures.failure().map_or(Ok(()), Err)
     }
 
     /// Evaluates the triangles of a region. Each thread has its own.
@@ -54,6 +67,17 @@ pub struct Painter<'s> {
     region: &'s RegionAttributes,
     /// The textures that were used last, by their use, with their keys.
     latest: [Option<(usize, Option<Arc<Texture>>)>; Use::COUNT],
+}
+
+impl Drop for Painter<'_> {
+    /// The next part of a surface shows another part of images that are in files.
+    fn drop(&mut self) {
+        self.latest
+            .iter()
+            .flatten()
+            .filter_map(|(_, texture)| texture.as_ref())
+            .for_each(|texture| texture.drop_pages());
+    }
 }
 
 impl<'s> Painter<'s> {

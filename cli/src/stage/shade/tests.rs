@@ -4,8 +4,9 @@ use std::sync::Mutex;
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgba};
 
 use super::*;
-use crate::mesh::appearance::{ImageSource, ScalarRange, Wrap};
+use crate::mesh::appearance::{ScalarRange, Wrap};
 use crate::mesh::attributes::AttributeLayout;
+use crate::mesh::images::ImageSource;
 use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
 
 const CORNERS: [DVec3; 3] = [DVec3::ZERO, DVec3::X, DVec3::Y];
@@ -36,7 +37,7 @@ fn textured(image: ImageSource, uv: [[f32; 2]; 3]) -> (Appearance, RegionAttribu
 fn colour_at((appearance, region): &(Appearance, RegionAttributes), footprint: f32) -> ([f32; 4], String) {
     let notes = Mutex::new(String::new());
     let note = |text: &str| notes.lock().unwrap().push_str(text);
-    let shader = Shader::new(appearance, None, 0, &note);
+    let shader = Shader::new(appearance, None, &std::env::temp_dir(), 0, &note);
     let colour = shader.painter(region).face(0, CORNERS).base_colour([1.0, 0.0, 0.0], footprint);
     drop(shader);
     (colour, notes.into_inner().unwrap())
@@ -60,7 +61,7 @@ fn vertex_colours_and_scalars_are_interpolated_between_corners() {
     };
     let records = [[1.0, 0.0, 0.0, 1.0, 4.0], [0.0, 1.0, 0.0, 0.5, 8.0], [0.0, 0.0, 1.0, 0.0, f32::NAN]];
     let region = RegionAttributes { corners: vec![[0, 1, 2], [2, 2, 2]], records: records.concat(), materials: vec![] };
-    let shader = Shader::new(&appearance, None, 0, &|_| ());
+    let shader = Shader::new(&appearance, None, &std::env::temp_dir(), 0, &|_| ());
     let mut painter = shader.painter(&region);
     let face = painter.face(0, CORNERS);
     assert_eq!(face.base_colour([0.25, 0.5, 0.25], 1.0), [0.25, 0.5, 0.25, 0.5]);
@@ -79,7 +80,7 @@ fn textures_are_filtered_in_linear_light_by_footprint() {
     let image = encoded(&DynamicImage::ImageRgba8(image), ImageFormat::Png);
     let fine = textured(image, [[1.5 / 8.0, 0.5], [9.5 / 8.0, 0.5], [1.5 / 8.0, 1.5]]);
     // The triangle is as large as the image.
-    let shader = Shader::new(&fine.0, None, 0, &|_| ());
+    let shader = Shader::new(&fine.0, None, &std::env::temp_dir(), 0, &|_| ());
     assert!((shader.painter(&fine.1).face(0, CORNERS).material_density() - 8.0).abs() < 1e-4);
     assert!(close(colour_at(&fine, 0.0).0, [0.5, 1.0, 1.0, 1.0]));
     assert!(close(colour_at(&fine, 1.0 / 8.0).0, [0.5, 1.0, 1.0, 1.0]));
@@ -152,7 +153,7 @@ fn an_image_that_cannot_be_decoded_is_noted_once_and_the_factor_stays() {
         let surface = textured(image, [[0.0; 2]; 3]);
         let notes = Mutex::new(String::new());
         let note = |text: &str| notes.lock().unwrap().push_str(text);
-        let shader = Shader::new(&surface.0, None, 0, &note);
+        let shader = Shader::new(&surface.0, None, &std::env::temp_dir(), 0, &note);
         for _ in 0..2 {
             let colour = shader.painter(&surface.1).face(0, CORNERS).base_colour([1.0, 0.0, 0.0], 0.0);
             assert_eq!(colour, [0.5, 1.0, 1.0, 1.0]);
@@ -184,7 +185,7 @@ fn images_beyond_the_memory_are_forgotten_and_come_back() {
         .collect();
     let region = RegionAttributes { corners: vec![[0; 3]; 20], records: vec![0.5; 2], materials: (0..20).collect() };
     // Room for three of them.
-    let shader = Shader::new(&appearance, None, 16 * 16 * 4 * 5, &|_| ());
+    let shader = Shader::new(&appearance, None, &std::env::temp_dir(), 16 * 16 * 4 * 5, &|_| ());
     std::thread::scope(|scope| {
         for thread in 0..4 {
             let (shader, region) = (&shader, &region);
@@ -210,7 +211,7 @@ fn normals_are_turned_by_their_image_towards_where_its_rows_begin() {
     appearance.materials[0].normal_texture = Some((texture, 1.0));
     (appearance.has_colour, appearance.maps.normal) = (false, true);
     let normal = |appearance: &Appearance, corners| {
-        let shader = Shader::new(appearance, None, 1 << 20, &|_| ());
+        let shader = Shader::new(appearance, None, &std::env::temp_dir(), 1 << 20, &|_| ());
         shader.painter(&region).face(0, corners).normal([0.2, 0.3, 0.5], 0.0)
     };
     let along = |found: [f32; 3], wanted: [f32; 3]| found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 0.01);
@@ -243,7 +244,7 @@ fn factors_of_materials_come_from_their_components() {
     material.emissive_texture = Some(texture);
     let maps = &mut appearance.maps;
     (maps.metallic, maps.roughness, maps.occlusion, maps.emissive) = (true, true, true, true);
-    let shader = Shader::new(&appearance, None, 1 << 20, &|_| ());
+    let shader = Shader::new(&appearance, None, &std::env::temp_dir(), 1 << 20, &|_| ());
     let face = shader.painter(&region).face(0, CORNERS);
     let at = [0.3, 0.3, 0.4];
     let [metallic, roughness] = face.metallic_roughness(at, 0.0);
@@ -251,4 +252,59 @@ fn factors_of_materials_come_from_their_components() {
     assert!((face.occlusion(at, 0.0) - 0.6).abs() < 1e-4);
     let light = LINEAR_OF_BYTE[51];
     assert!(close(face.emissive(at, 0.0), [light, 0.5 * LINEAR_OF_BYTE[102], 0.0]));
+}
+
+#[test]
+fn images_in_files_show_what_those_in_memory_show() {
+    let value = |x: u32, y: u32, k: u32| ((x * (3 + k) + y * y * (k + 1)) % 251) as u8;
+    let rgb = ImageBuffer::from_fn(61, 40, |x, y| image::Rgb([0, 1, 2].map(|k| value(x, y, k))));
+    let rgba = ImageBuffer::from_fn(61, 40, |x, y| Rgba([0, 1, 2, 3].map(|k| value(x, y, k))));
+    let fine = ImageBuffer::from_fn(61, 40, |x, y| Rgba([0, 1, 2, 3].map(|k| u16::from(value(x, y, k)) * 257 + 5)));
+    let grey = ImageBuffer::from_fn(61, 40, |x, y| image::LumaA([value(x, y, 1), value(x, y, 2)]));
+    let (rgb, rgba) = (DynamicImage::ImageRgb8(rgb), DynamicImage::ImageRgba8(rgba));
+    let images = [
+        encoded(&rgb, ImageFormat::Png),
+        encoded(&rgb, ImageFormat::Jpeg),
+        encoded(&rgba, ImageFormat::Png),
+        encoded(&DynamicImage::ImageRgba16(fine), ImageFormat::Png),
+        encoded(&DynamicImage::ImageLumaA8(grey), ImageFormat::Png),
+    ];
+    for (number, image) in images.into_iter().enumerate() {
+        for alpha in [AlphaMode::Opaque, AlphaMode::Blend] {
+            let (mut appearance, region) = textured(image.clone(), [[0.21, 0.4], [0.83, 0.7], [0.1, 0.9]]);
+            appearance.materials[0].alpha = alpha;
+            for footprint in [0.0, 0.05, 0.2, 1.0] {
+                let [file, memory] = [0, 1 << 30].map(|memory| {
+                    let shader =
+                        Shader::new(&appearance, None, &std::env::temp_dir(), memory, &|text| panic!("{text}"));
+                    shader.painter(&region).face(0, CORNERS).base_colour([0.2, 0.5, 0.3], footprint).map(f32::to_bits)
+                });
+                assert_eq!(file, memory, "{number} {footprint}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_large_image_that_ends_early_is_left_out_with_a_note() {
+    let image = DynamicImage::ImageLuma8(ImageBuffer::from_fn(64, 64, |x, y| Luma([(x * y % 256) as u8])));
+    let ImageSource::Inline { name, bytes } = encoded(&image, ImageFormat::Png) else { unreachable!() };
+    for end in [40, bytes.len() / 2, bytes.len() - 30] {
+        let cut = ImageSource::Inline { name: name.clone(), bytes: bytes[..end].to_vec() };
+        let (colour, note) = colour_at(&textured(cut, [[0.5; 2]; 3]), 0.0);
+        assert!(note.contains("cannot be used"), "{end}: {note}");
+        assert!(close([colour[0], colour[1], colour[2]], [0.5, 1.0, 1.0]), "{end}: {colour:?}");
+    }
+}
+
+#[test]
+fn a_file_of_texels_that_cannot_be_made_is_an_error_and_no_note() {
+    let image = encoded(&DynamicImage::ImageLuma8(ImageBuffer::from_pixel(8, 8, Luma([9]))), ImageFormat::Png);
+    let (appearance, region) = textured(image, [[0.5; 2]; 3]);
+    let nowhere = tempfile::tempdir().unwrap().path().join("nowhere");
+    let shader = Shader::new(&appearance, None, &nowhere, 0, &|text| panic!("{text}"));
+    shader.check().unwrap();
+    shader.painter(&region).face(0, CORNERS);
+    let error = shader.check().unwrap_err();
+    assert!(error.path.starts_with(&nowhere) && error.action == "made", "{error}");
 }

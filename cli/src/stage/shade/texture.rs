@@ -1,10 +1,13 @@
 //! An image in linear light, with coarser and coarser averages of it.
 
-use crate::mesh::appearance::{Wrap, decode_image};
-use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
-use glam::Vec3A;
-use image::DynamicImage;
 use std::sync::OnceLock;
+
+use super::decode::decode;
+use super::level::{Level, Texels, coarser_size, straight};
+use super::texels::Place;
+use crate::mesh::appearance::Wrap;
+use crate::mesh::images::{EncodedImage, image_size, texels_of};
+use crate::storage::WorkError;
 
 /// What the numbers of an image are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +35,23 @@ impl Meaning {
     }
 }
 
+/// Why there is no texture.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum TextureError {
+    /// The image is damaged, or missing.
+    #[error("{0}")]
+    Image(String),
+    /// A file for its texels cannot be made, written or read.
+    #[error(transparent)]
+    File(#[from] WorkError),
+}
+
+impl From<String> for TextureError {
+    fn from(problem: String) -> Self {
+        Self::Image(problem)
+    }
+}
+
 /// An image and its averages, each of half the size, down to one texel.
 pub(super) struct Texture {
     finest: Level,
@@ -39,57 +59,35 @@ pub(super) struct Texture {
     coarser: Vec<([u32; 2], OnceLock<Level>)>,
 }
 
-struct Level {
-    size: [u32; 2],
-    texels: Texels,
-}
-
-/// Red, green, blue and straight alpha. What has no alpha is opaque.
-enum Texels {
-    /// Encoded as sRGB, as most images are: three bytes a texel, as they were decoded, because the largest images take most memory here.
-    Opaque(Vec<u8>),
-    /// As [`Texels::Root`].
-    OpaqueRoot(Vec<[u16; 3]>),
-    /// Encoded as sRGB.
-    Encoded(Vec<[u8; 4]>),
-    /// As shares of 255.
-    Shares(Vec<[u8; 4]>),
-    /// The square root of linear light, and alpha, as shares of 65535: as fine as 12 bits of sRGB everywhere, and decoded exactly by a
-    /// multiplication.
-    Root(Vec<[u16; 4]>),
-}
-
 impl Texture {
-    /// Decodes an image. Without alpha, its colours count as they are wherever it is transparent.
-    pub(super) fn decode(bytes: &[u8], meaning: Meaning) -> Result<Self, String> {
-        let is_opaque = meaning != Meaning::Transparent;
-        let image = decode_image(bytes)?;
-        let size = [image.width(), image.height()];
-        let is_fine = !matches!(
-            image,
-            DynamicImage::ImageLuma8(_)
-                | DynamicImage::ImageLumaA8(_)
-                | DynamicImage::ImageRgb8(_)
-                | DynamicImage::ImageRgba8(_)
-        );
-        let texels = if is_fine {
-            let texel = |texel: &image::Rgba<u16>| {
-                let [red, green, blue, alpha] = texel.0.map(|value| f32::from(value) / 65535.0);
-                let light = |x: f32| if meaning == Meaning::Shares { x } else { linear_from_srgb(x) };
-                root([light(red), light(green), light(blue), if is_opaque { 1.0 } else { alpha }])
-            };
-            Texels::Root(image.into_rgba16().pixels().map(texel).collect())
-        } else if meaning != Meaning::Shares && (is_opaque || !image.color().has_alpha()) {
-            Texels::Opaque(image.into_rgb8().into_raw())
-        } else {
-            let opaque =
-                |texel: &image::Rgba<u8>| if is_opaque { [texel[0], texel[1], texel[2], 255] } else { texel.0 };
-            let texels = image.into_rgba8().pixels().map(opaque).collect();
-            if meaning == Meaning::Shares { Texels::Shares(texels) } else { Texels::Encoded(texels) }
-        };
+    /// Decodes an image. Without alpha, its colours count as they are wherever it is transparent. Levels that `place` has no memory for
+    /// are in files: then the averages are made at once, because nobody could be told later that a file cannot be written.
+    pub(super) fn decode(
+        mut encoded: impl EncodedImage,
+        meaning: Meaning,
+        place: &Place,
+    ) -> Result<Self, TextureError> {
+        let size = image_size(&mut encoded)?;
+        encoded.rewind().map_err(|error| error.to_string())?;
+        let texels = decode(encoded, size, meaning, place)?;
         let coarser = std::iter::successors(coarser_size(size), |&size| coarser_size(size));
         let coarser = coarser.map(|size| (size, OnceLock::new())).collect();
-        Ok(Self { finest: Level { size, texels }, coarser })
+        let this = Self { finest: Level { size, texels }, coarser };
+        let mut level = &this.finest;
+        for (size, coarser) in &this.coarser {
+            if !place.is_file(texels_of(*size) * level.averaged_bytes()) {
+                break;
+            }
+            let made = level.coarser_at(place)?;
+            level = coarser.get_or_init(|| made);
+        }
+        Ok(this)
+    }
+
+    /// Drops what of it files still have.
+    pub(super) fn drop_pages(&self) {
+        self.finest.texels.bytes().drop_pages();
+        self.coarser.iter().filter_map(|(_, level)| level.get()).for_each(|level| level.texels.bytes().drop_pages());
     }
 
     /// Columns and rows.
@@ -99,9 +97,12 @@ impl Texture {
 
     /// Bytes of memory that it takes, with all its averages.
     pub(super) fn bytes(&self) -> u64 {
-        let is_opaque = self.finest.is_opaque();
-        let coarser = self.coarser.iter().map(|(size, _)| u64::from(size[0]) * u64::from(size[1]));
-        self.finest.bytes() + coarser.sum::<u64>() * if is_opaque { 6 } else { 8 }
+        let each = self.finest.averaged_bytes();
+        let of_level = |(size, level): &([u32; 2], OnceLock<Level>)| match level.get() {
+            Some(level) => level.texels.bytes().in_memory(),
+            None => each * texels_of(*size),
+        };
+        self.finest.texels.bytes().in_memory() + self.coarser.iter().map(of_level).sum::<u64>()
     }
 
     /// Level 0 is the image. Averages are made when somebody asks for them: where texels of the result are as fine as the image, nobody
@@ -156,282 +157,5 @@ impl Filter<'_> {
             let [red, green, blue, _] = self.sample([0, 1].map(|axis| at[axis] + k as f64 * step[axis]), wrap);
             *colour = [red, green, blue];
         }
-    }
-}
-
-/// Bits of a fraction of a texel.
-const FRACTION: u32 = 32;
-
-/// Places in a row that lie between texels of an image, none of them near to its border.
-struct Row {
-    /// Texels in a row of the image.
-    width: usize,
-    /// The first place, in 2^-32 of a texel from the middle of the first one, and what is added from each place to the next.
-    at: [i64; 2],
-    step: [i64; 2],
-}
-
-impl Row {
-    /// Linear light at each of them, between four texels.
-    fn sample(&self, texels: &[[u8; 3]], colours: &mut [[f32; 3]]) {
-        let light = |texel: [u8; 3]| Vec3A::from_array(texel.map(|value| LINEAR_OF_BYTE[usize::from(value)]));
-        let mut at = self.at;
-        for colour in colours {
-            let [column, row] = at.map(|x| (x >> FRACTION) as usize);
-            // As exact as single precision.
-            let [right, below] = at.map(|x| (x as u32 >> 8) as f32 * (1.0 / (1 << 24) as f32));
-            let first = row * self.width + column;
-            let [&[a, b], &[c, d]] = [first, first + self.width].map(|first| first_pair(&texels[first..]));
-            let [a, b, c, d] = [a, b, c, d].map(light);
-            let (upper, lower) = (a + (b - a) * right, c + (d - c) * right);
-            *colour = (upper + (lower - upper) * below).to_array();
-            at = [at[0] + self.step[0], at[1] + self.step[1]];
-        }
-    }
-}
-
-/// The first two texels of several.
-#[inline(always)]
-fn first_pair(texels: &[[u8; 3]]) -> &[[u8; 3]; 2] {
-    texels.first_chunk().unwrap_or(&[[0; 3]; 2])
-}
-
-impl Level {
-    fn bytes(&self) -> u64 {
-        match &self.texels {
-            Texels::Opaque(texels) => texels.len() as u64,
-            Texels::OpaqueRoot(texels) => 6 * texels.len() as u64,
-            Texels::Encoded(texels) | Texels::Shares(texels) => 4 * texels.len() as u64,
-            Texels::Root(texels) => 8 * texels.len() as u64,
-        }
-    }
-
-    /// Linear light times alpha, and alpha.
-    #[inline]
-    fn texel(&self, x: u32, y: u32) -> [f32; 4] {
-        let at = y as usize * self.size[0] as usize + x as usize;
-        match &self.texels {
-            Texels::Opaque(texels) => of_opaque(texels.as_chunks().0[at]),
-            Texels::OpaqueRoot(texels) => of_opaque_root(texels[at]),
-            Texels::Encoded(texels) => of_encoded(texels[at]),
-            Texels::Shares(texels) => of_shares(texels[at]),
-            Texels::Root(texels) => of_root(texels[at]),
-        }
-    }
-
-    /// Places in a row, if they lie within.
-    fn row(&self, at: [f64; 2], step: [f64; 2], wrap: [Wrap; 2], count: usize) -> Option<Row> {
-        /// More than is lost where fractions are rounded, in texels.
-        const MARGIN: f64 = 1.0 / 1024.0;
-        let unit = (1_u64 << FRACTION) as f64;
-        let mut row = Row { width: self.size[0] as usize, at: [0; 2], step: [0; 2] };
-        for axis in 0..2 {
-            let length = f64::from(self.size[axis]);
-            let whole = if wrap[axis] == Wrap::Repeat { floor(at[axis]) } else { 0.0 };
-            // From the middle of the first texel.
-            let (first, step) = ((at[axis] - whole) * length - 0.5, step[axis] * length);
-            let last = first + step * count.saturating_sub(1) as f64;
-            // Comparisons with NaN are false.
-            if !(first.min(last) >= MARGIN && first.max(last) <= length - 1.0 - MARGIN) {
-                return None;
-            }
-            (row.at[axis], row.step[axis]) = ((first * unit) as i64, (step * unit) as i64);
-        }
-        Some(row)
-    }
-
-    /// Linear light times alpha, and alpha, between four texels.
-    #[inline]
-    fn sample(&self, at: [f64; 2], wrap: [Wrap; 2]) -> [f32; 4] {
-        let columns = neighbours(at[0], self.size[0], wrap[0]);
-        let rows = neighbours(at[1], self.size[1], wrap[1]);
-        match &self.texels {
-            Texels::Opaque(texels) => blended(texels.as_chunks().0, self.size[0], columns, rows, of_opaque),
-            Texels::OpaqueRoot(texels) => blended(texels, self.size[0], columns, rows, of_opaque_root),
-            Texels::Encoded(texels) => blended(texels, self.size[0], columns, rows, of_encoded),
-            Texels::Shares(texels) => blended(texels, self.size[0], columns, rows, of_shares),
-            Texels::Root(texels) => blended(texels, self.size[0], columns, rows, of_root),
-        }
-    }
-
-    fn is_opaque(&self) -> bool {
-        matches!(self.texels, Texels::Opaque(_) | Texels::OpaqueRoot(_))
-    }
-
-    /// The level of half its size.
-    fn coarser(&self) -> Self {
-        let size = coarser_size(self.size).unwrap_or(self.size);
-        let columns = shares(self.size[0], size[0]);
-        let rows = shares(self.size[1], size[1]);
-        let count = size[0] as usize * size[1] as usize;
-        let is_opaque = self.is_opaque();
-        let (mut texels, mut opaque) = match is_opaque {
-            true => (vec![], Vec::with_capacity(count)),
-            false => (Vec::with_capacity(count), vec![]),
-        };
-        for row in &rows {
-            for column in &columns {
-                let mut sum = [0.0; 4];
-                for &(y, of_row) in row.iter().filter(|(_, share)| *share > 0.0) {
-                    for &(x, of_column) in column.iter().filter(|(_, share)| *share > 0.0) {
-                        let texel = self.texel(x, y);
-                        (0..4).for_each(|i| sum[i] += of_row * of_column * texel[i]);
-                    }
-                }
-                let [red, green, blue, alpha] = root(straight(sum));
-                if is_opaque { opaque.push([red, green, blue]) } else { texels.push([red, green, blue, alpha]) }
-            }
-        }
-        Self { size, texels: if is_opaque { Texels::OpaqueRoot(opaque) } else { Texels::Root(texels) } }
-    }
-}
-
-/// Half of a size; none of one texel.
-fn coarser_size(size: [u32; 2]) -> Option<[u32; 2]> {
-    (size != [1, 1]).then(|| size.map(|length| (length / 2).max(1)))
-}
-
-#[inline(always)]
-fn of_opaque(texel: [u8; 3]) -> [f32; 4] {
-    let [red, green, blue] = texel;
-    [LINEAR_OF_BYTE[usize::from(red)], LINEAR_OF_BYTE[usize::from(green)], LINEAR_OF_BYTE[usize::from(blue)], 1.0]
-}
-
-#[inline(always)]
-fn of_opaque_root(texel: [u16; 3]) -> [f32; 4] {
-    let [red, green, blue] = texel.map(|value| f32::from(value) / 65535.0);
-    [red * red, green * green, blue * blue, 1.0]
-}
-
-#[inline(always)]
-fn of_encoded([red, green, blue, alpha]: [u8; 4]) -> [f32; 4] {
-    let linear = |value: u8| LINEAR_OF_BYTE[usize::from(value)];
-    times_alpha([linear(red), linear(green), linear(blue), f32::from(alpha) / 255.0])
-}
-
-#[inline(always)]
-fn of_shares(texel: [u8; 4]) -> [f32; 4] {
-    times_alpha(texel.map(|value| f32::from(value) / 255.0))
-}
-
-#[inline(always)]
-fn of_root(texel: [u16; 4]) -> [f32; 4] {
-    let [red, green, blue, alpha] = texel.map(|value| f32::from(value) / 65535.0);
-    times_alpha([red * red, green * green, blue * blue, alpha])
-}
-
-#[inline(always)]
-fn times_alpha([red, green, blue, alpha]: [f32; 4]) -> [f32; 4] {
-    [red * alpha, green * alpha, blue * alpha, alpha]
-}
-
-/// The sum of the four texels in two columns and two rows, each with its shares.
-#[inline(always)]
-fn blended<T: Copy>(
-    texels: &[T],
-    width: u32,
-    columns: [(u32, f32); 2],
-    rows: [(u32, f32); 2],
-    value: impl Fn(T) -> [f32; 4],
-) -> [f32; 4] {
-    let mut sum = [0.0; 4];
-    for (y, of_row) in rows {
-        let row = &texels[y as usize * width as usize..][..width as usize];
-        for (x, of_column) in columns {
-            let (texel, share) = (value(row[x as usize]), of_row * of_column);
-            (0..4).for_each(|i| sum[i] += share * texel[i]);
-        }
-    }
-    sum
-}
-
-/// For each of fewer texels in a row those that it covers, at most three, and their shares.
-fn shares(from: u32, to: u32) -> Vec<[(u32, f32); 3]> {
-    let covered = |texel: u32| {
-        // All ends are multiples of 1 / to, so the arithmetic is of whole numbers.
-        let (start, end) = (u64::from(texel) * u64::from(from), (u64::from(texel) + 1) * u64::from(from));
-        let first = start / u64::from(to);
-        std::array::from_fn(|i| {
-            let at = first + i as u64;
-            let (low, high) = (start.max(at * u64::from(to)), end.min((at + 1) * u64::from(to)));
-            ((at as u32).min(from - 1), high.saturating_sub(low) as f32 / from as f32)
-        })
-    };
-    (0..to).map(covered).collect()
-}
-
-/// The two texels around a place, and their shares.
-#[inline]
-fn neighbours(at: f64, count: u32, wrap: Wrap) -> [(u32, f32); 2] {
-    let length = f64::from(count);
-    let within = match wrap {
-        Wrap::Repeat => at - floor(at),
-        Wrap::Mirror => 1.0 - (at - 2.0 * floor(at / 2.0) - 1.0).abs(),
-        Wrap::Clamp => at.clamp(0.0, 1.0),
-    };
-    // At least -0.5, so that the conversion rounds down. Far from 0 nothing is left of a fraction, and `within` may be anything.
-    let place = within.clamp(0.0, 1.0) * length + 0.5;
-    let high = place as u32;
-    let share = (place - f64::from(high)) as f32;
-    let (first, last) = if wrap == Wrap::Repeat { (0, count - 1) } else { (count - 1, 0) };
-    let low = if high > 0 { high - 1 } else { last };
-    [(low, 1.0 - share), (if high < count { high } else { first }, share)]
-}
-
-/// The largest whole number that is not greater. Numbers that are too large to have a fraction are whole.
-#[inline]
-fn floor(x: f64) -> f64 {
-    if x.abs() >= (1_u64 << 52) as f64 {
-        return x;
-    }
-    let whole = x as i64 as f64;
-    if whole > x { whole - 1.0 } else { whole }
-}
-
-/// Colours without the alpha by which they are multiplied.
-fn straight([red, green, blue, alpha]: [f32; 4]) -> [f32; 4] {
-    if alpha == 1.0 {
-        return [red, green, blue, alpha];
-    }
-    if alpha > 0.0 { [red / alpha, green / alpha, blue / alpha, alpha] } else { [0.0; 4] }
-}
-
-fn root([red, green, blue, alpha]: [f32; 4]) -> [u16; 4] {
-    let share = |value: f32| (value.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16;
-    [share(red.sqrt()), share(green.sqrt()), share(blue.sqrt()), share(alpha)]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn coarser_texels_cover_finer_ones_without_gaps() {
-        for from in 2..40 {
-            let shares = shares(from, from / 2);
-            let mut all = vec![0.0; from as usize];
-            for covered in &shares {
-                assert!((covered.iter().map(|(_, share)| share).sum::<f32>() - 1.0).abs() < 1e-6);
-                covered.iter().for_each(|&(at, share)| all[at as usize] += share);
-            }
-            assert!(all.iter().all(|sum| (sum - all[0]).abs() < 1e-6), "{from}: {all:?}");
-        }
-    }
-
-    #[test]
-    fn places_far_outside_are_wrapped() {
-        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
-            for at in [0.0, 1.0, -1.0, 0.999_999_999, 1e9, -1e9, 1e300, -0.25, f64::MIN_POSITIVE] {
-                for count in [1, 2, 3, 1000] {
-                    let [(a, share), (b, other)] = neighbours(at, count, wrap);
-                    assert!(
-                        a < count && b < count && (share + other - 1.0).abs() < 1e-6 && share >= 0.0,
-                        "{at} {count}"
-                    );
-                }
-            }
-        }
-        assert_eq!(neighbours(1.25, 2, Wrap::Repeat)[0], (0, 1.0));
-        assert_eq!(neighbours(1.25, 2, Wrap::Mirror)[0].0, 1);
     }
 }
