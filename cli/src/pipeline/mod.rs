@@ -160,6 +160,7 @@ pub(crate) fn build_region(
     }
     let mut forest = Forest::new(&net, scale, [scale.coarsest_of_regions, coarsest], records, drawn, nodes);
     forest.jumps = charted.jumps();
+    forest.is_shallow = plan.effort == Effort::Fast;
     if coarsest > 0 {
         let weights: Vec<u64> = atlas.charts.iter().map(|chart| chart.triangles.len() as u64).collect();
         forest.add_groups(&weights, f64::from(scale.chart_triangles), &mut times);

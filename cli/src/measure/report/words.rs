@@ -159,8 +159,8 @@ fn front_words(check: Option<&DefaultCheck>) -> String {
     )
 }
 
-/// Two builds that differ only in how tight their certificate is: the loose one and the tight one. With effort fast,
-/// builds with charts of a given size differ only in the allowed gap between bound and distance: 25 % instead of 5 %.
+/// Two builds that differ in how tight their certificate is: the loose one and the tight one. With effort fast, builds with charts of a
+/// given size differ in the allowed gap between bound and distance, 25 % instead of 5 %, and in what their groups are made from.
 pub(crate) fn gap_pair(builds: &[BuildRow]) -> Option<(&BuildRow, &BuildRow)> {
     let mut loose =
         builds.iter().filter(|row| row.setting.effort == Effort::Fast && row.setting.chart_triangles.is_some());
@@ -191,7 +191,7 @@ fn safety_words(report: &Report, default: &BuildRow) -> Vec<String> {
     if let Some((loose, tight)) = gap_pair(&report.builds) {
         let ratio = |row: &BuildRow| row.certified / row.measured.max().max(1e-300);
         words.push(format!(
-            "The certificate takes {} s with a gap of 5 % and {} s with 25 %; the certified error is {:.2} and {:.2} times the largest \
+            "The certificate takes {} s with a gap of 5 % and {} s with 25 % and shallow groups (`--effort fast`); the certified error is {:.2} and {:.2} times the largest \
              measured error, and the files have {} and {} bytes.",
             short(tight.stage("certify")),
             short(loose.stage("certify")),
