@@ -80,7 +80,8 @@ fn an_image_that_is_decoded_as_a_whole_takes_no_more_than_is_allowed() {
 /// The share of the surface whose opacity is not what it should be, by where a triangle's corners lie in the images.
 fn share_of_wrong_opacity(bytes: &[u8], wanted: impl Fn(f64) -> Option<f64>) -> f64 {
     let file = open(bytes);
-    let shown = file.extract_textured(&file.uniform_cut(0).expect("a cut"), &[0]).expect("sound");
+    let finest = file.level_count() as u8 - 1;
+    let shown = file.extract_textured(&file.uniform_cut(finest).expect("a cut"), &[0]).expect("sound");
     let (mut wrong, mut all) = (0, 0);
     for (number, places) in shown.places.iter().enumerate() {
         let texture = &shown.textures[shown.mesh.triangle_nodes[number] as usize];
