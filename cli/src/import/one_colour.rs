@@ -35,19 +35,28 @@ pub(super) fn fold_images(
     }
 }
 
+/// Red, green, blue and alpha, as shares, if there is one colour.
+type OnlyColour = Option<[f32; 4]>;
+
+/// Columns and rows of texels.
+type Part = [Range<u32>; 2];
+
+/// The most parts of an image that are looked at: each may take as long as decoding all of it.
+const MOST_PARTS: usize = 64;
+
 /// What is known of images.
 struct Found<'a> {
     images: &'a [ImageSource],
     memory: u64,
     /// None of damaged ones: what is wrong with those is said later.
     sizes: HashMap<u32, Option<[u32; 2]>>,
-    /// By image and part.
-    colours: HashMap<(u32, [Range<u32>; 2]), Option<[f32; 4]>>,
+    /// By image, for each part that was looked at.
+    colours: HashMap<u32, Vec<(Part, OnlyColour)>>,
 }
 
 impl Found<'_> {
     /// The colour that an image has wherever it is shown, as shares.
-    fn colour_of(&mut self, texture: &TextureUse, bounds: &[UvBounds]) -> Option<[f32; 4]> {
+    fn colour_of(&mut self, texture: &TextureUse, bounds: &[UvBounds]) -> OnlyColour {
         let image = self.images.get(texture.image as usize)?;
         let open = || image.open(None).ok();
         let size = *self.sizes.entry(texture.image).or_insert_with(|| image_size(open()?).ok());
@@ -55,9 +64,17 @@ impl Found<'_> {
         let bounds = bounds.get(usize::from(texture.uv_set));
         let part = bounds.and_then(|bounds| bounds.texels(texture, [width, height]));
         let part = part.unwrap_or([0..width, 0..height]);
-        let colour = || only_colour(open()?, part.clone(), self.memory).ok()?;
+        let known = self.colours.entry(texture.image).or_default();
+        if let Some((_, colour)) = known.iter().find(|(known, _)| *known == part) {
+            return *colour;
+        }
+        if known.len() >= MOST_PARTS {
+            return None;
+        }
         let shares = |colour: [u16; 4]| colour.map(|value| f32::from(value) / 65535.0);
-        *self.colours.entry((texture.image, part.clone())).or_insert_with(|| colour().map(shares))
+        let colour = only_colour(open()?, part.clone(), self.memory).ok().flatten().map(shares);
+        known.push((part, colour));
+        colour
     }
 }
 
@@ -73,7 +90,7 @@ enum Shown {
 fn fold(
     material: &mut Material,
     has_vertex_colours: bool,
-    of: &mut dyn FnMut(&Option<TextureUse>, Shown) -> Option<[f32; 4]>,
+    of: &mut dyn FnMut(&Option<TextureUse>, Shown) -> OnlyColour,
 ) {
     if let Some(colour) = of(&material.emissive_texture, Shown::Part) {
         let light = in_linear_light(colour);
