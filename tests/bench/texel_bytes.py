@@ -216,7 +216,7 @@ def normals_of_vertices(options, folder):
         for own, corners in simplified(positions, triangles, sorted({cuts[0], len(triangles) // 4, len(triangles)})):
             nearest = tree.query(own)[1]
             exact, bare = judge.of_vertices[nearest], len(in_draco(own, corners))
-            for bits in [3, 4, 5, 6, 7, 8]:
+            for bits in [3, 4, 5, 6, 7, 8, 10]:
                 coded = in_draco(own, corners, normals=exact, normal_quantization_bits=bits)
                 back = DracoPy.decode(coded)
                 points, faces = np.asarray(back.points, dtype=float), np.asarray(back.faces).astype(int)

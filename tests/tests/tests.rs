@@ -15,7 +15,7 @@
 //! - [`slurm`]: parts on a compute cluster whose tasks fail and whose nodes die
 //! - [`channels`]: colours and numbers of the input come through builds of every kind, and out again
 //! - [`drawings`]: alpha modes, double-sided and unlit materials come through builds of every kind, and out again
-//! - [`images`]: images of the input that are larger than memory, or on full disks
+//! - [`images`]: images of the input that are larger than memory, on full disks, of opacity alone, or of one colour
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
 //! - [`inputs`]: folders, patterns and lodpack files as inputs, and meshes that say where they are
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error

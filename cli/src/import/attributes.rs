@@ -12,6 +12,8 @@ use crate::mesh::images::ImageSource;
 
 use super::ImportError;
 use super::error::Parsed;
+use super::one_colour::{UsedParts, fold_images};
+use super::used_part::UvBounds;
 
 /// The most materials of an input: triangles name them with 16 bits.
 pub(super) const MAX_MATERIALS: usize = u16::MAX as usize;
@@ -29,6 +31,10 @@ pub(super) struct AttributeSink {
     file: FileAttributes,
     vertex_layout: AttributeLayout,
     corner_layout: AttributeLayout,
+    /// The ranges of the texture coordinates of the current file, of its vertices and its corners.
+    uv_bounds: [Vec<UvBounds>; 2],
+    /// The same of the files before it, with their materials.
+    used_parts: Vec<UsedParts>,
     /// Whether normals of vertices are a channel although no material has a map of them.
     has_smooth_normals: bool,
     /// Which channels the input has, whether they are wanted or not, and what they come from.
@@ -73,6 +79,7 @@ impl AttributeSink {
     /// Declares the record of every vertex of the current file, of which some are already there.
     pub(super) fn set_vertex_layout(&mut self, layout: AttributeLayout, vertices: u64) {
         self.file.vertex_stride = layout.stride;
+        self.uv_bounds[0] = vec![UvBounds::default(); layout.uv.len()];
         self.vertex_layout = layout;
         self.fill_vertices(vertices);
     }
@@ -80,6 +87,7 @@ impl AttributeSink {
     /// Declares the record of every corner of the current file, of which some triangles are already there.
     pub(super) fn set_corner_layout(&mut self, layout: AttributeLayout, triangles: u64) {
         self.file.corner_stride = layout.stride;
+        self.uv_bounds[1] = vec![UvBounds::default(); layout.uv.len()];
         self.corner_layout = layout;
         self.fill_corners(triangles);
     }
@@ -97,14 +105,14 @@ impl AttributeSink {
     /// Adds the record of a vertex.
     #[inline]
     pub(super) fn push_vertex(&mut self, record: &[f32]) {
-        note_values(&mut self.appearance, &self.vertex_layout, record);
+        note_values(&mut self.appearance, &mut self.uv_bounds[0], &self.vertex_layout, record);
         self.collected.vertex_values.extend_from_slice(record);
     }
 
     /// Adds the record of a corner.
     #[inline]
     pub(super) fn push_corner(&mut self, record: &[f32]) {
-        note_values(&mut self.appearance, &self.corner_layout, record);
+        note_values(&mut self.appearance, &mut self.uv_bounds[1], &self.corner_layout, record);
         self.collected.corner_values.extend_from_slice(record);
     }
 
@@ -148,6 +156,12 @@ impl AttributeSink {
         }
     }
 
+    /// Makes factors of images that have one colour wherever they are shown, if decoding one does not take more than `memory`.
+    pub(super) fn fold_images(&mut self, memory: u64) {
+        let Appearance { materials, images, layout, .. } = &mut self.appearance;
+        fold_images(materials, images, &self.used_parts, layout.colour.is_some(), memory);
+    }
+
     /// Values and bytes that are in memory or in temporary files.
     pub(super) fn value_count(&self) -> u64 {
         let Attributes { vertex_values, corner_values, .. } = &self.collected;
@@ -169,6 +183,9 @@ impl AttributeSink {
         layout.scalars.extend(of_corner.scalars.iter().map(|(name, place)| (name.clone(), place + behind)));
         layout.stride += of_corner.stride;
         self.appearance.layout.join(&layout);
+        let first_material = self.used_parts.last().map_or(0, |(numbers, _)| numbers.end);
+        let bounds = std::mem::take(&mut self.uv_bounds).concat();
+        self.used_parts.push((first_material..self.appearance.materials.len(), bounds));
         let first_vertex_value = self.written[0] + self.collected.vertex_values.len() as u64;
         let first_corner_value = self.written[1] + self.collected.corner_values.len() as u64;
         let next = FileAttributes {
@@ -216,7 +233,10 @@ impl AttributeSink {
     /// Ends the input, and drops everything if there is no channel in it.
     pub(super) fn finish(mut self) -> (Attributes, Appearance) {
         let used = self.used_materials();
-        let is_white = |material: &Material| material.base_texture.is_none() && material.base_colour == [1.0; 4];
+        let is_white = |material: &Material| {
+            let has_image = material.base_texture.is_some() || material.opacity_texture.is_some();
+            !has_image && material.base_colour == [1.0; 4]
+        };
         let has_colour = self.appearance.layout.colour.is_some() || used.iter().any(|material| !is_white(material));
         let mut maps = maps(&used, &self.channels);
         maps.normal |= self.has_smooth_normals;
@@ -271,29 +291,43 @@ impl AttributeSink {
 
     fn fill_vertices(&mut self, vertices: u64) {
         let (all, first) = (self.written[0] + self.collected.vertex_values.len() as u64, self.file.first_vertex_value);
-        fill(&mut self.collected.vertex_values, &self.vertex_layout, vertices, all - first);
+        let is_missing = fill(&mut self.collected.vertex_values, &self.vertex_layout, vertices, all - first);
+        self.forget_bounds(0, is_missing);
     }
 
     fn fill_corners(&mut self, triangles: u64) {
         let (all, first) = (self.written[1] + self.collected.corner_values.len() as u64, self.file.first_corner_value);
-        fill(&mut self.collected.corner_values, &self.corner_layout, 3 * triangles, all - first);
+        let is_missing = fill(&mut self.collected.corner_values, &self.corner_layout, 3 * triangles, all - first);
+        self.forget_bounds(1, is_missing);
+    }
+
+    /// Texture coordinates that are missing may be anywhere.
+    fn forget_bounds(&mut self, which: usize, is_missing: bool) {
+        if is_missing {
+            self.uv_bounds[which].fill(UvBounds::UNKNOWN);
+        }
     }
 }
 
-/// Adds blank records until there are so many.
-fn fill(values: &mut Vec<f32>, layout: &AttributeLayout, records: u64, there: u64) {
-    if layout.stride > 0 {
-        let blank = layout.blank();
-        let missing = records.saturating_sub(there / layout.stride as u64);
-        (0..missing).for_each(|_| values.extend_from_slice(&blank));
+/// Adds blank records until there are so many, and says whether any was missing.
+fn fill(values: &mut Vec<f32>, layout: &AttributeLayout, records: u64, there: u64) -> bool {
+    if layout.stride == 0 {
+        return false;
     }
+    let blank = layout.blank();
+    let missing = records.saturating_sub(there / layout.stride as u64);
+    (0..missing).for_each(|_| values.extend_from_slice(&blank));
+    missing > 0
 }
 
 /// Keeps what has to be known of all values: the range of scalars, and whether some colour is not opaque.
 #[inline]
-fn note_values(appearance: &mut Appearance, layout: &AttributeLayout, record: &[f32]) {
+fn note_values(appearance: &mut Appearance, uv: &mut [UvBounds], layout: &AttributeLayout, record: &[f32]) {
     if let Some(&alpha) = layout.colour.and_then(|place| record.get(place + 3)) {
         appearance.has_alpha |= alpha < 1.0;
+    }
+    for (bounds, &place) in uv.iter_mut().zip(&layout.uv) {
+        bounds.add([record[place], record[place + 1]]);
     }
     for (name, place) in &layout.scalars {
         let range = match appearance.scalars.iter().position(|range| range.name == *name) {
@@ -325,5 +359,6 @@ fn maps(used: &[&Material], channels: &Channels) -> MaterialMaps {
 }
 
 fn has_alpha(material: &Material) -> bool {
-    material.alpha != AlphaMode::Opaque && (material.base_colour[3] < 1.0 || material.base_texture.is_some())
+    let has_image = material.base_texture.is_some() || material.opacity_texture.is_some();
+    material.alpha != AlphaMode::Opaque && (material.base_colour[3] < 1.0 || has_image)
 }

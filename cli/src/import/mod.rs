@@ -15,6 +15,7 @@ mod lines;
 mod lodpack_file;
 mod obj;
 mod off;
+mod one_colour;
 mod place;
 mod ply;
 mod polygon;
@@ -27,6 +28,7 @@ mod stl;
 mod text;
 mod text_files;
 mod textures;
+mod used_part;
 
 use std::path::{Path, PathBuf};
 
@@ -121,11 +123,13 @@ pub fn import_large_meshes(
 }
 
 /// Ends the inputs, says what they carry, and looks at their images.
-fn finish(sink: MeshSink, progress: &dyn Progress) -> Result<Imported, ImportError> {
+fn finish(mut sink: MeshSink, progress: &dyn Progress) -> Result<Imported, ImportError> {
     for note in [sink.channels(), sink.left_out()].into_iter().flatten() {
         progress.note(&note);
     }
     let room = sink.room();
+    // Whoever has less memory is told so below, so that files never depend on it.
+    sink.attributes.fold_images(room.memory / 2);
     let mut imported = sink.finish()?;
     if let Imported::Memory(surface) = &mut imported {
         textures::check_images(&mut surface.appearance, room.memory, progress)?;

@@ -1,5 +1,6 @@
 //! The files that inputs name beside themselves.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
@@ -8,7 +9,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 use super::ImportError;
 use super::source::Source;
-use crate::mesh::appearance::Appearance;
+use crate::mesh::appearance::{Appearance, Material};
 use crate::mesh::images::{ImageSource, MAX_IMAGE_TEXELS, decoding_bytes, image_size, texels_of};
 use crate::progress::Progress;
 use crate::storage::memory::least_for_decoding;
@@ -49,6 +50,11 @@ pub(super) fn leaves_folder(path: &Path) -> bool {
     })
 }
 
+/// The images that some material names.
+fn named_images(appearance: &Appearance) -> BTreeSet<usize> {
+    appearance.materials.iter().flat_map(Material::images).map(|number| number as usize).collect()
+}
+
 /// Looks at all images that materials use. One that cannot be read is noted, and its materials keep their factor alone; the image that is
 /// too large is an error, and so is one whose decoding takes more than its share of `memory`.
 pub(super) fn check_images(
@@ -57,8 +63,8 @@ pub(super) fn check_images(
     progress: &dyn Progress,
 ) -> Result<(), ImportError> {
     (appearance.texels, appearance.decoding_bytes) = (0, 0);
-    for number in 0..appearance.images.len() {
-        let image = &appearance.images[number];
+    for number in named_images(appearance) {
+        let Some(image) = appearance.images.get(number) else { continue };
         let name = image.name();
         let look = || -> Result<_, String> {
             let open = || image.open(None).map_err(|error| error.to_string());
@@ -89,6 +95,7 @@ pub(super) fn check_images(
                 progress.note(&format!("the image {name} cannot be used: {problem}; its material has no texture"));
                 appearance.materials.iter_mut().for_each(|material| {
                     material.base_texture.take_if(|texture| texture.image as usize == number);
+                    material.opacity_texture.take_if(|texture| texture.image as usize == number);
                 });
             }
         }
@@ -98,7 +105,8 @@ pub(super) fn check_images(
 
 /// Copies all images that can be used to a work directory, so that the rest of the build needs nothing else.
 pub(super) fn keep_images(appearance: &mut Appearance, directory: &WorkDirectory) -> Result<(), WorkError> {
-    for (number, image) in appearance.images.iter_mut().enumerate() {
+    let named = named_images(appearance);
+    for (number, image) in appearance.images.iter_mut().enumerate().filter(|(number, _)| named.contains(number)) {
         let Ok(encoded) = image.open(None) else { continue };
         if image_size(encoded).is_ok() {
             let kept = keep(directory, number, image)?;

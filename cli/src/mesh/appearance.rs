@@ -236,6 +236,9 @@ pub struct Material {
     pub base_colour: [f32; 4],
     /// The image over it.
     pub base_texture: Option<TextureUse>,
+    /// An image of opacity alone, which alpha is multiplied by: its alpha, or its brightness where all of it is opaque. The alpha of the
+    /// image of colours does not count then.
+    pub opacity_texture: Option<TextureUse>,
     /// An image of normals relative to the surface: right, up and outwards; and what the first two are multiplied with.
     pub normal_texture: Option<(TextureUse, f32)>,
     /// Light that it emits, linear.
@@ -266,6 +269,7 @@ impl Default for Material {
             name: String::new(),
             base_colour: [1.0; 4],
             base_texture: None,
+            opacity_texture: None,
             normal_texture: None,
             emissive: [0.0; 3],
             emissive_texture: None,
@@ -307,6 +311,15 @@ impl Material {
             is_double_sided: self.double_sided,
             is_unlit: self.unlit,
         }
+    }
+
+    /// The images that it names, some of them perhaps twice.
+    pub fn images(&self) -> impl Iterator<Item = u32> {
+        let [normal, occlusion] =
+            [&self.normal_texture, &self.occlusion_texture].map(|of| of.as_ref().map(|(of, _)| of));
+        let others =
+            [&self.base_texture, &self.opacity_texture, &self.emissive_texture, &self.metallic_roughness_texture];
+        others.map(Option::as_ref).into_iter().chain([normal, occlusion]).flatten().map(|texture| texture.image)
     }
 
     /// Whether it says that it is drawn in another way than files are drawn that do not say how.

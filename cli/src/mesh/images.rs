@@ -195,6 +195,82 @@ pub fn decoding_bytes(mut encoded: impl EncodedImage) -> Result<u64, String> {
     Ok(encoded_bytes.saturating_add(each.saturating_mul(texels)))
 }
 
+/// The bytes below which an image may have one colour everywhere: no codec makes less of it where it has not.
+fn most_bytes_of_one_colour(texels: u64) -> u64 {
+    (1 << 14) + texels / 16
+}
+
+/// An image of which less than one texel in so many counts is looked at, however many bytes it has.
+const SMALL_PART: u64 = 64;
+
+/// Red, green, blue and alpha that all texels within some columns and rows have, of 65535. None where texels differ, where the image has
+/// so many bytes that they certainly do, and where decoding takes more than `memory`.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn only_colour(
+    mut encoded: impl EncodedImage,
+    [columns, rows]: [Range<u32>; 2],
+    memory: u64,
+) -> Result<Option<[u16; 4]>, String> {
+    let texels = texels_of(image_size(&mut encoded)?);
+    let bytes = encoded.seek(SeekFrom::End(0)).map_err(|error| error.to_string())?;
+    encoded.rewind().map_err(|error| error.to_string())?;
+    let part = texels_of([&columns, &rows].map(|range| range.len() as u32));
+    let is_worth_it = bytes <= most_bytes_of_one_colour(texels) || part.saturating_mul(SMALL_PART) < texels;
+    if !is_worth_it || texels > MAX_IMAGE_TEXELS || part == 0 {
+        return Ok(None);
+    }
+    if let Some(reader) = rows_of_png(&mut encoded)? {
+        return only_colour_of_rows(reader, [columns, rows]);
+    }
+    encoded.rewind().map_err(|error| error.to_string())?;
+    if decoding_bytes(&mut encoded)? > memory {
+        return Ok(None);
+    }
+    encoded.rewind().map_err(|error| error.to_string())?;
+    let image = decode_image(encoded)?.crop_imm(columns.start, rows.start, columns.len() as u32, rows.len() as u32);
+    let length = usize::from(image.color().bytes_per_pixel());
+    let all = image.as_bytes();
+    let is_one = all.chunks(length).all(|texel| Some(texel) == all.get(..length));
+    Ok(is_one.then(|| image.crop_imm(0, 0, 1, 1).into_rgba16()).and_then(|image| Some(image.pixels().next()?.0)))
+}
+
+fn only_colour_of_rows<R: EncodedImage>(
+    mut reader: png::Reader<R>,
+    [columns, rows]: [Range<u32>; 2],
+) -> Result<Option<[u16; 4]>, String> {
+    let (colours, depth) = reader.output_color_type();
+    let is_fine = depth == png::BitDepth::Sixteen;
+    let length = colours.samples() * if is_fine { 2 } else { 1 };
+    let mut first: Vec<u8> = vec![];
+    // Nearly all images end within their first row.
+    for number in 0..rows.end {
+        let Some(row) = reader.next_row().map_err(|error| error.to_string())? else { break };
+        if number < rows.start {
+            continue;
+        }
+        let mut texels = row.data().chunks(length).take(columns.end as usize).skip(columns.start as usize);
+        if first.is_empty() {
+            first.extend(texels.clone().next().unwrap_or_default());
+        }
+        if texels.any(|texel| texel != first.as_slice()) {
+            return Ok(None);
+        }
+    }
+    let samples: Vec<u16> = match is_fine {
+        true => first.as_chunks().0.iter().map(|pair| u16::from_be_bytes(*pair)).collect(),
+        false => first.iter().map(|&value| 257 * u16::from(value)).collect(),
+    };
+    Ok(Some(match *samples.as_slice() {
+        [grey] => [grey, grey, grey, u16::MAX],
+        [grey, alpha] => [grey, grey, grey, alpha],
+        [red, green, blue] => [red, green, blue, u16::MAX],
+        [red, green, blue, alpha] => [red, green, blue, alpha],
+        _ => return Ok(None),
+    }))
+}
+
 /// Whether the first frame of a JPEG is progressive.
 fn is_progressive_jpeg(encoded: &mut impl EncodedImage) -> io::Result<bool> {
     /// The markers of frames are 0xC0 to 0xCF, but for three of tables.
@@ -235,6 +311,37 @@ mod tests {
         assert_eq!(of_format(&image, ImageFormat::Jpeg), 3 * 1200);
         assert_eq!(of_format(&image.to_rgba8().into(), ImageFormat::Tiff), 8 * 1200);
         assert_eq!(of_format(&image.to_rgb16().into(), ImageFormat::Tiff), 16 * 1200);
+    }
+
+    #[test]
+    fn images_of_one_colour_are_found_in_every_format() {
+        let only = |image: &DynamicImage, format: ImageFormat| {
+            let mut bytes = Cursor::new(vec![]);
+            image.write_to(&mut bytes, format).unwrap();
+            bytes.rewind().unwrap();
+            only_colour(bytes, [0..image.width(), 0..image.height()], u64::MAX).unwrap()
+        };
+        let mut image = image::RgbaImage::from_pixel(90, 70, image::Rgba([40, 80, 120, 160]));
+        let fine = [40, 80, 120, 160].map(|value| 257 * value);
+        let opaque = [fine[0], fine[1], fine[2], u16::MAX];
+        let one = DynamicImage::from(image.clone());
+        assert_eq!(only(&one, ImageFormat::Png), Some(fine));
+        assert_eq!(only(&one.to_rgba16().into(), ImageFormat::Png), Some(fine));
+        assert_eq!(only(&one.to_rgb8().into(), ImageFormat::Png), Some(opaque));
+        assert_eq!(only(&one.to_rgb8().into(), ImageFormat::WebP), Some(opaque));
+        let grey = DynamicImage::ImageLuma8(image::GrayImage::from_pixel(300, 200, image::Luma([77])));
+        assert_eq!(only(&grey, ImageFormat::Png), Some([77 * 257, 77 * 257, 77 * 257, u16::MAX]));
+        assert_eq!(only(&grey, ImageFormat::Jpeg), Some([77 * 257, 77 * 257, 77 * 257, u16::MAX]));
+        image[(89, 69)].0[3] = 161;
+        let other = DynamicImage::from(image);
+        for format in [ImageFormat::Png, ImageFormat::WebP] {
+            assert_eq!(only(&other, format), None);
+            // The rest of it is all alike.
+            let mut bytes = Cursor::new(vec![]);
+            other.write_to(&mut bytes, format).unwrap();
+            bytes.rewind().unwrap();
+            assert_eq!(only_colour(bytes, [0..90, 5..69], u64::MAX), Ok(Some(fine)));
+        }
     }
 
     #[test]

@@ -116,8 +116,8 @@ impl ObjAttributes {
             };
             let materials = read_materials(&text, source, &mut sink.attributes);
             let is_textured = |material: &Material| {
-                let texture = material.base_texture.as_ref().or(material.emissive_texture.as_ref());
-                texture.is_some() || material.normal_texture.is_some()
+                let images = [&material.base_texture, &material.opacity_texture, &material.emissive_texture];
+                images.iter().any(|image| image.is_some()) || material.normal_texture.is_some()
             };
             self.with_normals |=
                 sink.attributes.wants_normals(materials.iter().any(|material| material.normal_texture.is_some()));

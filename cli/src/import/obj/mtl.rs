@@ -1,4 +1,4 @@
-//! MTL, the materials of OBJ files: `Kd`, `d`, `Tr`, `map_Kd` with its options, `map_d` of the same image, `Ke` and `map_Ke`, `norm`, `Pm` and `Pr`.
+//! MTL, the materials of OBJ files: `Kd`, `d`, `Tr`, `map_Kd` and `map_d` with their options, `Ke` and `map_Ke`, `norm`, `Pm` and `Pr`.
 
 use crate::import::attributes::AttributeSink;
 use crate::import::scan::{Scanner, parse_float};
@@ -11,8 +11,6 @@ use crate::mesh::srgb::linear_from_srgb;
 /// The materials of a library, in its order. `source` is the OBJ file, whose folder the images are in.
 pub(super) fn read_materials(text: &[u8], source: &Source, sink: &mut AttributeSink) -> Vec<Material> {
     let mut materials: Vec<Material> = vec![];
-    // What the current material names as its images of colours and of opacity.
-    let (mut of_colours, mut of_opacity) = (None, None);
     for line in text.split(|&b| b == b'\n' || b == b'\r').map(<[u8]>::trim_ascii) {
         let mut words = Scanner::new(line, 0);
         let keyword = words.word().to_ascii_lowercase();
@@ -21,7 +19,6 @@ pub(super) fn read_materials(text: &[u8], source: &Source, sink: &mut AttributeS
         if keyword == b"newmtl" {
             let name = String::from_utf8_lossy(rest).into_owned();
             // Colours of vertices without a texture are multiplied by Kd; alpha counts only where the library mentions it.
-            (of_colours, of_opacity) = (None, None);
             materials.push(Material { name, alpha: AlphaMode::Opaque, ..Material::default() });
         }
         let Some(material) = materials.last_mut() else { continue };
@@ -53,20 +50,22 @@ pub(super) fn read_materials(text: &[u8], source: &Source, sink: &mut AttributeS
             }
             b"pm" => material.metallic = number().unwrap_or(0.0).clamp(0.0, 1.0),
             b"pr" => material.roughness = number().unwrap_or(1.0).clamp(0.0, 1.0),
-            b"map_kd" => {
-                material.base_texture = texture(rest, source, sink);
-                of_colours = Some(rest);
+            b"map_kd" => material.base_texture = texture(rest, source, sink),
+            b"map_d" => {
+                material.opacity_texture = texture(rest, source, sink);
+                if material.opacity_texture.is_some() {
+                    material.alpha = AlphaMode::Blend;
+                }
             }
-            b"map_d" => of_opacity = Some(rest),
             b"map_ke" => material.emissive_texture = texture(rest, source, sink),
             // Images of heights have these keywords, too, and cannot be told apart; `norm` is always an image of normals.
             b"norm" => material.normal_texture = texture(rest, source, sink).map(|texture| (texture, 1.0)),
             _ => {}
         }
-        // Programs name an image with alpha twice; an image of opacity alone is left out.
-        if of_opacity.is_some() && of_opacity == of_colours {
-            material.alpha = AlphaMode::Blend;
-        }
+    }
+    // Programs name an image with alpha twice.
+    for material in &mut materials {
+        material.opacity_texture.take_if(|opacity| material.base_texture.as_ref() == Some(opacity));
     }
     for material in materials.iter_mut().filter(|material| material.emissive_texture.is_some()) {
         if material.emissive == [0.0; 3] {

@@ -27,7 +27,7 @@ pub(super) fn decode(
 
 /// The texels of a decoded image.
 fn from_whole(image: DynamicImage, meaning: Meaning, place: &Place) -> Result<Texels, WorkError> {
-    let is_opaque = meaning != Meaning::Transparent;
+    let is_opaque = !meaning.has_alpha();
     let is_fine = !matches!(
         image,
         DynamicImage::ImageLuma8(_)
@@ -39,7 +39,7 @@ fn from_whole(image: DynamicImage, meaning: Meaning, place: &Place) -> Result<Te
     Ok(if is_fine {
         let texels: Vec<[u8; 8]> = image.into_rgba16().pixels().map(|texel| fine_texel(texel.0, meaning)).collect();
         Texels::Root(keep(texels.into_flattened())?)
-    } else if meaning != Meaning::Shares && (is_opaque || !image.color().has_alpha()) {
+    } else if !meaning.is_linear() && (is_opaque || !image.color().has_alpha()) {
         Texels::Opaque(keep(image.into_rgb8().into_raw())?)
     } else {
         let mut texels = image.into_rgba8().into_raw();
@@ -47,7 +47,7 @@ fn from_whole(image: DynamicImage, meaning: Meaning, place: &Place) -> Result<Te
             texels.as_chunks_mut().0.iter_mut().for_each(|[_, _, _, alpha]| *alpha = 255);
         }
         let texels = keep(texels)?;
-        if meaning == Meaning::Shares { Texels::Shares(texels) } else { Texels::Encoded(texels) }
+        if meaning.is_linear() { Texels::Shares(texels) } else { Texels::Encoded(texels) }
     })
 }
 
@@ -60,8 +60,8 @@ fn from_rows<R: EncodedImage>(
 ) -> Result<Texels, TextureError> {
     let (colours, depth) = rows.output_color_type();
     let has_alpha = matches!(colours, png::ColorType::GrayscaleAlpha | png::ColorType::Rgba);
-    let (is_opaque, is_fine) = (meaning != Meaning::Transparent, depth == png::BitDepth::Sixteen);
-    let is_plain = !is_fine && meaning != Meaning::Shares && (is_opaque || !has_alpha);
+    let (is_opaque, is_fine) = (!meaning.has_alpha(), depth == png::BitDepth::Sixteen);
+    let is_plain = !is_fine && !meaning.is_linear() && (is_opaque || !has_alpha);
     let of_texel = match (is_fine, is_plain) {
         (true, _) => 8,
         (false, true) => 3,
@@ -92,11 +92,11 @@ fn from_rows<R: EncodedImage>(
         }
         Ok(())
     })?;
-    Ok(match meaning {
+    Ok(match meaning.is_linear() {
         _ if is_fine => Texels::Root(texels),
         _ if is_plain => Texels::Opaque(texels),
-        Meaning::Shares => Texels::Shares(texels),
-        _ => Texels::Encoded(texels),
+        true => Texels::Shares(texels),
+        false => Texels::Encoded(texels),
     })
 }
 
@@ -115,7 +115,7 @@ fn of_samples<S, T: Copy>(samples: &[S], number: impl Fn(&S) -> T, opaque: T) ->
 /// A texel of 16 bits as [`Texels::Root`] has it.
 fn fine_texel(texel: [u16; 4], meaning: Meaning) -> [u8; 8] {
     let [red, green, blue, alpha] = texel.map(|value| f32::from(value) / 65535.0);
-    let light = |x: f32| if meaning == Meaning::Shares { x } else { linear_from_srgb(x) };
-    let alpha = if meaning == Meaning::Transparent { alpha } else { 1.0 };
+    let light = |x: f32| if meaning.is_linear() { x } else { linear_from_srgb(x) };
+    let alpha = if meaning.has_alpha() { alpha } else { 1.0 };
     little_endian(root([light(red), light(green), light(blue), alpha]))
 }

@@ -67,6 +67,17 @@ fn first_pair(texels: &[[u8; 3]]) -> &[[u8; 3]; 2] {
 }
 
 impl Texels {
+    /// Whether no texel is transparent.
+    pub fn are_opaque(&self) -> bool {
+        let are_opaque = match self {
+            Self::Opaque(_) | Self::OpaqueRoot(_) => true,
+            Self::Encoded(all) | Self::Shares(all) => all.as_chunks::<4>().0.iter().all(|texel| texel[3] == u8::MAX),
+            Self::Root(all) => all.as_chunks::<8>().0.iter().all(|texel| texel[6..] == [u8::MAX; 2]),
+        };
+        self.bytes().drop_pages();
+        are_opaque
+    }
+
     pub fn bytes(&self) -> &Bytes {
         let (Self::Opaque(all) | Self::OpaqueRoot(all) | Self::Encoded(all) | Self::Shares(all) | Self::Root(all)) =
             self;
@@ -94,6 +105,7 @@ impl Level {
     }
 
     /// Places in a row, if they lie within.
+    #[inline]
     pub fn row(&self, at: [f64; 2], step: [f64; 2], wrap: [Wrap; 2], count: usize) -> Option<Row> {
         /// More than is lost where fractions are rounded, in texels.
         const MARGIN: f64 = 1.0 / 1024.0;
@@ -288,6 +300,7 @@ fn floor(x: f64) -> f64 {
 }
 
 /// Colours without the alpha by which they are multiplied.
+#[inline]
 pub(super) fn straight([red, green, blue, alpha]: [f32; 4]) -> [f32; 4] {
     if alpha == 1.0 {
         return [red, green, blue, alpha];

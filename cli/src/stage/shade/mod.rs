@@ -91,9 +91,17 @@ impl<'s> Painter<'s> {
         let maps = &self.appearance.maps;
         let mut textures: [Option<TexturedFace>; Use::COUNT] = Default::default();
         if let Some(material) = material {
-            let opaque = if material.alpha == AlphaMode::Opaque { Meaning::Opaque } else { Meaning::Transparent };
+            let is_opaque = material.alpha == AlphaMode::Opaque;
+            let has_own_alpha = !is_opaque && material.opacity_texture.is_none();
+            let colours = if has_own_alpha { Meaning::Transparent } else { Meaning::Opaque };
             let uses = [
-                (Use::Base, self.appearance.has_colour, material.base_texture.as_ref(), opaque),
+                (Use::Base, self.appearance.has_colour, material.base_texture.as_ref(), colours),
+                (
+                    Use::Opacity,
+                    self.appearance.has_colour && !is_opaque,
+                    material.opacity_texture.as_ref(),
+                    Meaning::Opacity,
+                ),
                 (Use::Normal, maps.normal, material.normal_texture.as_ref().map(|(of, _)| of), Meaning::Shares),
                 (Use::Emissive, maps.emissive, material.emissive_texture.as_ref(), Meaning::Opaque),
                 (
@@ -161,6 +169,7 @@ impl<'s> Painter<'s> {
 #[derive(Clone, Copy, Debug)]
 enum Use {
     Base,
+    Opacity,
     Normal,
     Emissive,
     Occlusion,
@@ -168,7 +177,7 @@ enum Use {
 }
 
 impl Use {
-    const COUNT: usize = 5;
+    const COUNT: usize = 6;
 }
 
 /// Texture coordinates where the image has them. Coordinates count in images, from its first row and column.
@@ -221,8 +230,8 @@ impl TexturedFace {
 impl Face<'_> {
     /// Red, green, blue and straight alpha in linear light, averaged over about a `footprint`, which is a length in units of the positions.
     pub fn base_colour(&self, weights: [f32; 3], footprint: f32) -> [f32; 4] {
-        let texture = self.textures[Use::Base as usize].as_ref();
-        self.base_colour_with(texture.map(|face| (face, face.filter(footprint))).as_ref(), weights)
+        let texture = self.textures[Use::Base as usize].as_ref().map(|face| (face, face.filter(footprint)));
+        self.base_colour_with(texture.as_ref(), self.opacity(weights, footprint), weights)
     }
 
     /// Appends the base colours of several points, as [`Face::base_colour`] has them, with or without alpha.
@@ -233,7 +242,8 @@ impl Face<'_> {
         }
         let components = if has_alpha { 4 } else { 3 };
         for weights in points.iter().flat_map(|points| points.weights()) {
-            values.extend_from_slice(&self.base_colour_with(texture.as_ref(), weights)[..components]);
+            let colour = self.base_colour_with(texture.as_ref(), self.opacity(weights, footprint), weights);
+            values.extend_from_slice(&colour[..components]);
         }
     }
 
@@ -263,9 +273,22 @@ impl Face<'_> {
         }
     }
 
+    /// What an image of opacity alone says.
     #[inline]
-    fn base_colour_with(&self, texture: Option<&(&TexturedFace, texture::Filter<'_>)>, weights: [f32; 3]) -> [f32; 4] {
+    fn opacity(&self, weights: [f32; 3], footprint: f32) -> f32 {
+        let texture = self.textures[Use::Opacity as usize].as_ref();
+        texture.map_or(1.0, |face| face.texture.opacity(face.sample(weights, footprint)))
+    }
+
+    #[inline]
+    fn base_colour_with(
+        &self,
+        texture: Option<&(&TexturedFace, texture::Filter<'_>)>,
+        opacity: f32,
+        weights: [f32; 3],
+    ) -> [f32; 4] {
         let mut colour = self.material.map_or([1.0; 4], |material| material.base_colour);
+        colour[3] *= opacity;
         let mut multiply = |factor: [f32; 4]| (0..4).for_each(|i| colour[i] *= factor[i]);
         if let Some(place) = self.colour {
             multiply(self.interpolated_colour(place, weights));

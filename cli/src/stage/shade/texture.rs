@@ -18,11 +18,23 @@ pub(super) enum Meaning {
     Opaque,
     /// Shares from 0 to 1.
     Shares,
+    /// The same, with alpha, which may be what they are about.
+    Opacity,
 }
 
 impl Meaning {
     /// How many there are.
-    pub(super) const COUNT: usize = 3;
+    pub(super) const COUNT: usize = 4;
+
+    /// Whether colours are no colours of screens.
+    pub(super) fn is_linear(self) -> bool {
+        matches!(self, Self::Shares | Self::Opacity)
+    }
+
+    /// Whether alpha counts.
+    pub(super) fn has_alpha(self) -> bool {
+        matches!(self, Self::Transparent | Self::Opacity)
+    }
 
     /// A number for an image that is meant so.
     pub(super) fn key(self, image: u32) -> usize {
@@ -31,7 +43,7 @@ impl Meaning {
 
     /// The meaning of such a number.
     pub(super) fn of_key(key: usize) -> Self {
-        [Self::Transparent, Self::Opaque, Self::Shares][key % Self::COUNT]
+        [Self::Transparent, Self::Opaque, Self::Shares, Self::Opacity][key % Self::COUNT]
     }
 }
 
@@ -57,6 +69,8 @@ pub(super) struct Texture {
     finest: Level,
     /// The size of each average, and the average once it is known.
     coarser: Vec<([u32; 2], OnceLock<Level>)>,
+    /// Whether what it says of opacity is its brightness: nothing of it is transparent.
+    is_mask: bool,
 }
 
 impl Texture {
@@ -72,7 +86,8 @@ impl Texture {
         let texels = decode(encoded, size, meaning, place)?;
         let coarser = std::iter::successors(coarser_size(size), |&size| coarser_size(size));
         let coarser = coarser.map(|size| (size, OnceLock::new())).collect();
-        let this = Self { finest: Level { size, texels }, coarser };
+        let is_mask = meaning == Meaning::Opacity && texels.are_opaque();
+        let this = Self { finest: Level { size, texels }, coarser, is_mask };
         let mut level = &this.finest;
         for (size, coarser) in &this.coarser {
             if !place.is_file(texels_of(*size) * level.averaged_bytes()) {
@@ -88,6 +103,11 @@ impl Texture {
     pub(super) fn drop_pages(&self) {
         self.finest.texels.bytes().drop_pages();
         self.coarser.iter().filter_map(|(_, level)| level.get()).for_each(|level| level.texels.bytes().drop_pages());
+    }
+
+    /// The opacity that a colour of it stands for.
+    pub(super) fn opacity(&self, [red, green, blue, alpha]: [f32; 4]) -> f32 {
+        if self.is_mask { 0.2126 * red + 0.7152 * green + 0.0722 * blue } else { alpha }
     }
 
     /// Columns and rows.
