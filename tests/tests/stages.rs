@@ -106,9 +106,14 @@ fn what_is_left_of_a_state_that_was_being_removed_is_begun_anew() {
     let folder = Folder::new();
     let state = folder.path("out.lodpack.building");
     // What is gone beside the manifest: a folder, or files whose names end so, of which others say that they are there.
-    for (options, removed) in
-        [("", "stages"), ("", "parts"), ("--tolerance 1", "nothing"), ("", ".repaired"), ("", ".charted"), ("", ".stats")]
-    {
+    for (options, removed) in [
+        ("", "stages"),
+        ("", "parts"),
+        ("--tolerance 1", "nothing"),
+        ("", ".repaired"),
+        ("", ".charted"),
+        ("", ".stats"),
+    ] {
         folder.ok(&format!("plan SCAN -o out.lodpack.building --stages --parts 8 {options}"));
         folder.ok("work out.lodpack.building");
         // What vouches for other files goes first, and a signal may come at any moment after that.

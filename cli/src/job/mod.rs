@@ -43,6 +43,7 @@ mod tests;
 mod worker;
 
 pub use crate::storage::MANIFEST_NAME;
+pub use crate::storage::STAGES_NAME;
 pub use add::Added;
 pub use build::{build, build_mesh};
 pub use error::{BuildError, JobError};
@@ -56,7 +57,6 @@ pub use part::{PART_EXTENSION, part_name};
 pub use plan::{Job, PartOptions};
 pub use planned::{BuiltPart, PARTS_NAME, PlannedJob};
 pub use slurm::{SLURM_NAME, SlurmScripts, Submitted};
-pub use crate::storage::STAGES_NAME;
 pub use stage::{Stage, Stages};
 pub use stage_status::{FailedTask, RunningTask, StageStatus};
 pub use staged::{Outcome, StagedJob};

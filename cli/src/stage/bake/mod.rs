@@ -12,6 +12,7 @@ mod lanes;
 mod pieces;
 mod projection;
 mod raster;
+mod sharpen;
 mod strangers;
 mod surfels;
 mod values;
@@ -25,6 +26,7 @@ use gather::gather;
 pub use images::Images;
 use pieces::{Pieces, divide};
 use raster::Drawn;
+use sharpen::sharpen;
 pub use surfels::Surfels;
 use surfels::gather_surfels;
 use values::{Kept, Sums};
@@ -48,6 +50,9 @@ pub struct BakedPatch<'a> {
     pub reach: f64,
     /// The areas of its triangles, if colours jump between some.
     pub areas: Option<Areas<'a>>,
+    /// How much finer its texels are than usual, as a power of the root of two. Its steps of quantisation are as much larger: what its texels
+    /// show together is as exact.
+    pub finer: u32,
 }
 
 impl BakedPatch<'_> {
@@ -152,7 +157,7 @@ impl<'s> Baker<'s> {
         let (map, bytes) = self.mapped(patch, exponent)?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         self.kept = gather(patch, &map, &self.drawn, source, sums);
-        Some(self.baked(patch, &map, bytes))
+        Some(self.baked(patch, &map, bytes, true))
     }
 
     /// As [`Baker::bake`], from the texels of finer patches.
@@ -165,14 +170,18 @@ impl<'s> Baker<'s> {
         let (map, bytes) = self.mapped(patch, exponent)?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         self.kept = gather_surfels(patch, &map, &self.drawn, finer, sums);
-        Some(self.baked(patch, &map, bytes))
+        Some(self.baked(patch, &map, bytes, false))
     }
 
-    fn baked(&mut self, patch: &BakedPatch<'_>, map: &Map, bytes: Vec<u8>) -> Baked {
+    fn baked(&mut self, patch: &BakedPatch<'_>, map: &Map, bytes: Vec<u8>, is_sampled: bool) -> Baked {
         let Self { storage, drawn, kept: Kept { sums: values, .. }, image } = self;
         let mut streams = vec![bytes];
-        streams.extend(storage.encode(map, values, &drawn.is_used, image));
-        Baked { streams, surfels: Surfels::new(patch, map, drawn, values, storage) }
+        let surfels = Surfels::new(patch, map, drawn, values, storage);
+        if is_sampled {
+            sharpen(map, &drawn.is_covered, values, storage);
+        }
+        streams.extend(storage.encode(map, values, &drawn.is_used, patch.finer, image));
+        Baked { streams, surfels }
     }
 
     /// Finds a map whose pieces do not overlap themselves by much, and draws the patch on it.

@@ -1,7 +1,7 @@
 //! What points of a surface carry, and means of it over texels.
 
 use lodpack::decode::texels::{Image, Map};
-use lodpack::write::{encode_image, encode_normals, encode_values};
+use lodpack::write::{encode_image, encode_normals, encode_values, texel_size};
 
 use super::lanes::{LANES, whole};
 use crate::mesh::srgb::srgb_byte;
@@ -171,17 +171,35 @@ impl Storage {
 
     /// Where the labels lie among the values of a point.
     pub(super) fn labels(&self) -> Vec<usize> {
+        self.places(|channel| matches!(channel, Stored::Label { .. }))
+    }
+
+    /// Where colours without opacity begin among the values of a point.
+    pub(super) fn opaque_colours(&self) -> Vec<usize> {
+        self.places(|channel| matches!(channel, Stored::Colour { components: 3, .. }))
+    }
+
+    /// Where the values of channels of a kind begin among those of a point.
+    fn places(&self, is_wanted: impl Fn(&Stored) -> bool) -> Vec<usize> {
         let mut end = 0;
         let starts = self.channels.iter().map(|channel| {
             end += channel.values();
             (channel, end - channel.values())
         });
-        starts.filter(|(channel, _)| matches!(channel, Stored::Label { .. })).map(|(_, start)| start).collect()
+        starts.filter(|(channel, _)| is_wanted(channel)).map(|(_, start)| start).collect()
     }
 
-    /// The image of each channel, of texels that have these values, as [`Sums`] has them. Texels that are not used may have any value
-    /// afterwards. `memory` serves one image after another.
-    pub(super) fn encode(&self, map: &Map, values: &[f32], is_used: &[bool], memory: &mut Vec<u8>) -> Vec<Vec<u8>> {
+    /// The image of each channel, of texels that have these values, as [`Sums`] has them, and that are so much `finer` than usual. Texels
+    /// that are not used may have any value afterwards. `memory` serves one image after another.
+    pub(super) fn encode(
+        &self,
+        map: &Map,
+        values: &[f32],
+        is_used: &[bool],
+        finer: u32,
+        memory: &mut Vec<u8>,
+    ) -> Vec<Vec<u8>> {
+        let larger = |step: u8| (f64::from(step) * texel_size(finer)).round().min(255.0) as u8;
         let mut first = 0;
         let mut streams = vec![];
         for &channel in &self.channels {
@@ -189,20 +207,20 @@ impl Storage {
             streams.push(match channel {
                 Stored::Colour { step, .. } if self.is_plain => {
                     let image = plain_colours(values, map.size, std::mem::take(memory));
-                    let bytes = encode_image(&image, is_used, step);
+                    let bytes = encode_image(&image, is_used, larger(step));
                     *memory = image.data;
                     bytes
                 }
                 Stored::Colour { components, step } => {
-                    encode_image(&colours(texels, map.size, components), is_used, step)
+                    encode_image(&colours(texels, map.size, components), is_used, larger(step))
                 }
                 Stored::Normal { step } => {
                     let directions: Vec<[f32; 3]> = texels.map(|texel| [texel[0], texel[1], texel[2]]).collect();
-                    encode_normals(map, &directions, is_used, step)
+                    encode_normals(map, &directions, is_used, larger(step))
                 }
                 Stored::Factor { step } => {
                     let data = texels.map(|texel| byte(texel[0])).collect();
-                    encode_image(&Image { size: map.size, components: 1, data }, is_used, step)
+                    encode_image(&Image { size: map.size, components: 1, data }, is_used, larger(step))
                 }
                 Stored::Scalar { low, step } => {
                     let data = texels.map(|texel| number_of(texel[0], low, step)).collect();
