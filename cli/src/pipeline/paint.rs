@@ -179,12 +179,12 @@ impl<'a> Painting<'a> {
         let _held = studio.baking.hold(baking_bytes(texels as u64, self.storage));
         let mut baker = self.baker();
         let finest = exponent_of(1.0 / (across * scale.step()));
-        let usual = finest + finer;
+        let (usual, is_sharp) = (finest + finer, !appearance.images.is_empty());
         for (level, block, drawn) in self.blocks(chart) {
             let patch = drawn.baked(block.error / scale.step(), charted.jumps());
             // The finest block is drawn at all finer levels, too.
             let (exponent, baked) = if painted.surfels.is_empty() {
-                (usual, baker.bake(&BakedPatch { finer, ..patch }, &mut source, finest))
+                (usual, baker.bake(&BakedPatch { finer, is_sharp, ..patch }, &mut source, finest))
             } else {
                 let exponent = coarser(usual, usize::from(scale.finest()) - level);
                 (exponent, baker.bake_coarser(&patch, std::iter::once(&painted.surfels), exponent))
@@ -255,7 +255,7 @@ impl DrawnPatch {
     /// As what gets images.
     fn baked<'a>(&'a self, reach: f64, jumps: Option<&'a Jumps>) -> BakedPatch<'a> {
         let areas = Areas::of(&self.areas, jumps);
-        BakedPatch { positions: &self.positions, triangles: &self.triangles, reach, areas, finer: 0 }
+        BakedPatch { positions: &self.positions, triangles: &self.triangles, reach, areas, finer: 0, is_sharp: false }
     }
 }
 

@@ -4,8 +4,6 @@
 //! eighth of the second difference, always to the same side. Texels that are best in the mean square over whole cells are those samples less a
 //! twelfth of their second differences, exactly so where the surface shows a parabola.
 
-use std::ops::Range;
-
 use lodpack::decode::texels::Map;
 
 use super::values::Storage;
@@ -18,38 +16,74 @@ const SHARE: f32 = 1.0 / 12.0;
 pub(super) fn sharpen(map: &Map, is_covered: &[bool], values: &mut [f32], storage: &Storage) {
     let (width, stride) = (map.size[0] as usize, storage.stride());
     let colours = storage.opaque_colours();
-    if colours.is_empty() {
-        return;
-    }
-    // The row above and this one as they were.
-    let (mut above, mut this): (Vec<f32>, Vec<f32>) = (vec![], vec![]);
+    // The row above and this one as they were, and where both sides of this one's texels are covered.
+    let (mut above, mut this, mut sides): (Vec<f32>, Vec<f32>, Vec<[bool; 2]>) = (vec![], vec![], vec![]);
     for piece in &map.pieces {
         let [[left, top], [right, bottom]] = piece.range().map(|corner| corner.map(|x| x as usize));
-        let texels = |y: usize| y * width + left..y * width + right + 1;
-        let of_row = |texels: Range<usize>| texels.start * stride..texels.end * stride;
-        above.clear();
+        let count = right - left + 1;
         for y in top..=bottom {
+            let first = y * width + left;
+            both_sides(is_covered, [first, width, count], y > top && y < bottom, &mut sides);
+            let (rows, after) = values.split_at_mut((first + count) * stride);
+            let row = &mut rows[first * stride..];
             this.clear();
-            this.extend_from_slice(&values[of_row(texels(y))]);
-            let (rows, below) = values.split_at_mut(of_row(texels(y)).end);
-            let row = &mut rows[of_row(texels(y)).start..];
-            let covered = &is_covered[texels(y)];
-            let [covered_above, covered_below] = [y.checked_sub(1), Some(y + 1)]
-                .map(|y| y.filter(|y| (top..=bottom).contains(y)).map_or(&[][..], |y| &is_covered[texels(y)]));
-            // The next row of the piece, if there is one.
-            let below = below.get((width - covered.len()) * stride..).unwrap_or(&[]);
-            for x in (0..covered.len()).filter(|&x| covered[x]) {
-                let is_inside = |row: &[bool], x: usize| row.get(x).copied().unwrap_or(false);
-                let along = x > 0 && covered[x - 1] && is_inside(covered, x + 1);
-                let down = is_inside(covered_above, x) && is_inside(covered_below, x);
-                for at in colours.iter().flat_map(|&first| x * stride + first..x * stride + first + 3) {
-                    let twice = 2.0 * this[at];
-                    let of_row = if along { this[at - stride] + this[at + stride] - twice } else { 0.0 };
-                    let of_column = if down { above[at] + below[at] - twice } else { 0.0 };
-                    row[at] = this[at] - SHARE * (of_row + of_column);
+            this.extend_from_slice(row);
+            // None after the last row of the image, where nothing is asked of it.
+            let below =
+                after.get((width - count) * stride..).and_then(|row| row.get(..count * stride)).unwrap_or(&this);
+            if y == top {
+                above.clone_from(&this);
+            }
+            if storage.is_plain() {
+                correct(row, [&above, &this, below], &sides);
+            } else {
+                for (x, &sides) in sides.iter().enumerate().filter(|(_, sides)| **sides != [false; 2]) {
+                    for at in colours.iter().flat_map(|&first| (0..3).map(move |k| x * stride + first + k)) {
+                        let beside = if sides[0] { [this[at - stride], this[at + stride]] } else { [this[at]; 2] };
+                        let column = if sides[1] { [above[at], below[at]] } else { [this[at]; 2] };
+                        row[at] = corrected(this[at], beside, column);
+                    }
                 }
             }
             std::mem::swap(&mut above, &mut this);
         }
     }
+}
+
+/// Of each texel of a row whether it is covered and both beside it are, and both above and below it.
+fn both_sides(is_covered: &[bool], [first, width, count]: [usize; 3], is_inner: bool, sides: &mut Vec<[bool; 2]>) {
+    let row = &is_covered[first..first + count];
+    sides.clear();
+    sides.resize(count, [false; 2]);
+    for (sides, three) in sides.iter_mut().skip(1).zip(row.windows(3)) {
+        sides[0] = three[0] & three[1] & three[2];
+    }
+    if is_inner {
+        let [above, below] = [first - width, first + width].map(|first| &is_covered[first..first + count]);
+        for (((sides, this), above), below) in sides.iter_mut().zip(row).zip(above).zip(below) {
+            sides[1] = this & above & below;
+        }
+    }
+}
+
+/// A row of texels of four numbers, which are corrected at once: the last one is a weight, which counts no more.
+fn correct(row: &mut [f32], rows: [&[f32]; 3], sides: &[[bool; 2]]) {
+    let [above, this, below] = rows.map(|row| row.as_chunks::<4>().0);
+    let row = row.as_chunks_mut::<4>().0;
+    let columns = row.iter_mut().zip(this).zip(above.iter().zip(below)).zip(sides);
+    for (x, (((texel, this_one), (above, below)), &[along, down])) in columns.enumerate() {
+        let beside = match this.get(x.wrapping_sub(1)..x.wrapping_add(2)) {
+            Some(&[before, _, after]) if along => [before, after],
+            _ => [*this_one; 2],
+        };
+        let column = if down { [*above, *below] } else { [*this_one; 2] };
+        *texel = std::array::from_fn(|k| corrected(this_one[k], beside.map(|one| one[k]), column.map(|one| one[k])));
+    }
+}
+
+/// A value less a share of its second differences.
+#[inline(always)]
+fn corrected(value: f32, beside: [f32; 2], column: [f32; 2]) -> f32 {
+    let twice = 2.0 * value;
+    value - SHARE * ((beside[0] + beside[1] - twice) + (column[0] + column[1] - twice))
 }
