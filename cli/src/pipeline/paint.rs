@@ -22,9 +22,11 @@ use crate::storage::memory::{Pool, texel_memory};
 
 /// Texels of a map for each that the surface covers, about: pieces do not fill their image.
 const SPREAD: f64 = 1.5;
-/// How much finer texels of the finest block are where colours jump, as a power of the root of two. Hard edges of textures lie there, too, and
-/// what is blurred over a texel costs more than the bytes of twice as many texels in flat areas.
+/// How much finer texels of the finest block are where colours jump and triangles have few texels, as a power of the root of two. What is blurred
+/// over a texel beside each line costs more there than twice as many texels, which lines cut up or leave alike.
 const FINER_WITH_JUMPS: u32 = 1;
+/// Texels of the input for each of its triangles that are few in this sense.
+const FEW_TEXELS: f64 = 100.0;
 
 /// A region whose blocks get texels.
 pub(super) struct PaintedRegion<'a> {
@@ -173,7 +175,8 @@ impl<'a> Painting<'a> {
         let mut painted = Painted::default();
         let mut streams = self.streams_of(chart);
         let Some([density, area]) = source.density() else { return (painted, streams) };
-        let finer = if charted.jumps_inside(chart) { FINER_WITH_JUMPS } else { 0 };
+        let is_coarse = area * density * density <= FEW_TEXELS * source.own.len() as f64;
+        let finer = if is_coarse && charted.jumps_inside(chart) { FINER_WITH_JUMPS } else { 0 };
         let across = density * DENSITY * texel_size(finer);
         let texels = (area * across * across * SPREAD).min(MAX_TEXELS as f64);
         let _held = studio.baking.hold(baking_bytes(texels as u64, self.storage));

@@ -87,3 +87,41 @@ fn corrected(value: f32, beside: [f32; 2], column: [f32; 2]) -> f32 {
     let twice = 2.0 * value;
     value - SHARE * ((beside[0] + beside[1] - twice) + (column[0] + column[1] - twice))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_lies_between_texels_of_a_parabola_is_right_in_the_mean() {
+        let square = |x: f32| x * x;
+        let before: Vec<f32> = (0..9).flat_map(|x| [square(x as f32); 4]).collect();
+        let mut sides = vec![];
+        both_sides(&[true; 27], [9, 9, 9], true, &mut sides);
+        assert_eq!((sides[0], sides[1], sides[8]), ([false, true], [true; 2], [false, true]));
+        let mut row = before.clone();
+        correct(&mut row, [&before, &before, &before], &sides);
+        let error = |row: &[f32], first: usize| {
+            let [a, b] = [row[4 * first], row[4 * first + 4]];
+            let of = |k: i32| {
+                let x = (k as f32 + 0.5) / 64.0;
+                a * (1.0 - x) + b * x - square(first as f32 + x)
+            };
+            (0..64).map(of).sum::<f32>() / 64.0
+        };
+        for first in 1..7 {
+            assert!(error(&before, first) > 0.16 && error(&row, first).abs() < 1e-3, "{first}: {}", error(&row, first));
+        }
+        assert_eq!([row[0], row[32]], [before[0], before[32]]);
+    }
+
+    #[test]
+    fn texels_beside_what_nothing_covers_stay() {
+        let mut sides = vec![];
+        let covered = [true, true, true, true, true, false, true, true, true];
+        both_sides(&covered, [3, 3, 3], true, &mut sides);
+        assert_eq!(sides, [[false, true], [false, true], [false, false]]);
+        both_sides(&covered, [0, 3, 3], false, &mut sides);
+        assert_eq!(sides, [[false, false], [true, false], [false, false]]);
+    }
+}
