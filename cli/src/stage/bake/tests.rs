@@ -310,7 +310,8 @@ fn nothing_is_blurred_over_a_line_at_which_colours_jump() {
     let triangles = [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]];
     let jumps = Jumps::new(vec![[1, 2]]);
     let areas = Areas::of(&[1, 1, 2, 2], Some(&jumps));
-    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas };
+    let patch =
+        BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas, finer: 0, is_sharp: false };
     let fine = Baker::new(&numbers()).bake(&patch, &mut source, 6).unwrap();
     let coarse = Baker::new(&numbers()).bake_coarser(&patch, std::iter::once(&fine.surfels), 8).unwrap();
     for baked in [fine, coarse] {
