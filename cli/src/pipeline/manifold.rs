@@ -120,9 +120,9 @@ mod tests {
         assert!(parted.iter().all(|p| positions.contains(p) || *p == DVec3::new(0., 0., 1.)));
         // A triangle of the boundary beside an edge that two others share.
         let slit = vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]];
-        let (parted, triangles) = manifold(positions.clone(), slit).expect("one edge is open");
-        assert_eq!((parted.len(), triangles.len()), (7, 4));
-        assert!(boundary_loops(&triangles, parted.len()).is_some());
+        let (_, triangles) = manifold(positions.clone(), slit).expect("boundaries may have an edge twice");
+        let edges = sorted_edges(&triangles);
+        assert!(edges.windows(2).all(|pair| pair[0] != pair[1]));
         // What has no boundary edge twice stays as it is.
         assert_eq!(manifold(positions.clone(), vec![[0, 1, 2]]), Some((positions, vec![[0, 1, 2]])));
     }
