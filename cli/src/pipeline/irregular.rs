@@ -29,7 +29,7 @@ const LOCAL_FAILURES: u32 = 5;
 const FINER: f64 = 0.4;
 
 /// How often the tangential step is halved where colours jump.
-const LINE_REFINEMENT: u32 = 2;
+const LINE_REFINEMENT: u32 = 3;
 
 /// The filling's row in the table.
 pub(super) const ROW: FillingRow =

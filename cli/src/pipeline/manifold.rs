@@ -1,7 +1,7 @@
 //! Makes a coarse surface a manifold with simple boundaries, so that it can be simplified.
 
 use super::exact::power_of_two;
-use crate::mesh::{Mesh, NONE};
+use crate::mesh::{Mesh, NONE, next_half_edge};
 use crate::stage::chart::BorderVertex;
 use crate::stage::repair::{pair_edges, sew};
 use glam::DVec3;
@@ -15,7 +15,7 @@ pub(super) fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) 
     if directed.windows(2).all(|pair| pair[0] != pair[1]) {
         return Some((positions, triangles));
     }
-    let open = open_edges(&triangles).len();
+    let mut open = open_edges(&triangles).len();
 
     // Of two triangles back to back one becomes three. New vertices are means of two or four lattice points, which are exact.
     for t in pair_edges(&triangles, &positions).duplicates {
@@ -32,15 +32,19 @@ pub(super) fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) 
     let mut seen: HashMap<[u32; 2], i32> = HashMap::new();
     for h in 0..opposite.len() {
         let other = opposite[h];
-        if other == NONE || (other as usize) < h {
+        if other != NONE && (other as usize) < h {
             continue;
         }
-        let ends = [origin(h), origin(other as usize)];
+        // An edge of the boundary may have the ends of another one, too.
+        let ends = [origin(h), origin(next_half_edge(h as u32) as usize)];
         let times = seen.entry([ends[0].min(ends[1]), ends[0].max(ends[1])]).or_default();
         if *times > 0 {
             // A half, a quarter, an eighth: all different, and exact.
             let [p, q] = ends.map(|v| positions[v as usize]);
-            (middles[h], middles[other as usize]) = (positions.len() as u32, positions.len() as u32);
+            let sides = [Some(h), (other != NONE).then_some(other as usize)];
+            sides.into_iter().flatten().for_each(|side| middles[side] = positions.len() as u32);
+            // One of the boundary becomes two.
+            open += usize::from(other == NONE);
             positions.push(p + (q - p) * power_of_two((-*times).max(-1022)));
         }
         *times += 1;
@@ -114,6 +118,11 @@ mod tests {
         assert!(edges.windows(2).all(|pair| pair[0] != pair[1]));
         assert!(edges.iter().all(|&[a, b]| edges.binary_search(&[b, a]).is_ok()));
         assert!(parted.iter().all(|p| positions.contains(p) || *p == DVec3::new(0., 0., 1.)));
+        // A triangle of the boundary beside an edge that two others share.
+        let slit = vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]];
+        let (_, triangles) = manifold(positions.clone(), slit).expect("boundaries may have an edge twice");
+        let edges = sorted_edges(&triangles);
+        assert!(edges.windows(2).all(|pair| pair[0] != pair[1]));
         // What has no boundary edge twice stays as it is.
         assert_eq!(manifold(positions.clone(), vec![[0, 1, 2]]), Some((positions, vec![[0, 1, 2]])));
     }

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use lodpack::write::{BlockRecord, RootRecord};
+use lodpack::write::{BlockRecord, RootRecord, texel_size};
 use rayon::prelude::*;
 
 use super::ChartedMesh;
@@ -22,6 +22,11 @@ use crate::storage::memory::{Pool, texel_memory};
 
 /// Texels of a map for each that the surface covers, about: pieces do not fill their image.
 const SPREAD: f64 = 1.5;
+/// How much finer texels of the finest block are where colours jump and triangles have few texels, as a power of the root of two. What is blurred
+/// over a texel beside each line costs more there than twice as many texels, which lines cut up or leave alike.
+const FINER_WITH_JUMPS: u32 = 1;
+/// Texels of the input for each of its triangles that are few in this sense.
+const FEW_TEXELS: f64 = 100.0;
 
 /// A region whose blocks get texels.
 pub(super) struct PaintedRegion<'a> {
@@ -171,18 +176,21 @@ impl<'a> Painting<'a> {
         let mut painted = Painted::default();
         let mut streams = self.streams_of(chart);
         let Some([density, area]) = source.density() else { return (painted, streams) };
-        let across = density * DENSITY;
+        let is_coarse = area * density * density <= FEW_TEXELS * source.own.len() as f64;
+        let finer = if is_coarse && charted.jumps_inside(chart) { FINER_WITH_JUMPS } else { 0 };
+        let across = density * DENSITY * texel_size(finer);
         let texels = (area * across * across * SPREAD).min(MAX_TEXELS as f64);
         let _held = studio.baking.hold(baking_bytes(texels as u64, self.storage));
         let mut baker = self.baker();
-        let exponent = exponent_of(1.0 / (across * scale.step()));
+        let finest = exponent_of(1.0 / (across * scale.step()));
+        let (usual, is_sharp) = (finest + finer, !appearance.images.is_empty());
         for (level, block, drawn) in self.blocks(chart) {
             let patch = drawn.baked(block.error / scale.step(), charted.jumps());
             // The finest block is drawn at all finer levels, too.
             let (exponent, baked) = if painted.surfels.is_empty() {
-                (exponent, baker.bake(&patch, &mut source, exponent))
+                (usual, baker.bake(&BakedPatch { finer, is_sharp, ..patch }, &mut source, finest))
             } else {
-                let exponent = coarser(exponent, usize::from(scale.finest()) - level);
+                let exponent = coarser(usual, usize::from(scale.finest()) - level);
                 (exponent, baker.bake_coarser(&patch, std::iter::once(&painted.surfels), exponent))
             };
             painted.take(&mut streams[level], baked, exponent, level);
@@ -251,7 +259,7 @@ impl DrawnPatch {
     /// As what gets images.
     fn baked<'a>(&'a self, reach: f64, jumps: Option<&'a Jumps>) -> BakedPatch<'a> {
         let areas = Areas::of(&self.areas, jumps);
-        BakedPatch { positions: &self.positions, triangles: &self.triangles, reach, areas }
+        BakedPatch { positions: &self.positions, triangles: &self.triangles, reach, areas, finer: 0, is_sharp: false }
     }
 }
 

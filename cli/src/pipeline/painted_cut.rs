@@ -29,7 +29,8 @@ pub fn painted(
     let sizes = cut.textures.iter().filter_map(|texture| Some(texture.map.as_ref()?.pieces.first()?.frame().1));
     let exponent = exponent_of(sizes.fold(f64::INFINITY, f64::min));
     let reach = finished.error / lattice.step();
-    let patch = BakedPatch { positions: &points, triangles: &finished.triangles, reach, areas: None };
+    let patch =
+        BakedPatch { positions: &points, triangles: &finished.triangles, reach, areas: None, finer: 0, is_sharp: true };
     let mut streams = Baker::new(&storage).bake(&patch, &mut source, exponent)?.streams.into_iter();
     let bytes = TexelBytes { level: 0, map: streams.next()?, images: streams.collect() };
     let whole = Patch { triangles: finished.triangles.clone(), ..Patch::default() };

@@ -39,6 +39,10 @@ const ARC_PER_THRESHOLD: f64 = 2.0;
 const LEVEL_RATIO_LOG2: i32 = 2;
 /// The lattice step is at most this multiple of the finest threshold.
 const STEP_PER_THRESHOLD: f64 = 1.4;
+/// Lattice steps for each texel of the input's images, about, of which not all need be on the surface.
+const STEPS_PER_TEXEL: f64 = 64.0;
+/// But the lattice's step is halved at most so often for that.
+const MOST_FINER: i32 = 3;
 /// Sizes of models that can be built, in input units. Solving quadrics takes products of up to six lengths, which have to stay within
 /// the range of f64.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-40..=1e40;
@@ -117,6 +121,8 @@ pub struct Scale {
     pub chart_triangles: u32,
     /// Maps lattice coordinates to world positions. Its origin is a whole number of steps.
     pub lattice: Lattice,
+    /// How often the lattice's step was halved because the input has images.
+    pub fineness: u8,
     /// Coarsest first.
     pub levels: Vec<LevelPlan>,
     /// The coarsest level of charts that are in groups.
@@ -127,16 +133,25 @@ pub struct Scale {
 
 impl LevelPlan {
     /// The level that is so many steps coarser than the finest one.
-    fn new(tolerance: f64, steps_up: usize) -> Self {
+    fn new(tolerance: f64, steps_up: usize, fineness: u8) -> Self {
         let factor = factor_of(steps_up);
+        let quantisation = match (steps_up, fineness) {
+            // Patches with lines halve the tangential step three times, and the lattice ends there.
+            (0, 1..) => Quantisation { normal_shift: 0, tangent_shift: 3 },
+            _ => Quantisation { normal_shift: LEVEL_RATIO_LOG2 as u8 * steps_up as u8 + fineness, tangent_shift: 2 },
+        };
         let threshold = tolerance * THRESHOLD_PER_TOLERANCE * factor;
-        Self {
-            tolerance: tolerance * factor,
-            threshold,
-            arc_tolerance: threshold * ARC_PER_THRESHOLD,
-            quantisation: Quantisation { normal_shift: LEVEL_RATIO_LOG2 as u8 * steps_up as u8, tangent_shift: 2 },
-        }
+        Self { tolerance: tolerance * factor, threshold, arc_tolerance: threshold * ARC_PER_THRESHOLD, quantisation }
     }
+}
+
+/// How often the step of the lattice is halved for images: where colours jump at lines between triangles, lines that are off by a share of a texel
+/// show that share of it in the wrong colour.
+fn image_fineness(extent: &Extent, texels_each: u64, step: f64) -> u8 {
+    let texels = extent.triangles as f64 * texels_each as f64;
+    let texel = (extent.area / texels).sqrt();
+    // Comparisons with NaN are false: without texels nothing is halved.
+    (0..MOST_FINER).take_while(|&halved| STEPS_PER_TEXEL * step > texel * power_of_two(halved)).count() as u8
 }
 
 /// Tolerance of a level over that of the finest one.
@@ -150,7 +165,8 @@ impl Scale {
         let coarsest = TOP_SHARE * diagonal / (self.tolerance * THRESHOLD_PER_TOLERANCE);
         let of_top = (0..MAX_LEVELS).find(|&steps_up| coarsest <= factor_of(steps_up)).map_or(MAX_LEVELS, |s| s + 1);
         let count = of_top.max(CHART_LEVELS + (in_regions + above) as usize);
-        self.levels = (0..count).rev().map(|steps_up| LevelPlan::new(self.tolerance, steps_up)).collect();
+        self.levels =
+            (0..count).rev().map(|steps_up| LevelPlan::new(self.tolerance, steps_up, self.fineness)).collect();
         let most = floor_log2(LARGEST_STEP * diagonal / self.step()).max(0) as u8;
         for level in &mut self.levels {
             level.quantisation.normal_shift = level.quantisation.normal_shift.min(most);
@@ -221,6 +237,8 @@ impl Scale {
         }
         let finest = tolerance * THRESHOLD_PER_TOLERANCE;
         let step_log2 = floor_log2(finest * STEP_PER_THRESHOLD);
+        let fineness = image_fineness(extent, texels_each, power_of_two(step_log2));
+        let step_log2 = step_log2 - i32::from(fineness);
         if !(-200..=200).contains(&step_log2) || diagonal / power_of_two(step_log2) > power_of_two(MAX_EXTENT_LOG2) {
             return Err(too_fine());
         }
@@ -260,7 +278,7 @@ impl Scale {
             LevelChoice::All => (0..MAX_LEVELS).find(reaches).map_or(MAX_LEVELS, |steps_up| steps_up + 1),
             LevelChoice::Finest => 1,
         };
-        let levels = (0..level_count).rev().map(|steps_up| LevelPlan::new(tolerance, steps_up)).collect();
+        let levels = (0..level_count).rev().map(|steps_up| LevelPlan::new(tolerance, steps_up, fineness)).collect();
         let lattice = Lattice { origin: origin.to_array(), step_log2 };
         // Every tolerance that gets here has a storable error below it.
         let error_limit = lodpack::write::storable_error(tolerance, &lattice).unwrap_or(tolerance);
@@ -270,6 +288,7 @@ impl Scale {
             mean_edge_length,
             chart_triangles,
             lattice,
+            fineness,
             levels,
             coarsest_of_charts: 0,
             coarsest_of_regions: 0,

@@ -78,6 +78,8 @@ pub(super) fn paint_above(
                 triangles: &drawn.triangles,
                 reach: block.error / step,
                 areas: None,
+                finer: 0,
+                is_sharp: false,
             };
             let steps = (bottom - level as f64).max(0.0) as u32;
             let exponent = (exponent_of(size) + 2 * steps).min(MAX_EXPONENT);

@@ -5,6 +5,7 @@ use lodpack::write::{BlockRecord, OverviewRecord};
 
 use super::super::chart_work::DrawnBlocks;
 use super::super::coarse::CoarseSurface;
+use super::super::exact::power_of_two;
 use super::super::overview::{OVERVIEW_TRIANGLES, coded};
 use super::super::reduce::reduce;
 use super::super::scale::{Scale, factor_of};
@@ -50,7 +51,8 @@ pub(in super::super) fn reduce_top(
         && small.is_none_or(|error| reduced.error < error)
     {
         // The finest level takes its place unless a coarser one, by its tolerance, allows as much.
-        let step = |level: usize| scale.step() * factor_of(usize::from(scale.finest()) - level);
+        let finest_step = scale.step() * power_of_two(i32::from(scale.fineness));
+        let step = |level: usize| finest_step * factor_of(usize::from(scale.finest()) - level);
         let is_fine = |&level: &usize| step(level) <= STEP_PER_BOUND * (reduced.error - surface.error);
         let level = (0..=finest).find(is_fine).unwrap_or(finest);
         if let Some((OverviewRecord { error, loops, triangle_count, symbols, .. }, patch)) =

@@ -12,12 +12,17 @@ mod lanes;
 mod pieces;
 mod projection;
 mod raster;
+mod sharpen;
 mod strangers;
 mod surfels;
 mod values;
 
 use glam::DVec3;
-use lodpack::{LatticePoint, decode::texels::Map, write::encode_map};
+use lodpack::{
+    LatticePoint,
+    decode::texels::Map,
+    write::{encode_map, texel_size},
+};
 
 use crate::mesh::NONE;
 use crate::stage::areas::Areas;
@@ -25,15 +30,19 @@ use gather::gather;
 pub use images::Images;
 use pieces::{Pieces, divide};
 use raster::Drawn;
+use sharpen::sharpen;
 pub use surfels::Surfels;
 use surfels::gather_surfels;
-use values::{Kept, Sums};
+use values::{Kept, Steps, Sums};
 pub use values::{Storage, Stored};
 
 /// The most texels of a patch.
 pub const MAX_TEXELS: u64 = 1 << 24;
 /// Bytes of a texel of a patch as its map shows it.
 const DRAWN_BYTES: usize = 16;
+/// How much larger steps of quantisation are where texels are [`sharpen`]ed. As many bytes show more then: a city's tile has 3.36 MB and 32.2 dB in
+/// place of 3.37 MB and 29.9 dB, a bunny with a photograph 326 kB and 40.8 dB in place of 365 kB and 40.5 dB.
+const STEPS_WHERE_SHARP: f64 = 9.0 / 7.0;
 /// How often a patch is divided further because pieces overlap themselves.
 const MAX_ROUNDS: usize = 3;
 
@@ -48,6 +57,11 @@ pub struct BakedPatch<'a> {
     pub reach: f64,
     /// The areas of its triangles, if colours jump between some.
     pub areas: Option<Areas<'a>>,
+    /// How much finer its texels are than usual, as a power of the root of two. Its steps of quantisation are as much larger: what its texels
+    /// show together is as exact.
+    pub finer: u32,
+    /// Whether its texels are samples, from which those are made that show colours best between them.
+    pub is_sharp: bool,
 }
 
 impl BakedPatch<'_> {
@@ -171,8 +185,15 @@ impl<'s> Baker<'s> {
     fn baked(&mut self, patch: &BakedPatch<'_>, map: &Map, bytes: Vec<u8>) -> Baked {
         let Self { storage, drawn, kept: Kept { sums: values, .. }, image } = self;
         let mut streams = vec![bytes];
-        streams.extend(storage.encode(map, values, &drawn.is_used, image));
-        Baked { streams, surfels: Surfels::new(patch, map, drawn, values, storage) }
+        let surfels = Surfels::new(patch, map, drawn, values, storage);
+        let others = texel_size(patch.finer);
+        let mut steps = Steps { opaque_colours: others, others };
+        if patch.is_sharp {
+            sharpen(map, &drawn.is_covered, values, storage);
+            steps.opaque_colours *= STEPS_WHERE_SHARP;
+        }
+        streams.extend(storage.encode(map, values, &drawn.is_used, steps, image));
+        Baked { streams, surfels }
     }
 
     /// Finds a map whose pieces do not overlap themselves by much, and draws the patch on it.

@@ -60,7 +60,14 @@ fn a_coarse_sphere_shows_the_colours_of_a_fine_one() {
     let (coarse, triangles) = sphere(8, 1000.0);
     let positions: Vec<LatticePoint> = coarse.iter().map(|p| p.to_array().map(|x| x.round() as i64)).collect();
     // Triangles at the poles have no area.
-    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 80.0, areas: None };
+    let patch = BakedPatch {
+        positions: &positions,
+        triangles: &triangles,
+        reach: 80.0,
+        areas: None,
+        finer: 0,
+        is_sharp: false,
+    };
     let storage =
         Storage::new(vec![Stored::Colour { components: 3, step: 4 }, Stored::Scalar { low: -1000.0, step: 0.5 }]);
     let baked = Baker::new(&storage).bake(&patch, &mut source, 8).unwrap();
@@ -110,7 +117,14 @@ fn patches_without_area_and_without_a_source_have_an_image_or_none() {
     let storage = Storage::new(vec![Stored::Colour { components: 4, step: 4 }]);
     for positions in [[[0, 0, 0]; 3], [[0, 0, 0], [5, 0, 0], [9, 0, 0]], [[0, 0, 0], [1 << 40, 0, 0], [0, 1 << 40, 0]]]
     {
-        let patch = BakedPatch { positions: &positions, triangles: &[[0, 1, 2]], reach: 1.0, areas: None };
+        let patch = BakedPatch {
+            positions: &positions,
+            triangles: &[[0, 1, 2]],
+            reach: 1.0,
+            areas: None,
+            finer: 0,
+            is_sharp: false,
+        };
         if let Some(baked) = Baker::new(&storage).bake(&patch, &mut Nothing, 0) {
             let map = Map::decode(&baked.streams[0], &positions, &[[0, 1, 2]], MAX_TEXELS).unwrap();
             Image::decode_colours(&baked.streams[1], map.size, 4).unwrap();
@@ -166,7 +180,8 @@ const RIDGE: ([LatticePoint; 4], [[u32; 3]; 2]) =
 #[test]
 fn a_piece_shows_nothing_of_the_piece_that_lies_beside_it_in_the_image() {
     let (positions, triangles) = RIDGE;
-    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas: None };
+    let patch =
+        BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas: None, finer: 0, is_sharp: false };
     let scaled = |side: usize, factor: f64| {
         let corners = triangles[side].map(|v| DVec3::from(positions[v as usize].map(|x| x as f64)));
         let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
@@ -186,9 +201,17 @@ fn a_piece_of_which_nothing_is_known_shows_what_lies_beside_it_on_the_surface() 
     for side in [0, 1] {
         let one = [triangles[side]];
         let corners = triangles[side].map(|v| positions[v as usize].map(|x| x as f64));
-        let finer = BakedPatch { positions: &positions, triangles: &one, reach: 5.0, areas: None };
+        let finer =
+            BakedPatch { positions: &positions, triangles: &one, reach: 5.0, areas: None, finer: 0, is_sharp: false };
         let finer = Baker::new(&numbers()).bake(&finer, &mut Numbered(vec![(corners, 700.0)]), 2).unwrap();
-        let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas: None };
+        let patch = BakedPatch {
+            positions: &positions,
+            triangles: &triangles,
+            reach: 5.0,
+            areas: None,
+            finer: 0,
+            is_sharp: false,
+        };
         let baked = Baker::new(&numbers()).bake_coarser(&patch, std::iter::once(&finer.surfels), 4).unwrap();
         assert_eq!(numbers_shown(&positions, &triangles, &baked), [[700; 2]; 2]);
     }
@@ -207,7 +230,8 @@ fn points_of_the_source_are_shown_where_the_patch_is_closest_to_them() {
         [[a, b, c], [a, c, d]].map(|corners| (corners, (strip + 1) as f32))
     });
     let mut source = Numbered(strips.collect());
-    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas: None };
+    let patch =
+        BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas: None, finer: 0, is_sharp: false };
     let baked = Baker::new(&numbers()).bake(&patch, &mut source, 0).unwrap();
     let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
     let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
@@ -234,7 +258,8 @@ fn a_texel_has_the_label_of_most_of_it_and_none_between() {
     let source = bounds.windows(2).flat_map(|pair| quad([pair[0], pair[1]])).collect();
     let positions = [[0, 0, 0], [201, 0, 0], [201, 100, 0], [0, 100, 0]];
     let triangles = [[0, 1, 2], [0, 2, 3]];
-    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0, areas: None };
+    let patch =
+        BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0, areas: None, finer: 0, is_sharp: false };
     let storage = Storage::new(vec![Stored::Label { low: 3.0 }]);
     let fine = Baker::new(&storage).bake(&patch, &mut Numbered(source), 2).unwrap();
     let coarse = Baker::new(&storage).bake_coarser(&patch, std::iter::once(&fine.surfels), 7).unwrap();
@@ -285,7 +310,8 @@ fn nothing_is_blurred_over_a_line_at_which_colours_jump() {
     let triangles = [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]];
     let jumps = Jumps::new(vec![[1, 2]]);
     let areas = Areas::of(&[1, 1, 2, 2], Some(&jumps));
-    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas };
+    let patch =
+        BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas, finer: 0, is_sharp: false };
     let fine = Baker::new(&numbers()).bake(&patch, &mut source, 6).unwrap();
     let coarse = Baker::new(&numbers()).bake_coarser(&patch, std::iter::once(&fine.surfels), 8).unwrap();
     for baked in [fine, coarse] {

@@ -94,6 +94,11 @@ impl Storage {
         self.count
     }
 
+    /// Whether a texel is four numbers: a colour without opacity, and a weight.
+    pub(super) fn is_plain(&self) -> bool {
+        self.is_plain
+    }
+
     /// Numbers that are kept for a texel: its values, then its weights.
     pub(super) fn stride(&self) -> usize {
         self.count + self.weights
@@ -171,36 +176,57 @@ impl Storage {
 
     /// Where the labels lie among the values of a point.
     pub(super) fn labels(&self) -> Vec<usize> {
+        self.places(|channel| matches!(channel, Stored::Label { .. }))
+    }
+
+    /// Where colours without opacity begin among the values of a point.
+    pub(super) fn opaque_colours(&self) -> Vec<usize> {
+        self.places(|channel| matches!(channel, Stored::Colour { components: 3, .. }))
+    }
+
+    /// Where the values of channels of a kind begin among those of a point.
+    fn places(&self, is_wanted: impl Fn(&Stored) -> bool) -> Vec<usize> {
         let mut end = 0;
         let starts = self.channels.iter().map(|channel| {
             end += channel.values();
             (channel, end - channel.values())
         });
-        starts.filter(|(channel, _)| matches!(channel, Stored::Label { .. })).map(|(_, start)| start).collect()
+        starts.filter(|(channel, _)| is_wanted(channel)).map(|(_, start)| start).collect()
     }
 
     /// The image of each channel, of texels that have these values, as [`Sums`] has them. Texels that are not used may have any value
     /// afterwards. `memory` serves one image after another.
-    pub(super) fn encode(&self, map: &Map, values: &[f32], is_used: &[bool], memory: &mut Vec<u8>) -> Vec<Vec<u8>> {
+    pub(super) fn encode(
+        &self,
+        map: &Map,
+        values: &[f32],
+        is_used: &[bool],
+        steps: Steps,
+        memory: &mut Vec<u8>,
+    ) -> Vec<Vec<u8>> {
         let mut first = 0;
         let mut streams = vec![];
         for &channel in &self.channels {
             let texels = values.chunks_exact(self.stride()).map(|texel| &texel[first..first + channel.values()]);
             streams.push(match channel {
                 Stored::Colour { step, .. } if self.is_plain => {
+                    let step = steps.of_opaque_colours(step);
                     let image = plain_colours(values, map.size, std::mem::take(memory));
                     let bytes = encode_image(&image, is_used, step);
                     *memory = image.data;
                     bytes
                 }
                 Stored::Colour { components, step } => {
+                    let step = if components == 3 { steps.of_opaque_colours(step) } else { steps.of_others(step) };
                     encode_image(&colours(texels, map.size, components), is_used, step)
                 }
                 Stored::Normal { step } => {
+                    let step = steps.of_others(step);
                     let directions: Vec<[f32; 3]> = texels.map(|texel| [texel[0], texel[1], texel[2]]).collect();
                     encode_normals(map, &directions, is_used, step)
                 }
                 Stored::Factor { step } => {
+                    let step = steps.of_others(step);
                     let data = texels.map(|texel| byte(texel[0])).collect();
                     encode_image(&Image { size: map.size, components: 1, data }, is_used, step)
                 }
@@ -217,6 +243,30 @@ impl Storage {
         }
         streams
     }
+}
+
+/// By what the steps of quantisation of some images are larger than usual.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Steps {
+    /// Those of colours without opacity.
+    pub opaque_colours: f64,
+    /// All others.
+    pub others: f64,
+}
+
+impl Steps {
+    fn of_opaque_colours(self, step: u8) -> u8 {
+        larger(step, self.opaque_colours)
+    }
+
+    fn of_others(self, step: u8) -> u8 {
+        larger(step, self.others)
+    }
+}
+
+/// A step that is so many times as large, or the largest there is.
+fn larger(step: u8, factor: f64) -> u8 {
+    (f64::from(step) * factor).round().min(255.0) as u8
 }
 
 /// The number that stands for a value; 0 for none.
