@@ -237,15 +237,21 @@ impl Scale {
         }
         let finest = tolerance * THRESHOLD_PER_TOLERANCE;
         let step_log2 = floor_log2(finest * STEP_PER_THRESHOLD);
-        let fineness = image_fineness(extent, texels_each, power_of_two(step_log2));
-        let step_log2 = step_log2 - i32::from(fineness);
-        if !(-200..=200).contains(&step_log2) || diagonal / power_of_two(step_log2) > power_of_two(MAX_EXTENT_LOG2) {
+        let has_room = |step_log2: i32| {
+            (-200..=200).contains(&step_log2) && diagonal / power_of_two(step_log2) <= power_of_two(MAX_EXTENT_LOG2)
+        };
+        if !has_room(step_log2) {
             return Err(too_fine());
         }
-        let step = power_of_two(step_log2);
         // Lattice points must be world positions that f64 represents exactly: rounding would add an error that no certificate covers.
         let reach = low.abs().max(high.abs()).max_element();
         let spacing = reach.next_up() - reach;
+        let wanted = image_fineness(extent, texels_each, power_of_two(step_log2));
+        let is_possible = |&finer: &u8| {
+            has_room(step_log2 - i32::from(finer)) && power_of_two(step_log2 - i32::from(finer)) >= spacing
+        };
+        let fineness = (1..=wanted).rev().find(is_possible).unwrap_or(0);
+        let step = power_of_two(step_log2 - i32::from(fineness));
         if step < spacing {
             return Err(PipelineError::Tolerance {
                 what: format!(
@@ -319,6 +325,7 @@ impl Scale {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::region::Thickness;
 
     #[test]
     fn charts_grow_with_smoothness_and_effort_by_powers_of_two() {
@@ -332,5 +339,22 @@ mod tests {
             let size = Effort::Default.chart_triangles(f64::from(k) * 0.003);
             assert_eq!(size.log2().fract(), 0.0);
         }
+    }
+
+    #[test]
+    fn images_make_the_lattice_finer_only_where_coordinates_leave_room() {
+        let far = |metres: f64| {
+            let bounds = [DVec3::splat(metres), DVec3::splat(metres + 1.0)];
+            let (vertices, inner_edges, edge_lengths, bends) = (500, 1500, 150.0, 100.0);
+            let thickness = Thickness::default();
+            let extent =
+                Extent { bounds, triangles: 1000, vertices, edge_lengths, area: 1.0, inner_edges, bends, thickness };
+            let options = ModelOptions { tolerance: Tolerance::InputUnits(0.001), ..ModelOptions::default() };
+            let fineness = |texels_each| Scale::new(&extent, texels_each, &options).expect("it has room").fineness;
+            [fineness(0), fineness(1), fineness(10_000)]
+        };
+        assert_eq!(far(0.0), [0, 0, 3]);
+        // Doubles lie 2^-14 apart there, and steps without images are 2^-12.
+        assert_eq!(far(5e11), [0, 0, 2]);
     }
 }
