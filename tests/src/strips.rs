@@ -77,7 +77,8 @@ pub fn strips(materials: impl Iterator<Item = Value>) -> String {
         }));
         accessors
             .push(json!({"bufferView": 2 + strip, "componentType": 5125, "count": indices.len(), "type": "SCALAR"}));
-        material["pbrMetallicRoughness"] = json!({"baseColorTexture": {"index": 0}, "metallicFactor": 0.0});
+        let look = &mut material["pbrMetallicRoughness"];
+        (look["baseColorTexture"], look["metallicFactor"]) = (json!({"index": 0}), json!(0.0));
     }
     json!({
         "asset": {"version": "2.0"}, "extensionsUsed": ["KHR_materials_unlit"],

@@ -301,9 +301,9 @@ fn shade_textured(vertex: TexturedVertex, @builtin(front_facing) is_front: bool)
     if (globals.channel.x == 1.0) { bits = u32(nearest.a * 255.0 + 0.5); }
     let is_unlit = globals.channel.y == 1.0 || (bits & 2u) == 0u;
     let pixel = finished(plain, is_front, vec4f(colour_of(texel), 1.0), normal, is_unlit);
-    // What stops a share of the light is there in this share of the pixels.
-    let least = select(scattered(vertex.clip.xy), 0.5, (bits & 1u) != 0u);
-    if (globals.channel.x == 1.0 && globals.mode.x == 0.0 && texel.a < least) { discard; }
+    // What stops a share of the light is there in this share of the pixels: in none with the least coverage, 4, and in all with the most, 252.
+    let least = select(f32(bits & 3u) + 4.5 + 247.0 * scattered(vertex.clip.xy), 127.5, (bits & 1u) != 0u);
+    if (globals.channel.x == 1.0 && globals.mode.x == 0.0 && texel.a * 255.0 < least) { discard; }
     return pixel;
 }
 

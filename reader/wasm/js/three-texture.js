@@ -29,8 +29,9 @@ export function cover(shader) {
       // Jimenez 2014, interleaved gradient noise.
       float scattered = fract(52.9829189 * fract(dot(floor(gl_FragCoord.xy), vec2(0.06711056, 0.00583715))));
       isUnlit = bits > 0 && (bits & 2) == 0;
-      // Where it is 0 nothing is known yet.
-      if (bits > 0 && diffuseColor.a < ((bits & 1) == 1 ? alphaTest : scattered)) discard;
+      // Where it is 0 nothing is known yet. The least coverage, 4, shows no pixel, and the most, 252, all.
+      float least = (bits & 1) == 1 ? alphaTest : (float(bits & 3) + 4.5 + 247.0 * scattered) / 255.0;
+      if (bits > 0 && diffuseColor.a < least) discard;
     #endif`).replace('#include <opaque_fragment>', `if (isUnlit) outgoingLight = diffuseColor.rgb;
     #include <opaque_fragment>`);
 }

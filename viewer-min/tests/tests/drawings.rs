@@ -8,6 +8,7 @@ use lodpack_cli::{
 };
 use lodpack_tests::strips::{materials, strips};
 use lodpack_view::picture::load;
+use serde_json::{Value, json};
 
 use crate::{folder, has_gpu, program};
 
@@ -16,14 +17,11 @@ const SIZE: [u32; 2] = [900, 200];
 const DISTANCE: f64 = 6.0;
 const TANGENT: f64 = 0.132;
 
-#[test]
-fn strips_show_as_much_of_themselves_as_their_opacity_says() {
-    if !has_gpu() {
-        return;
-    }
-    let folder = folder("drawings");
+/// Draws six strips with these materials. Of each strip its pixels, those that show it, and those among them that have the file's red.
+fn counts(name: &str, materials: impl Iterator<Item = Value>) -> [[u32; 3]; 6] {
+    let folder = folder(name);
     let [input, file, out] = ["strips.gltf", "strips.lodpack", "strips.png"].map(|name| folder.join(name));
-    fs::write(&input, strips(materials().into_iter().map(|(material, _)| material))).unwrap();
+    fs::write(&input, strips(materials)).unwrap();
     let options = BuildOptions { inputs: vec![input], ..BuildOptions::default() };
     build(&options, &mut fs::File::create(&file).unwrap(), &Silent).unwrap();
     let angle = 2.0 * TANGENT.atan().to_degrees();
@@ -35,7 +33,6 @@ fn strips_show_as_much_of_themselves_as_their_opacity_says() {
     let picture = load(&out).unwrap();
     let background = *picture.get_pixel(0, 0);
     let per_pixel = 2.0 * TANGENT * DISTANCE / f64::from(SIZE[1]);
-    // Of each strip its pixels, those that show it, and those among them that have the file's red.
     let mut counts = [[0_u32; 3]; 6];
     for (x, y, pixel) in picture.enumerate_pixels() {
         let from_middle = [(x, SIZE[0]), (y, SIZE[1])].map(|(at, side)| f64::from(at) + 0.5 - f64::from(side) / 2.0);
@@ -52,10 +49,37 @@ fn strips_show_as_much_of_themselves_as_their_opacity_says() {
             *plain += u32::from(pixel[0].abs_diff(200) < 12);
         }
     }
+    assert!(counts.iter().all(|[all, ..]| *all > 5000), "{counts:?}");
+    counts
+}
+
+#[test]
+fn strips_show_as_much_of_themselves_as_their_opacity_says() {
+    if !has_gpu() {
+        return;
+    }
+    let counts = counts("drawings", materials().into_iter().map(|(material, _)| material));
     for (strip, (&[all, shown, plain], wanted)) in counts.iter().zip([1.0, 0.75, 0.5, 1.0, 1.0, 0.5]).enumerate() {
         let share = f64::from(shown) / f64::from(all);
-        assert!(all > 5000 && (share - wanted).abs() < 0.06, "strip {strip} shows {share}: {counts:?}");
+        assert!((share - wanted).abs() < 0.06, "strip {strip} shows {share}: {counts:?}");
         let is_plain = f64::from(plain) > 0.95 * f64::from(shown);
         assert_eq!(is_plain, strip == 4, "light of strip {strip}: {counts:?}");
     }
+}
+
+#[test]
+fn nothing_is_shown_of_what_stops_no_light() {
+    if !has_gpu() {
+        return;
+    }
+    let blended =
+        |opacity: f64| json!({"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, opacity]}});
+    let mut unlit = blended(0.0);
+    unlit["extensions"] = json!({"KHR_materials_unlit": {}});
+    let opaque = || json!({"alphaMode": "OPAQUE"});
+    let materials = [blended(0.0), opaque(), unlit, opaque(), blended(0.5), blended(1.0)];
+    let counts = counts("clear", materials.into_iter());
+    let shares = counts.map(|[all, shown, _]| f64::from(shown) / f64::from(all));
+    assert_eq!([shares[0], shares[1], shares[2], shares[3]], [0.0, 1.0, 0.0, 1.0], "{counts:?}");
+    assert!((shares[4] - 0.25).abs() < 0.04 && (shares[5] - 0.5).abs() < 0.04, "{counts:?}");
 }
