@@ -9,7 +9,7 @@ use std::ops::Range;
 use super::used_part::UvBounds;
 use crate::mesh::appearance::{AlphaMode, Material, TextureUse};
 use crate::mesh::images::{ImageSource, image_size, only_colour};
-use crate::mesh::srgb::linear_from_srgb;
+use crate::mesh::srgb::{brightness, linear_from_srgb};
 
 /// What is known of the materials of a file: their numbers, and the range of each set of texture coordinates.
 pub(super) type UsedParts = (Range<usize>, Vec<UvBounds>);
@@ -114,7 +114,7 @@ fn fold(
     if let Some([red, green, blue, alpha]) =
         of(&material.opacity_texture, Shown::All).filter(|_| material.base_texture.is_none())
     {
-        material.base_colour[3] *= if alpha < 1.0 { alpha } else { 0.2126 * red + 0.7152 * green + 0.0722 * blue };
+        material.base_colour[3] *= if alpha < 1.0 { alpha } else { brightness([red, green, blue]) };
         material.opacity_texture = None;
     }
 }

@@ -28,6 +28,12 @@ pub const fn linear_from_srgb(encoded: f32) -> f32 {
     (square * root) as f32
 }
 
+/// The brightness of red, green and blue (the weights of BT.709).
+#[inline]
+pub fn brightness([red, green, blue]: [f32; 3]) -> f32 {
+    0.2126 * red + 0.7152 * green + 0.0722 * blue
+}
+
 /// The least linear light of the byte after each; no number is for the last one.
 static LEAST_OF_NEXT: [f32; 256] = {
     let (mut table, mut byte) = ([f32::NAN; 256], 0);

@@ -7,6 +7,7 @@ use super::level::{Level, Texels, coarser_size, straight};
 use super::texels::Place;
 use crate::mesh::appearance::Wrap;
 use crate::mesh::images::{EncodedImage, image_size, texels_of};
+use crate::mesh::srgb::brightness;
 use crate::storage::WorkError;
 
 /// What the numbers of an image are.
@@ -107,7 +108,7 @@ impl Texture {
 
     /// The opacity that a colour of it stands for.
     pub(super) fn opacity(&self, [red, green, blue, alpha]: [f32; 4]) -> f32 {
-        if self.is_mask { 0.2126 * red + 0.7152 * green + 0.0722 * blue } else { alpha }
+        if self.is_mask { brightness([red, green, blue]) } else { alpha }
     }
 
     /// Columns and rows.
