@@ -129,10 +129,9 @@ fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
 /// A surface simplified to so many triangles with its topology and the border that it has to keep; more triangles where these need
 /// more.
 pub(super) fn collapsed(chart: &ChartMesh, triangles: usize) -> Option<Mesh> {
-    let reach = chart.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
     // A collapse takes two triangles.
     let least = triangles.saturating_sub(1).max(1);
-    let options = SimplifyOptions { thresholds: &[4.0 * reach], min_triangles: least, ..SimplifyOptions::default() };
+    let options = SimplifyOptions { thresholds: &[f64::INFINITY], min_triangles: least, ..SimplifyOptions::default() };
     let patch = simplify_chart(chart, &options).levels.pop().flatten()?;
     let border = patch.border.iter().map(|&v| chart.positions[v as usize]);
     Some(Mesh { positions: border.chain(patch.interior.iter().copied()).collect(), triangles: patch.triangles })

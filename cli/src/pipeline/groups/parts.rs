@@ -102,8 +102,7 @@ fn small_parts(vertex_count: usize, triangles: &[[u32; 3]], border: impl Iterato
 
 /// A level of a surface with so many triangles, however far it is off then; more where topology needs more.
 fn collapsed(surface: &Joined, level: usize, wanted: usize) -> Option<LevelPatch> {
-    let reach = surface.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
-    let thresholds = vec![4.0 * reach; level + 1];
+    let thresholds = vec![f64::INFINITY; level + 1];
     let options = SimplifyOptions {
         thresholds: &thresholds,
         coarsest: level,

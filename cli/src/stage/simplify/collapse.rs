@@ -5,7 +5,6 @@
 
 use glam::DVec3;
 
-use super::early::Merge;
 use super::half_edges::HalfEdges;
 use super::quadric::Quadric;
 use super::queue::{EdgeQueue, rank};
@@ -65,15 +64,15 @@ pub(super) fn squared_quality(area_vector: DVec3, a: DVec3, b: DVec3, c: DVec3) 
 /// A possible collapse.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
-    half_edge: u32,
-    removed: u32,
-    kept: u32,
+    pub half_edge: u32,
+    pub removed: u32,
+    pub kept: u32,
     /// Where the kept vertex will lie.
-    target: DVec3,
+    pub target: DVec3,
     /// Rank in the order of collapses.
     cost: f64,
     /// Mean squared distance to the planes of all merged triangles.
-    mean: f64,
+    pub mean: f64,
     /// Whether the removed vertex may not stay at this level.
     forced: bool,
 }
@@ -112,13 +111,11 @@ pub(super) struct Collapser {
     /// The level being made, and the largest mean squared distance that it allows.
     current_level: u16,
     threshold: f64,
-    min_triangles: usize,
+    pub min_triangles: usize,
     queue: EdgeQueue,
     /// Vertices whose mark equals the generation are neighbours of the vertex in question.
     mark: Vec<u32>,
     generation: u32,
-    /// The collapses that were carried out, while they are wanted.
-    pub merges: Option<Vec<Merge>>,
     /// The neighbours of the two vertices in question.
     rings: [Vec<u32>; 2],
     edges: Vec<u32>,
@@ -142,7 +139,6 @@ impl Collapser {
             twins,
             queue: EdgeQueue::new(mesh.edge_count()),
             mark: vec![0; positions.len()],
-            merges: None,
             generation: 0,
             rings: Default::default(),
             edges: Vec::new(),
@@ -183,14 +179,7 @@ impl Collapser {
 
     /// Collapses the queued edges, cheapest first, until the queue is empty.
     pub fn drain(&mut self) {
-        self.drain_to(0);
-    }
-
-    /// Collapses the queued edges, cheapest first, until the queue is empty or so few triangles are left.
-    pub fn drain_to(&mut self, triangles: usize) {
-        while self.mesh.triangle_count() > triangles
-            && let Some((old_rank, edge)) = self.queue.pop()
-        {
+        while let Some((old_rank, edge)) = self.queue.pop() {
             let Some(best) = self.evaluate(edge).filter(|c| self.is_eligible(c)) else { continue };
             let new_rank = rank(best.cost);
             if new_rank > old_rank && self.queue.top_rank().is_some_and(|top| new_rank > top) {
@@ -251,7 +240,7 @@ impl Collapser {
     }
 
     /// The collapse of two interior vertices, to the minimum of their common quadric.
-    fn to_minimum(&self, half_edge: u32, removed: u32, kept: u32) -> Candidate {
+    pub fn to_minimum(&self, half_edge: u32, removed: u32, kept: u32) -> Candidate {
         let (a, b) = (self.positions[removed as usize], self.positions[kept as usize]);
         let quadric = self.quadrics[removed as usize] + self.quadrics[kept as usize];
         let middle = 0.5 * (a + b);
@@ -308,14 +297,11 @@ impl Collapser {
     /// Carries out a collapse, unless it would break the topology or exceed the tolerated change of shape.
     pub fn collapse(&mut self, candidate: &Candidate, tolerated: Tolerated) -> bool {
         let &Candidate { half_edge, removed, kept, target, .. } = candidate;
-        if !self.merge(half_edge, [removed, kept], target, Some(tolerated)) {
-            return false;
+        let is_done = self.merge(half_edge, [removed, kept], target, Some(tolerated));
+        if is_done {
+            self.consider_around(kept);
         }
-        if let Some(merges) = &mut self.merges {
-            merges.push(Merge { half_edge, removed, target });
-        }
-        self.consider_around(kept);
-        true
+        is_done
     }
 
     /// Merges the vertex `removed` into the other one, unless that would break the topology or exceed the tolerated change of shape. Neither is

@@ -1,16 +1,11 @@
-//! The first collapses of an attempt, which a later one with other weights repeats.
+//! The collapses of an attempt's sweeps, which a later attempt with other weights repeats.
 //!
-//! Nearly all collapses lie far below the threshold, where weights matter only at the vertices that have them. So an attempt that keeps some places
-//! finer repeats the first collapses of the one before without a queue, except at these places. (Charts of the dragon are tried 46 times
-//! for 26 of them.)
+//! These lie far below the threshold, where weights matter only at the vertices that have them. So an attempt that keeps some places finer
+//! repeats them without looking, except at these places. (Charts of the dragon are tried 46 times for 26 of them.)
 
 use glam::DVec3;
 
 use super::collapse::{Collapser, STRICT};
-
-/// The share of a chart's triangles that is left after the first collapses. With less, more is repeated that weights should have prevented, and
-/// some charts are tried more often.
-pub(super) const LEFT: f64 = 0.6;
 
 /// A collapse that was carried out.
 #[derive(Clone, Copy, Debug)]
@@ -21,7 +16,7 @@ pub(super) struct Merge {
     pub target: DVec3,
 }
 
-/// The first collapses of an attempt at a chart.
+/// The collapses of the sweeps of an attempt at a chart.
 #[derive(Clone, Debug)]
 pub struct Early {
     pub(super) merges: Vec<Merge>,

@@ -1,7 +1,8 @@
 //! Simplify: makes the levels of an irregular filling by quadric-error edge collapse inside one chart (Garland and
 //! Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997).
 //!
-//! One sequence of collapses yields all levels, the finest first. Interior vertices move to where their quadric is
+//! One sequence of collapses yields all levels, the finest first. It begins with [sweeps](sweep) over all edges, which take what is cheap; a
+//! queue takes the others, the cheapest first. Interior vertices move to where their quadric is
 //! smallest. The border follows the samples of the arcs: at each level the border vertices that are not samples are
 //! removed along the border, whatever that costs, and those that remain never move. So every level meets its neighbours
 //! without cracks.
@@ -19,6 +20,7 @@ mod forced;
 mod half_edges;
 mod quadric;
 mod queue;
+mod sweep;
 #[cfg(test)]
 mod tests;
 
@@ -28,7 +30,6 @@ pub use self::early::Early;
 pub use self::quadric::Quadric;
 
 use self::collapse::Collapser;
-use self::early::LEFT;
 use self::half_edges::HalfEdges;
 use crate::mesh::{NONE, previous_half_edge};
 use crate::stage::areas::Areas;
@@ -39,7 +40,7 @@ use crate::stage::chart::{BorderVertex, ChartMesh, FREE};
 pub struct SimplifyOptions<'a> {
     /// For each level, coarsest first, a length in input units that acts like an RMS distance. Vertices are merged
     /// while the mean squared distance to the planes of all triangles merged so far, weighted by area, is at most its
-    /// square. With 0, only those vertices disappear that must.
+    /// square. With 0, only those vertices disappear that must; if it is infinite, any may, until `min_triangles` are left.
     pub thresholds: &'a [f64],
     /// The first of these levels that is wanted.
     pub coarsest: usize,
@@ -159,17 +160,18 @@ pub fn simplify_again(
         // Anything below the rounding of unit coordinates is not an error, unless no error is allowed: then nothing is
         // removed by choice. A surface folded into a plane would otherwise count as flat and lose its folds.
         let squared = if threshold > 0.0 { threshold * threshold + ROUNDING } else { -1.0 };
-        let repeated = early.take();
-        if let Some(Some(early)) = &repeated {
-            early.repeat(&mut collapser, options.importance);
+        if level + 1 == level_count {
+            match early.take() {
+                Some(Some(early)) => early.repeat(&mut collapser, options.importance),
+                first => {
+                    let merges = collapser.sweep(squared);
+                    if let Some(early) = first {
+                        *early = Some(Early { merges, importance: options.importance.unwrap_or_default().to_vec() });
+                    }
+                }
+            }
         }
         collapser.begin_level(level as u8, squared);
-        if let Some(early @ None) = repeated {
-            collapser.merges = Some(vec![]);
-            collapser.drain_to((LEFT * chart.triangles.len() as f64) as usize);
-            let importance = options.importance.unwrap_or_default().to_vec();
-            *early = collapser.merges.take().map(|merges| Early { merges, importance });
-        }
         let remaining = loop {
             collapser.drain();
             let remaining: Vec<u32> =
