@@ -149,10 +149,7 @@ fn cases() -> Vec<Case> {
             ..case(
                 "blocks beyond a coarser one that is as good",
                 // Where parts do not share roots.
-                built_with(
-                    &with_flat_piece,
-                    ModelOptions { chart_triangles: Some(1 << 20), extensible: true, ..ModelOptions::default() },
-                ),
+                built(&with_flat_piece, Fillings::Smaller, 1 << 20),
                 // One chart has all levels by itself.
                 built(&sphere, Fillings::IrregularOnly, 1 << 20),
                 "1 block of level",

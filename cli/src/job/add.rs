@@ -118,7 +118,7 @@ impl EarlierJob {
         for (part, entry) in (0..).zip(&self.manifest.parts) {
             let own = || regions_of(entry).filter_map(|region| later.get(&region));
             if own().any(|&region| !regions.has_product(region)) {
-                self.hand_over_part(part, entry, regions, &later)?;
+                self.hand_over_part(part, entry, plan, regions, &later)?;
             }
         }
         Ok(())
@@ -128,6 +128,7 @@ impl EarlierJob {
         &self,
         part: u32,
         entry: &PartEntry,
+        plan: &Plan,
         regions: &RegionDirectory,
         later: &BTreeMap<usize, usize>,
     ) -> Result<(), BuildError> {
@@ -148,6 +149,7 @@ impl EarlierJob {
             let Some(&now) = later.get(&region) else { continue };
             if let Some([corners, arcs]) = self.same(region, regions, now)? {
                 product.renumber(&corners, &arcs)?;
+                product.move_levels(&self.plan.scale, &plan.scale)?;
                 regions.put_product(now, &product)?;
             }
         }

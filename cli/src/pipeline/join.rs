@@ -243,8 +243,10 @@ pub(crate) fn arrange(plan: &Plan, products: &impl Products, times: Times) -> Re
                 assembly.insert((Assembly::new(&head)?, head))
             }
         };
+        let mut stats = stats.into_owned();
+        stats.tops.iter_mut().for_each(|top| top.keep_share(plan.regions));
         let added = match head.levels == stats.levels {
-            true => joined.add(stats.into_owned()).and_then(|()| assembly.count(&index)),
+            true => joined.add(stats).and_then(|()| assembly.count(&index)),
             false => {
                 Err(lodpack::Error::Model { what: "its levels differ from those of the regions before it".into() })
             }

@@ -177,7 +177,7 @@ pub(crate) fn build_region(
 
     let start = thread_cpu_time();
     let has_above = scale.coarsest_of_regions > 0;
-    let tops = if has_above { tops(&forest, mesh.triangles.len() as u64, plan.regions) } else { vec![] };
+    let tops = if has_above { tops(&forest, mesh.triangles.len() as u64, plan.sharing_regions()) } else { vec![] };
     let Forest { records, corner_levels, .. } = forest;
     let mut model = product::model(plan, &atlas, arcs, records);
     model.corner_levels = corner_levels;

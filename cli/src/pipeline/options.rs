@@ -203,10 +203,9 @@ impl ModelOptions {
         1 + (100 - self.colour_quality.clamp(1, 100)) * 2 / 5
     }
 
-    /// Whether charts get groups above them. Grids have nested levels of their own, and charts that more may be added to keep theirs,
-    /// whatever the number of charts is.
+    /// Whether charts get groups above them. Grids have nested levels of their own.
     pub(crate) fn has_tree(&self) -> bool {
-        self.levels == LevelChoice::All && !self.extensible && self.fillings == Fillings::IrregularOnly
+        self.levels == LevelChoice::All && self.fillings == Fillings::IrregularOnly
     }
 }
 

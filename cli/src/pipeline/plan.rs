@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::coarse::coarse_triangles;
 use super::overview::OVERVIEW_FROM_ROOTS;
+use super::scale::Heights;
 use super::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError, Scale};
 use crate::mesh::appearance::Appearance;
 use crate::progress::Progress;
@@ -19,6 +20,9 @@ use crate::stage::pack::pack_parts;
 use crate::stage::repair::RepairReport;
 use crate::stage::segment::{SegmentOptions, segment_charts};
 use crate::storage::memory::{least_bytes, region_bytes};
+
+/// The tops of regions to which more may be added bring along what those of so many regions do. A merge of more leaves some of it out.
+const REGIONS_OF_EXTENSIBLE: u32 = 4;
 
 /// What is known once all regions are cut into charts. With it each region can be built by itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,14 +52,19 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    /// Whether two extensible jobs build the same product from a region that both have.
+    /// Whether two extensible jobs build the same product from a region that both have, but for the levels above regions.
     pub fn builds_like(&self, other: &Self) -> bool {
-        // The mean edge length only informs people.
         let of = |plan: &Self| {
-            let scale = Scale { mean_edge_length: 0.0, ..plan.scale.clone() };
+            let scale = plan.scale.of_regions();
             (scale, plan.effort, plan.fillings, plan.levels, plan.regions > 1, plan.coarse_triangles, plan.colour_step)
         };
         self.extensible && of(self) == of(other) && other.appearance.continues(&self.appearance)
+    }
+
+    /// How many regions share what tops may bring along when they are built: where more may come, that must not depend on how many there
+    /// are now.
+    pub fn sharing_regions(&self) -> u32 {
+        if self.extensible { REGIONS_OF_EXTENSIBLE } else { self.regions }
     }
 
     /// Whether the file has, or may later have, so many roots that it may need an overview.
@@ -182,12 +191,18 @@ impl Whole {
         };
         let heights = counts.iter().zip(stats).map(|(&charts, stats)| heights(charts, &stats.extent, &scale)).max();
         let has_tree = options.has_tree();
-        if let Some(heights) = heights.filter(|_| has_tree) {
-            let unit = group::size(f64::from(scale.chart_triangles), heights);
-            let above = group::heights(counts.len() as u64, extent.triangles, unit);
-            if heights + above > 0 {
+        if let Some(mut in_regions) = heights.filter(|_| has_tree) {
+            let may_grow = options.extensible && !self.alone;
+            let chart = f64::from(scale.chart_triangles);
+            if may_grow {
+                // A region that gets triangles later must not need more.
+                let largest = options.division(found.input_triangles, &found.appearance).triangles;
+                in_regions = in_regions.max(group::heights(2, largest, chart));
+            }
+            let above = group::heights(counts.len() as u64, extent.triangles, group::size(chart, in_regions));
+            if in_regions + above > 0 {
                 let [low, high] = extent.bounds;
-                scale = scale.with_heights([heights, above], low.distance(high));
+                scale = scale.with_heights(Heights { in_regions, above, may_grow }, low.distance(high));
             }
         }
         let decoding_bytes = found.appearance.decoding_bytes;

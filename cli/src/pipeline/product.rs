@@ -8,7 +8,7 @@ use super::groups::above_regions::Top;
 use super::shared_arcs::{ARC_TANGENT_SHIFT, SharedArcs};
 use super::summary::{Fallbacks, Times};
 use super::texels::channels;
-use super::{LevelPlan, Plan};
+use super::{LevelPlan, Plan, Scale};
 use crate::stage::arcs::{Atlas, Seams};
 use lodpack::{
     LatticePoint,
@@ -46,6 +46,32 @@ impl RegionProduct {
         seams.iter_mut().for_each(|(number, _)| *number = seam(*number).unwrap_or(*number));
         Ok(())
     }
+
+    /// Gives the product the levels of a later plan that builds like the one from which it was built: only the number of levels above
+    /// regions, and their steps, may differ.
+    ///
+    /// # Errors
+    /// [`lodpack::Error::Model`] if the region has something at these levels.
+    pub fn move_levels(&mut self, from: &Scale, to: &Scale) -> lodpack::Result<()> {
+        let [before, now] = [from, to].map(|scale| scale.coarsest_of_regions);
+        self.stats.levels = level_infos(to);
+        if before == now {
+            return Ok(());
+        }
+        self.piece.move_levels(before, now)?;
+        let ProductStats { drawn, tops, .. } = &mut self.stats;
+        // Above the region all levels draw its top.
+        let first = drawn.first().copied().unwrap_or_default();
+        drawn.splice(..usize::from(before), vec![first; now.into()]);
+        tops.iter_mut().for_each(|top| top.move_levels(before, now));
+        Ok(())
+    }
+}
+
+/// The levels as the file has them.
+fn level_infos(scale: &Scale) -> Vec<LevelInfo> {
+    let info = |level: &LevelPlan| LevelInfo { tolerance: level.tolerance, steps: level_steps(scale, level) };
+    scale.levels.iter().map(info).collect()
 }
 
 /// What the file as a whole has to know of a region's product, beside its piece.
@@ -81,11 +107,10 @@ pub(crate) struct DrawnLevel {
 
 /// The region as a model of its own.
 pub(super) fn model(plan: &Plan, atlas: &Atlas, arcs: SharedArcs, roots: Vec<RootRecord>) -> Model {
-    let level = |level: &LevelPlan| LevelInfo { tolerance: level.tolerance, steps: level_steps(&plan.scale, level) };
     let SharedArcs { corners, samples, .. } = arcs;
     let arcs = atlas.arcs.iter().zip(samples);
     Model {
-        levels: plan.scale.levels.iter().map(level).collect(),
+        levels: level_infos(&plan.scale),
         corners,
         arcs: arcs.map(|(arc, samples)| ArcRecord { ends: arc.ends, samples }).collect(),
         roots,

@@ -129,6 +129,19 @@ pub struct Scale {
     pub coarsest_of_charts: u8,
     /// The coarsest level of regions, above which groups stand for several of them; 0 if no group does.
     pub coarsest_of_regions: u8,
+    /// The coarsest level that may have samples of arcs, beside those that all levels have.
+    pub coarsest_of_samples: u8,
+}
+
+/// Heights of groups, each of which takes a level.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Heights {
+    /// Above the charts of a region.
+    pub in_regions: u32,
+    /// Above regions.
+    pub above: u32,
+    /// Whether nothing in a region may depend on the levels above it, whose number and steps may change when more is added.
+    pub may_grow: bool,
 }
 
 impl LevelPlan {
@@ -160,20 +173,46 @@ pub(super) fn factor_of(steps_up: usize) -> f64 {
 }
 
 impl Scale {
-    /// Adds levels for groups of so many heights above the charts of a region and above regions, and for the one at the top.
-    pub fn with_heights(mut self, [in_regions, above]: [u32; 2], diagonal: f64) -> Self {
+    /// Adds levels for groups, and for the one at the top.
+    pub(super) fn with_heights(mut self, Heights { in_regions, above, may_grow }: Heights, diagonal: f64) -> Self {
         let coarsest = TOP_SHARE * diagonal / (self.tolerance * THRESHOLD_PER_TOLERANCE);
         let of_top = (0..MAX_LEVELS).find(|&steps_up| coarsest <= factor_of(steps_up)).map_or(MAX_LEVELS, |s| s + 1);
         let count = of_top.max(CHART_LEVELS + (in_regions + above) as usize);
         self.levels =
             (0..count).rev().map(|steps_up| LevelPlan::new(self.tolerance, steps_up, self.fineness)).collect();
-        let most = floor_log2(LARGEST_STEP * diagonal / self.step()).max(0) as u8;
-        for level in &mut self.levels {
-            level.quantisation.normal_shift = level.quantisation.normal_shift.min(most);
-        }
         self.coarsest_of_charts = (count - CHART_LEVELS) as u8;
         self.coarsest_of_regions = if above > 0 { self.coarsest_of_charts - in_regions as u8 } else { 0 };
+        let most = floor_log2(LARGEST_STEP * diagonal / self.step()).max(0) as u8;
+        let capped = if may_grow { usize::from(self.coarsest_of_regions) } else { count };
+        for level in &mut self.levels[..capped] {
+            level.quantisation.normal_shift = level.quantisation.normal_shift.min(most);
+        }
+        self.coarsest_of_samples = if may_grow { self.coarsest_of_regions } else { 0 };
         self
+    }
+
+    /// These lengths as far as the products of regions depend on them, where more may be added later.
+    pub(super) fn of_regions(&self) -> Self {
+        let above = self.coarsest_of_regions;
+        Self {
+            // It only informs people.
+            mean_edge_length: 0.0,
+            levels: self.levels[usize::from(above)..].to_vec(),
+            coarsest_of_charts: self.coarsest_of_charts - above,
+            coarsest_of_regions: 0,
+            coarsest_of_samples: 0,
+            ..self.clone()
+        }
+    }
+
+    /// For each level how far an arc may be from its samples, as far as the level chooses these.
+    pub(super) fn arc_tolerances(&self) -> Vec<f64> {
+        let levels = (0..).zip(&self.levels);
+        let tolerance = |(number, level): (u8, &LevelPlan)| match number < self.coarsest_of_samples {
+            true => f64::INFINITY,
+            false => level.arc_tolerance,
+        };
+        levels.map(tolerance).collect()
     }
 
     /// Checks that the arithmetic has room for the lengths, areas and volumes of the input.
@@ -298,6 +337,7 @@ impl Scale {
             levels,
             coarsest_of_charts: 0,
             coarsest_of_regions: 0,
+            coarsest_of_samples: 0,
         })
     }
 

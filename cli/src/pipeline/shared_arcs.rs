@@ -76,8 +76,7 @@ impl SharedArcs {
     /// # Errors
     /// [`lodpack::Error::Model`] if a position lies beyond the lattice.
     pub fn new(charted: &ChartedMesh) -> lodpack::Result<Self> {
-        let tolerances: Vec<f64> = charted.scale.levels.iter().map(|level| level.arc_tolerance).collect();
-        let mut sampled = sample_arcs(charted.mesh, charted.atlas, &tolerances);
+        let mut sampled = sample_arcs(charted.mesh, charted.atlas, &charted.scale.arc_tolerances());
         raise_ends_of_lines(charted, &mut sampled);
         let step = charted.scale.step();
         let corners = charted

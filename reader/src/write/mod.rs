@@ -19,6 +19,7 @@
 //!
 //! - `check`: the rules that a model has to keep,
 //! - `piece`: a model as symbols; a large one comes in several pieces,
+//! - `relevel`: a piece for a file with more levels above it,
 //! - `catalogue`: the content of all pieces,
 //! - `above`: groups of roots of several pieces,
 //! - `order`: the order of roots, and `arrangement`: the clusters and numbers that follow from it,
@@ -43,6 +44,7 @@ mod model;
 mod order;
 mod output;
 mod piece;
+mod relevel;
 mod sorting;
 mod texels;
 

@@ -121,7 +121,7 @@ pub struct PieceSymbols {
 pub(super) struct Runs {
     all: SymbolBuffer,
     /// Where each ends.
-    ends: Vec<Mark>,
+    pub(super) ends: Vec<Mark>,
 }
 
 impl Runs {

@@ -54,7 +54,45 @@ pub(in super::super) struct TopSurface {
     pub texels: Vec<Vec<u8>>,
 }
 
-/// The tops of a region's records. `regions` is how many there are.
+impl Top {
+    /// Keeps of what lies below the top as much as this top of so many regions may bring along.
+    pub fn keep_share(&mut self, regions: u32) {
+        let Some(TopSurface { below, samples, .. }) = &mut self.surface else { return };
+        below.truncate(fitting(below.iter().map(|surface| surface.triangles.len()), share(regions)));
+        let finest = finest_of_samples(self.level, below);
+        samples.iter_mut().for_each(|samples| samples.retain(|sample| sample.level <= finest));
+    }
+
+    /// Moves the levels of a region's top from `before` to `now`. Coarser ones have nothing but what all levels have.
+    pub fn move_levels(&mut self, before: u8, now: u8) {
+        let moved = |level: u8| (level + now).saturating_sub(before);
+        self.level = moved(self.level);
+        let samples = self.surface.iter_mut().flat_map(|top| &mut top.samples).flatten();
+        samples.filter(|sample| sample.level > 0).for_each(|sample| sample.level = moved(sample.level));
+    }
+}
+
+/// The most triangles of what lies below the top of one of so many regions.
+fn share(regions: u32) -> usize {
+    MOST_BELOW / regions.max(1) as usize
+}
+
+/// How many levels below a top can be brought along: the first one, and further ones as long as all have at most so many triangles.
+fn fitting(triangles: impl Iterator<Item = usize>, most: usize) -> usize {
+    let mut sum = 0;
+    let fits = |(number, triangles): &(usize, usize)| {
+        sum += triangles;
+        *number == 0 || sum <= most
+    };
+    triangles.enumerate().take_while(fits).count()
+}
+
+/// The finest level whose samples a top brings, at least one finer than its own.
+fn finest_of_samples(level: u8, below: &[CoarseSurface]) -> u8 {
+    level + (below.len() as u8).max(1)
+}
+
+/// The tops of a region's records, with what one of so many regions may bring along.
 pub(in super::super) fn tops(forest: &Forest, triangles: u64, regions: u32) -> Vec<Top> {
     let [end, _] = forest.levels;
     let tops = || (0..).zip(&forest.records).filter(|(_, record)| record.parent.is_none());
@@ -64,8 +102,8 @@ pub(in super::super) fn tops(forest: &Forest, triangles: u64, regions: u32) -> V
         let (level, block) = blocks.find_map(|(level, block)| Some((level, block.as_ref()?)))?;
         let node = forest.nodes.iter().flatten().find(|node| node.record == root && node.surface.level == end);
         let surface = node.map(|node| {
-            let below = brought_along(node, MOST_BELOW / regions.max(1) as usize);
-            let finest = end + (below.len() as u8).max(1);
+            let below = brought_along(node, share(regions));
+            let finest = finest_of_samples(end, &below);
             let half_arcs = node.loops.iter().flatten();
             TopSurface {
                 surface: node.surface.coarse(),
@@ -81,16 +119,14 @@ pub(in super::super) fn tops(forest: &Forest, triangles: u64, regions: u32) -> V
     tops().filter_map(top).collect()
 }
 
-/// What lies below a node, level after level: the first level, and further ones as long as all have at most so many triangles.
+/// What lies below a node, level after level, as far as it fits.
 fn brought_along(node: &Node, most: usize) -> Vec<CoarseSurface> {
-    let mut triangles = 0;
-    let fits = |(number, surface): &(usize, &NodeSurface)| {
-        triangles += surface.triangles.len();
-        usize::from(surface.level) == usize::from(node.surface.level) + 1 + number
-            && (*number == 0 || triangles <= most)
-    };
-    let below = node.below.iter().enumerate().take_while(fits);
-    below.map(|(_, surface)| surface.coarse()).collect()
+    let levels = node.surface.level + 1..;
+    let follows = |(surface, level): &(&NodeSurface, u8)| surface.level == *level;
+    let below: Vec<&NodeSurface> =
+        node.below.iter().zip(levels).take_while(follows).map(|(surface, _)| surface).collect();
+    let count = fitting(below.iter().map(|surface| surface.triangles.len()), most);
+    below[..count].iter().map(|surface| surface.coarse()).collect()
 }
 
 /// Groups above regions, and what they change in the sums over all of these.
