@@ -1,7 +1,7 @@
 //! Builds in parts, and builds that are stopped and resumed, as people run them.
 
 use crate::commands::lodpack;
-use crate::scan;
+use crate::{open, scan};
 use lodpack_tests::generate::{bumpy_sphere, save_ply};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -269,6 +269,10 @@ fn adding_meshes_later_gives_the_file_of_a_build_at_once() {
     let bytes = |name: &str| fs::read(folder.path(name)).expect("written");
     assert!(bytes("added.lodpack") == bytes("at-once.lodpack"));
     folder.ok("verify added.lodpack --cuts 20");
+    let added = bytes("added.lodpack");
+    let file = open(&added);
+    let top = file.uniform_cut(0).expect("a level");
+    assert!(file.top_count() == 1 && top.triangle_count <= 500, "{} tops, {}", file.top_count(), top.triangle_count);
     assert!(folder.refused("add job sphere.ply -o ./job --force").contains("another directory"));
     assert!(folder.path("job/job.json").exists());
     assert!(folder.refused("add job nothing.ply -o other").contains("nothing.ply"));

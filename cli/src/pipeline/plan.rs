@@ -192,11 +192,11 @@ impl Whole {
         let heights = counts.iter().zip(stats).map(|(&charts, stats)| heights(charts, &stats.extent, &scale)).max();
         let has_tree = options.has_tree();
         if let Some(mut in_regions) = heights.filter(|_| has_tree) {
-            let may_grow = options.extensible && !self.alone;
+            let largest = options.division(found.input_triangles, &found.appearance).triangles;
+            let may_grow = Some(largest).filter(|_| options.extensible && !self.alone);
             let chart = f64::from(scale.chart_triangles);
-            if may_grow {
+            if let Some(largest) = may_grow {
                 // A region that gets triangles later must not need more.
-                let largest = options.division(found.input_triangles, &found.appearance).triangles;
                 in_regions = in_regions.max(group::heights(2, largest, chart));
             }
             let above = group::heights(counts.len() as u64, extent.triangles, group::size(chart, in_regions));

@@ -56,6 +56,9 @@ const TOP_SHARE: f64 = 0.02;
 /// The largest step along the normal in a file with groups, over the diagonal. However far the threshold of a coarse level would let
 /// them be, surfaces of a few hundred triangles are .002 of the diagonal off on average.
 const LARGEST_STEP: f64 = 0.0032;
+/// Where more may be added, the diagonal of a region is taken to have as many edges as the root of its triangles, each so many tolerances long,
+/// as at the automatic tolerance. With a finer one, levels above are a little finer than they need to be.
+const TOLERANCES_PER_EDGE: f64 = 2.0;
 /// The most texels of images in a chart, about: the map of a chart is baked at once, and takes some 100 bytes of memory for each.
 const CHART_TEXELS: u64 = 1 << 19;
 /// A chart gets no fewer triangles for that.
@@ -140,8 +143,9 @@ pub(super) struct Heights {
     pub in_regions: u32,
     /// Above regions.
     pub above: u32,
-    /// Whether nothing in a region may depend on the levels above it, whose number and steps may change when more is added.
-    pub may_grow: bool,
+    /// The most triangles in a region, if nothing in it may depend on the levels above, whose number and steps may change when more is
+    /// added.
+    pub may_grow: Option<u64>,
 }
 
 impl LevelPlan {
@@ -182,12 +186,14 @@ impl Scale {
             (0..count).rev().map(|steps_up| LevelPlan::new(self.tolerance, steps_up, self.fineness)).collect();
         self.coarsest_of_charts = (count - CHART_LEVELS) as u8;
         self.coarsest_of_regions = if above > 0 { self.coarsest_of_charts - in_regions as u8 } else { 0 };
-        let most = floor_log2(LARGEST_STEP * diagonal / self.step()).max(0) as u8;
-        let capped = if may_grow { usize::from(self.coarsest_of_regions) } else { count };
-        for level in &mut self.levels[..capped] {
+        let step = self.step();
+        let most = |diagonal: f64| floor_log2(LARGEST_STEP * diagonal / step).max(0) as u8;
+        let of_region = may_grow.map(|triangles| most(TOLERANCES_PER_EDGE * self.tolerance * (triangles as f64).sqrt()));
+        for (number, level) in (0..).zip(&mut self.levels) {
+            let most = of_region.filter(|_| number >= self.coarsest_of_regions).unwrap_or(most(diagonal));
             level.quantisation.normal_shift = level.quantisation.normal_shift.min(most);
         }
-        self.coarsest_of_samples = if may_grow { self.coarsest_of_regions } else { 0 };
+        self.coarsest_of_samples = may_grow.map_or(0, |_| self.coarsest_of_regions);
         self
     }
 

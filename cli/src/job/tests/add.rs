@@ -4,10 +4,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use lodpack::{File, Limits};
 
 use super::regions::torus;
 use super::{Scene, merged, of_count, part, write_ply, write_torus};
-use crate::job::{BuildOptions, Job, PartOptions, build};
+use crate::job::{BuildOptions, Job, Manifest, PartOptions, build};
 use crate::mesh::Mesh;
 use crate::mesh::tolerance::Tolerance;
 use crate::pipeline::ModelOptions;
@@ -46,11 +47,15 @@ fn what_is_added_to_changes_only_where_it_is_touched() {
         Job::plan(&earlier, of_count(Some(3)), &first, &Silent).unwrap();
         scene.build_all(&earlier);
         let parts_before = fs::read(part(&earlier, 1)).unwrap();
+        let (levels_before, _) = tree_of(&merged(&earlier).unwrap());
+        let regions_before: u32 = Manifest::read(&earlier).unwrap().parts.iter().map(|part| part.regions).sum();
 
         let more = BuildOptions { inputs: added.clone(), ..BuildOptions::default() };
         let result = Job::add(&earlier, &later, of_count(Some(4)), &more, &Silent).unwrap();
         let [taken_over, regions] = [result.taken_over, result.regions];
         assert!(4 <= taken_over && taken_over < regions, "{taken_over} of {regions}");
+        // What is far away leaves all regions as they are, though the file gets more levels.
+        assert!(number != 1 || taken_over == regions_before, "{taken_over} of {regions_before}");
         // Nothing of the earlier job is needed any more, and it is as it was.
         assert!(fs::read(part(&earlier, 1)).unwrap() == parts_before);
         fs::remove_dir_all(&earlier).unwrap();
@@ -68,7 +73,18 @@ fn what_is_added_to_changes_only_where_it_is_touched() {
         let mut in_memory = vec![];
         build(&all, &mut in_memory, &Silent).unwrap();
         assert!(bytes == in_memory);
+        let (levels, triangles) = tree_of(&bytes);
+        assert!(number == 0 || levels > levels_before, "{levels} and {levels_before} levels");
+        assert!((100..=500).contains(&triangles), "{triangles} triangles at the top");
     }
+}
+
+/// The number of levels of a file, and the triangles of its only top.
+fn tree_of(bytes: &[u8]) -> (usize, usize) {
+    let file = File::open(bytes, Limits::default()).unwrap();
+    assert_eq!(file.top_count(), 1);
+    let top = file.uniform_cut(0).unwrap();
+    (file.level_count(), file.extract(&top).unwrap().triangles.len())
 }
 
 #[test]

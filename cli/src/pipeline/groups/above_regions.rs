@@ -210,6 +210,9 @@ pub(in super::super) fn count_above(
     Ok(Some(AboveRegions { piece, drawn, groups, interior_vertices, coarsest }))
 }
 
+/// Stands for a top without a surface where an arc names what lies beside it.
+const UNKNOWN: u32 = NONE - 1;
+
 /// The tops of regions, and the arcs and corners around them.
 #[derive(Default)]
 struct Known {
@@ -262,7 +265,14 @@ impl Known {
             Some(BlockRecord { error, border_deviation, triangle_count, ..BlockRecord::default() });
         self.records.push(RootRecord { bounds, blocks, ..RootRecord::default() });
         self.numbers.push(number);
-        let Some(TopSurface { surface, below, samples, texels }) = top.surface else { return Ok(()) };
+        let Some(TopSurface { surface, below, samples, texels }) = top.surface else {
+            // The surface does not end where it begins.
+            for half_arc in around.iter().flatten() {
+                let arc = self.arc(assembly, half_arc.arc, vec![]).ok_or_else(wrong)?;
+                self.arcs[arc as usize].sides[usize::from(half_arc.reversed)] = UNKNOWN;
+            }
+            return Ok(());
+        };
         if samples.len() != around.iter().flatten().count() {
             return Err(wrong());
         }

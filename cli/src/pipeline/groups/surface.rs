@@ -163,12 +163,13 @@ impl Joined {
         NodeSurface { level: self.level, positions, triangles, areas: self.areas.clone(), error: self.error }
     }
 
-    /// For each loop whether it goes around a hole of the surface that is no wider than this.
+    /// For each loop whether it goes around a hole of the surface that is no wider than this. Where a seam of regions ends at a hole and goes
+    /// on behind it, neither region knows that its arc of the hole has a partner, so both may have come to be the same edge.
     pub fn holes(&self, net: &Net, widest: f64) -> Vec<bool> {
         let is_hole = |(half_arcs, points): (&Vec<HalfArc>, &Vec<(BorderPoint, u32)>)| {
-            points.len() > 2
+            points.len() > 1
                 && half_arcs.iter().all(|half_arc| net.is_boundary(half_arc.arc))
-                && self.cap(points).1 <= widest
+                && (is_slit(points) || self.cap(points).1 <= widest)
         };
         self.loops.iter().zip(&self.border).map(is_hole).collect()
     }
@@ -186,10 +187,10 @@ impl Joined {
     }
 
     /// The same surface, closed over some of its loops, each by triangles around a vertex in its middle: so no edge has more than two
-    /// triangles.
+    /// triangles. A slit is closed as it is.
     pub fn with_caps(mut self, is_closed: &[bool]) -> Self {
         let mut widest: f64 = 0.0;
-        for (points, _) in self.border.iter().zip(is_closed).filter(|(_, is_closed)| **is_closed) {
+        for (points, _) in self.border.iter().zip(is_closed).filter(|(points, is_closed)| **is_closed && !is_slit(points)) {
             let (middle, width) = self.cap(points);
             widest = widest.max(width);
             let apex = self.positions.len() as u32;
@@ -256,6 +257,11 @@ impl Joined {
         }
         Self { positions: self.positions.clone(), triangles, areas, loops: self.loops.clone(), border, ..*self }
     }
+}
+
+/// Whether a loop is one edge, there and back.
+fn is_slit(points: &[(BorderPoint, u32)]) -> bool {
+    points.len() == 2
 }
 
 /// The vertices of several parts, some of which are the same.
