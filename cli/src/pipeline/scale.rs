@@ -188,7 +188,8 @@ impl Scale {
         self.coarsest_of_regions = if above > 0 { self.coarsest_of_charts - in_regions as u8 } else { 0 };
         let step = self.step();
         let most = |diagonal: f64| floor_log2(LARGEST_STEP * diagonal / step).max(0) as u8;
-        let of_region = may_grow.map(|triangles| most(TOLERANCES_PER_EDGE * self.tolerance * (triangles as f64).sqrt()));
+        let of_region =
+            may_grow.map(|triangles| most(TOLERANCES_PER_EDGE * self.tolerance * (triangles as f64).sqrt()));
         for (number, level) in (0..).zip(&mut self.levels) {
             let most = of_region.filter(|_| number >= self.coarsest_of_regions).unwrap_or(most(diagonal));
             level.quantisation.normal_shift = level.quantisation.normal_shift.min(most);

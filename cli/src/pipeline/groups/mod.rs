@@ -280,7 +280,7 @@ impl<'a> Forest<'a> {
         }
         let members = join(&borders, &members_of(&nodes), coarsest);
         // A hole takes five triangles at least, and scans have hundreds of small ones.
-        let holes = members.holes(self.net, scale.levels[usize::from(finest)].tolerance * WIDEST_HOLE);
+        let holes = members.holes(self.net, coarsest, scale.levels[usize::from(finest)].tolerance * WIDEST_HOLE);
         let members = members.with_caps(&holes);
         // Of many parts few stay, however they are made: four times the triangles would cost a quarter of the build for nothing.
         let depths = if is_of_small_parts(&members) { 0..0 } else { 0..scale.levels.len() };

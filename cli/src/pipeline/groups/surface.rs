@@ -163,13 +163,15 @@ impl Joined {
         NodeSurface { level: self.level, positions, triangles, areas: self.areas.clone(), error: self.error }
     }
 
-    /// For each loop whether it goes around a hole of the surface that is no wider than this. Where a seam of regions ends at a hole and goes
-    /// on behind it, neither region knows that its arc of the hole has a partner, so both may have come to be the same edge.
-    pub fn holes(&self, net: &Net, widest: f64) -> Vec<bool> {
+    /// For each loop whether it goes around a hole of the surface that is no wider than this, or would be no loop any more at the level
+    /// `coarsest`. Where a seam of regions ends at a hole and goes on behind it, neither region knows that its arc of the hole has a partner,
+    /// so both may come to be the same edge.
+    pub fn holes(&self, net: &Net, coarsest: u8, widest: f64) -> Vec<bool> {
+        let is_loop = |points: &[(BorderPoint, u32)]| points.iter().filter(|(p, _)| p.level <= coarsest).count() > 2;
         let is_hole = |(half_arcs, points): (&Vec<HalfArc>, &Vec<(BorderPoint, u32)>)| {
             points.len() > 1
                 && half_arcs.iter().all(|half_arc| net.is_boundary(half_arc.arc))
-                && (is_slit(points) || self.cap(points).1 <= widest)
+                && (!is_loop(points) || self.cap(points).1 <= widest)
         };
         self.loops.iter().zip(&self.border).map(is_hole).collect()
     }
@@ -190,7 +192,8 @@ impl Joined {
     /// triangles. A slit is closed as it is.
     pub fn with_caps(mut self, is_closed: &[bool]) -> Self {
         let mut widest: f64 = 0.0;
-        for (points, _) in self.border.iter().zip(is_closed).filter(|(points, is_closed)| **is_closed && !is_slit(points)) {
+        let caps = self.border.iter().zip(is_closed).filter(|(points, is_closed)| **is_closed && !is_slit(points));
+        for (points, _) in caps {
             let (middle, width) = self.cap(points);
             widest = widest.max(width);
             let apex = self.positions.len() as u32;
