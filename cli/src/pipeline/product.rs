@@ -188,13 +188,15 @@ pub(super) fn drawn(model: &Model, level: usize) -> lodpack::Result<DrawnLevel> 
     Ok(sum)
 }
 
-/// A hash of everything that both sides of a seam have to agree on.
+/// A hash of everything that both sides of a seam have to agree on. Levels are counted from the finest one, but for the coarsest, so that it
+/// stays where these move ([`RegionProduct::move_levels`]).
 fn hash(model: &Model, arc: &ArcRecord) -> u64 {
     let mut hash = Xxh3::new();
     let mut point = |position: LatticePoint| position.iter().for_each(|x| hash.update(&x.to_le_bytes()));
     arc.ends.iter().for_each(|&end| point(model.corners[end as usize]));
     for sample in &arc.samples {
-        point([i64::from(sample.param), i64::from(sample.level), 0]);
+        let up = if sample.level == 0 { 0 } else { model.levels.len() as i64 - i64::from(sample.level) };
+        point([i64::from(sample.param), up, 0]);
         point(sample.position);
     }
     hash.digest()
