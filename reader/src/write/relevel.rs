@@ -101,7 +101,7 @@ mod tests {
         coarse.corner_levels = vec![1; coarse.corners.len()];
         let with_above = |above: usize| {
             let mut model: Model = coarse.clone();
-            model.levels.splice(1..1, vec![coarse.levels[0].clone(); above]);
+            model.levels.splice(1..1, vec![coarse.levels[0]; above]);
             model.levels.iter_mut().rev().enumerate().for_each(|(k, level)| level.tolerance = f64::from(1 << k));
             model.roots.iter_mut().for_each(|root| {
                 root.blocks.splice(1..1, vec![None; above]);
