@@ -22,6 +22,7 @@
 mod chart_work;
 mod choose;
 mod coarse;
+mod cut_areas;
 mod exact;
 mod fill;
 mod finish;
@@ -49,6 +50,7 @@ pub(crate) use join::{Arranged, Products, Sums, arrange, join, join_encoded};
 pub use options::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError};
 pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 pub(crate) use paint::Studio;
+pub use cut_areas::areas_of_cut;
 pub use painted_cut::painted;
 pub(crate) use plan::{Found, Plan, Prepared, RegionSize, Whole, prepare, seams_of};
 pub(crate) use product::{ProductStats, RegionProduct};

@@ -10,6 +10,8 @@ use lodpack::{Lattice, Mesh};
 
 use super::finish::Finished;
 use super::texels::exponent_of;
+use crate::mesh::NONE;
+use crate::stage::areas::{Areas, ColourAreas};
 use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Source, Storage, Stored};
 
 /// The step of quantisation of images that are not stored.
@@ -19,19 +21,36 @@ const STEP: u8 = 1;
 pub fn painted(
     cut: &TexturedMesh,
     channels: &[&ChannelInfo],
+    areas: Option<&ColourAreas>,
     finished: &Finished,
     lattice: &Lattice,
 ) -> Option<TexturedMesh> {
+    let flags = std::env::var("LPT").unwrap_or("cb".into());
+    let has = |c: char| flags.contains(c);
     let storage = storage(channels)?;
     let on_lattice = |&position: &[f64; 3]| lattice.units(position).map(|units| units.round() as i64);
     let points: Vec<[i64; 3]> = finished.positions.iter().map(on_lattice).collect();
-    let mut source = CutSource::new(cut, &storage, lattice);
+    let mut source = CutSource::new(cut, &storage, areas.filter(|_| has('b')), lattice);
     let sizes = cut.textures.iter().filter_map(|texture| Some(texture.map.as_ref()?.pieces.first()?.frame().1));
     let exponent = exponent_of(sizes.fold(f64::INFINITY, f64::min));
+    let exponent = exponent.saturating_sub(flags.chars().filter(|&c| c == 'f').count() as u32);
+    let exponent = exponent + flags.chars().filter(|&c| c == 'g').count() as u32;
     let reach = finished.error / lattice.step();
-    let patch =
-        BakedPatch { positions: &points, triangles: &finished.triangles, reach, areas: None, finer: 0, is_sharp: true };
-    let mut streams = Baker::new(&storage).bake(&patch, &mut source, exponent)?.streams.into_iter();
+    let patch = BakedPatch {
+        positions: &points,
+        triangles: &finished.triangles,
+        reach,
+        areas: if has('b') { areas.and_then(|areas| Areas::of(&finished.areas, Some(&areas.jumps))) } else { None },
+        finer: 0,
+        is_sharp: !has('n'),
+    };
+    let mut baker = Baker::new(&storage);
+    let baked = if has('c') {
+        baker.bake_closest(&patch, &mut source, exponent)?
+    } else {
+        baker.bake(&patch, &mut source, exponent)?
+    };
+    let mut streams = baked.streams.into_iter();
     let bytes = TexelBytes { level: 0, map: streams.next()?, images: streams.collect() };
     let whole = Patch { triangles: finished.triangles.clone(), ..Patch::default() };
     let texture = Texture::decode(&bytes, channels, &points, &whole, MAX_TEXELS).ok()?;
@@ -81,10 +100,12 @@ struct CutSource<'a> {
     /// Lattice units.
     positions: Vec<DVec3>,
     nodes: Vec<Option<PaintedNode>>,
+    /// The area of each triangle of the cut; empty if colours jump nowhere.
+    areas: &'a [u32],
 }
 
 impl<'a> CutSource<'a> {
-    fn new(cut: &'a TexturedMesh, storage: &Storage, lattice: &Lattice) -> Self {
+    fn new(cut: &'a TexturedMesh, storage: &Storage, areas: Option<&'a ColourAreas>, lattice: &Lattice) -> Self {
         let node = |texture: &Texture| {
             let map = texture.map.as_ref()?;
             let images: Vec<ChannelImage> = texture.images.iter().cloned().collect::<Option<_>>()?;
@@ -101,6 +122,7 @@ impl<'a> CutSource<'a> {
             positions: cut.mesh.positions.iter().map(|&p| DVec3::from(lattice.units(p))).collect(),
             cut,
             nodes,
+            areas: areas.map_or(&[], |areas| &areas.of_triangles),
         }
     }
 }
@@ -108,6 +130,10 @@ impl<'a> CutSource<'a> {
 impl Source for CutSource<'_> {
     fn triangle_count(&self) -> usize {
         self.own.len()
+    }
+
+    fn area(&self, triangle: usize) -> u32 {
+        self.areas.get(self.own[triangle] as usize).copied().unwrap_or(NONE)
     }
 
     fn corners(&self, triangle: usize) -> [DVec3; 3] {
