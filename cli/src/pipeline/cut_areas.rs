@@ -22,7 +22,7 @@ const MOST_INWARDS: f64 = 0.3;
 
 /// The areas of the triangles of a cut, and where colours jump between them; none if they do nowhere. Pieces of maps never lie on both sides of a
 /// line at which they do, so areas are pieces that are taken together as far as no line is between them.
-pub fn areas_of_cut(cut: &TexturedMesh, channels: &[&ChannelInfo]) -> Option<ColourAreas> {
+pub(super) fn areas_of_cut(cut: &TexturedMesh, channels: &[&ChannelInfo]) -> Option<ColourAreas> {
     let colour = channels.iter().position(|channel| channel.kind == ChannelKind::Colour);
     let drawings = channels.iter().position(|channel| channel.kind == ChannelKind::Drawing);
     let drawings = drawings.map_or(vec![], |channel| cut.drawings(channel));
@@ -99,7 +99,9 @@ fn corners(half_edge: u32) -> (usize, [usize; 3]) {
 fn continues(cut: &TexturedMesh, half_edge: u32, opposite: u32) -> bool {
     let ((one, [a, b, _]), (other, [c, d, _])) = (corners(half_edge), corners(opposite));
     let (of_one, of_other) = (cut.places[one], cut.places[other]);
-    cut.mesh.triangle_nodes[one] == cut.mesh.triangle_nodes[other] && of_one[a] == of_other[d] && of_one[b] == of_other[c]
+    cut.mesh.triangle_nodes[one] == cut.mesh.triangle_nodes[other]
+        && of_one[a] == of_other[d]
+        && of_one[b] == of_other[c]
 }
 
 fn length(cut: &TexturedMesh, half_edge: u32) -> f64 {

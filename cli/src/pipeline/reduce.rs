@@ -12,8 +12,8 @@ use serde::Serialize;
 
 use super::coarse::{CoarseSurface, collapsed, collapsed_in_areas, filled};
 use super::manifold::open_edges;
-use crate::mesh::{Mesh, NONE};
 use crate::mesh::union_find::count_components;
+use crate::mesh::{Mesh, NONE};
 use crate::stage::areas::Areas;
 use crate::stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
 use crate::stage::chart::{ChartMesh, FREE};

@@ -173,7 +173,7 @@ impl<'s> Baker<'s> {
         Some(self.baked(patch, &map, bytes))
     }
 
-    /// As [`Baker::bake`], of a patch that may be far from the whole source: texels show what lies closest to them.
+    /// As [`Baker::bake`], of a patch that may be far from a source which has nothing but what it shows: texels show what lies closest to them.
     pub fn bake_closest(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
         let (map, bytes) = self.mapped(patch, exponent)?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
@@ -181,6 +181,16 @@ impl<'s> Baker<'s> {
         show_closest(patch, &map, &self.drawn, source, &mut sums);
         self.kept = finished(sums, patch, &map, &self.drawn);
         Some(self.baked(patch, &map, bytes))
+    }
+
+    /// How far the colours of a source are from what [`Baker::bake_closest`] shows: a mean square, as the square root of linear light, where 1 is
+    /// the brightest. None if nothing can be projected.
+    pub fn spread(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<f64> {
+        let (map, _) = self.mapped(patch, exponent)?;
+        let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
+        let spread = show_closest(patch, &map, &self.drawn, source, &mut sums);
+        self.kept = sums.kept;
+        Some(spread)
     }
 
     /// As [`Baker::bake`], from the texels of finer patches.
