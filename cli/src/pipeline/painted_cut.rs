@@ -18,8 +18,9 @@ use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Source, 
 /// The step of quantisation of images that are not stored.
 const STEP: u8 = 1;
 
-/// How much larger texels are where two reduced cuts are compared, as a power of the root of two: a sixteenth of them says which shows more.
-const COARSER: u32 = 4;
+/// How much larger texels are where two reduced cuts are compared, as a power of the root of two. With texels four times as large the textured
+/// bunny of pymeshlab's tests seemed to show more with lines at 417 triangles, where it has 24.6 dB with them and 27.9 dB without.
+const COARSER: u32 = 1;
 
 /// What gives reduced cuts the look of the cut that they were made from.
 pub struct CutPainter<'a> {
