@@ -141,7 +141,8 @@ pub(super) fn collapsed_in_areas(
 ) -> Option<(Mesh, Vec<u32>)> {
     // A collapse takes two triangles.
     let least = triangles.saturating_sub(1).max(1);
-    let options = SimplifyOptions { thresholds: &[f64::INFINITY], min_triangles: least, areas, ..SimplifyOptions::default() };
+    let options =
+        SimplifyOptions { thresholds: &[f64::INFINITY], min_triangles: least, areas, ..SimplifyOptions::default() };
     let patch = simplify_chart(chart, &options).levels.pop().flatten()?;
     let border = patch.border.iter().map(|&v| chart.positions[v as usize]);
     let positions = border.chain(patch.interior.iter().copied()).collect();
