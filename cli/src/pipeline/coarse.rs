@@ -6,6 +6,7 @@ use super::overview::OVERVIEW_TRIANGLES;
 use super::product::drawn_at;
 use crate::mesh::{Mesh, NONE};
 use crate::stage::arc_samples::closest_on_segment;
+use crate::stage::areas::Areas;
 use crate::stage::certify::{self, CertifyOptions, two_sided};
 use crate::stage::chart::ChartMesh;
 use crate::stage::simplify::{SimplifyOptions, simplify_chart};
@@ -129,12 +130,23 @@ fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
 /// A surface simplified to so many triangles with its topology and the border that it has to keep; more triangles where these need
 /// more.
 pub(super) fn collapsed(chart: &ChartMesh, triangles: usize) -> Option<Mesh> {
+    collapsed_in_areas(chart, None, triangles).map(|(mesh, _)| mesh)
+}
+
+/// As [`collapsed`], with lines between areas that stay as near as the surface; and the area of each triangle, if some are given.
+pub(super) fn collapsed_in_areas(
+    chart: &ChartMesh,
+    areas: Option<Areas<'_>>,
+    triangles: usize,
+) -> Option<(Mesh, Vec<u32>)> {
     // A collapse takes two triangles.
     let least = triangles.saturating_sub(1).max(1);
-    let options = SimplifyOptions { thresholds: &[f64::INFINITY], min_triangles: least, ..SimplifyOptions::default() };
+    let options =
+        SimplifyOptions { thresholds: &[f64::INFINITY], min_triangles: least, areas, ..SimplifyOptions::default() };
     let patch = simplify_chart(chart, &options).levels.pop().flatten()?;
     let border = patch.border.iter().map(|&v| chart.positions[v as usize]);
-    Some(Mesh { positions: border.chain(patch.interior.iter().copied()).collect(), triangles: patch.triangles })
+    let positions = border.chain(patch.interior.iter().copied()).collect();
+    Some((Mesh { positions, triangles: patch.triangles }, patch.areas))
 }
 
 impl CoarseSurface {

@@ -17,11 +17,12 @@
 //! | `product` | what a region contributes to the file |
 //! | `coarse`, `manifold`, `overview` | the coarsest levels as one surface, which becomes the overview |
 //! | `join` | the products of all regions become one file |
-//! | `finish`, `reduce`, `painted_cut` | a cut of a file becomes a mesh of any number of triangles, with what it looks like |
+//! | `finish`, `reduce`, `cut_areas`, `painted_cut` | a cut of a file becomes a mesh of any number of triangles, with what it looks like |
 
 mod chart_work;
 mod choose;
 mod coarse;
+mod cut_areas;
 mod exact;
 mod fill;
 mod finish;
@@ -49,7 +50,7 @@ pub(crate) use join::{Arranged, Products, Sums, arrange, join, join_encoded};
 pub use options::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError};
 pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 pub(crate) use paint::Studio;
-pub use painted_cut::painted;
+pub use painted_cut::CutPainter;
 pub(crate) use plan::{Found, Plan, Prepared, RegionSize, Whole, prepare, seams_of};
 pub(crate) use product::{ProductStats, RegionProduct};
 pub use reduce::Topology;

@@ -7,12 +7,14 @@
 //! distance is taken, unless its largest distance is much more than another's. The error is certified against the surface that came in,
 //! both ways.
 
+use glam::DVec3;
 use serde::Serialize;
 
-use super::coarse::{CoarseSurface, collapsed, filled};
+use super::coarse::{CoarseSurface, collapsed, collapsed_in_areas, filled};
 use super::manifold::open_edges;
-use crate::mesh::Mesh;
 use crate::mesh::union_find::count_components;
+use crate::mesh::{Mesh, NONE};
+use crate::stage::areas::Areas;
 use crate::stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
 use crate::stage::chart::{ChartMesh, FREE};
 use crate::stage::cluster_vertices::{cluster_vertices, has_more_triangles};
@@ -57,13 +59,33 @@ pub(super) fn reduce(
     triangles: usize,
     mended: impl Fn(Mesh) -> Option<Mesh>,
 ) -> Option<(CoarseSurface, Topology)> {
+    reduce_in_areas(surface, None, triangles, mended).map(|reduced| (reduced.surface, reduced.topology))
+}
+
+/// What a surface has become.
+pub(super) struct Reduced {
+    pub surface: CoarseSurface,
+    pub topology: Topology,
+    /// The area of each triangle; empty if that is not known.
+    pub areas: Vec<u32>,
+}
+
+/// As [`reduce`]. Where the topology stays, lines between areas do, too.
+pub(super) fn reduce_in_areas(
+    surface: &CoarseSurface,
+    areas: Option<Areas<'_>>,
+    triangles: usize,
+    mended: impl Fn(Mesh) -> Option<Mesh>,
+) -> Option<Reduced> {
     let whole = Mesh { positions: surface.positions.clone(), triangles: surface.triangles.clone() };
     let is_small = |mesh: &Mesh| mesh.triangles.len() <= triangles;
     let as_it_is = is_small(&whole).then(|| whole.clone()).and_then(&mended);
     if let Some(Mesh { positions, triangles }) = as_it_is.filter(is_small) {
-        return Some((CoarseSurface { positions, triangles, error: surface.error }, Topology::Kept));
+        let surface = CoarseSurface { positions, triangles, error: surface.error };
+        return Some(Reduced { surface, topology: Topology::Kept, areas: vec![] });
     }
     let mut candidates: Vec<(Mesh, Topology)> = vec![];
+    let mut of_collapsed = vec![];
     let chart = surface.chart();
     let closed = match &chart {
         Some(chart) => (triangles < CROWDED * needed(chart)).then(|| capped(chart)),
@@ -77,7 +99,12 @@ pub(super) fn reduce(
     if let Some(mut chart) = chart {
         // Nobody borders on it.
         chart.loops.iter_mut().flatten().for_each(|border| border.level = FREE);
-        candidates.extend(collapsed(&chart, triangles).map(|mesh| (mesh, Topology::Kept)));
+        let of_chart = areas.map(|areas| areas_of_chart(&whole, areas, &chart));
+        let areas = areas.and_then(|areas| Areas::of(of_chart.as_deref()?, Some(areas.jumps)));
+        if let Some((mesh, areas)) = collapsed_in_areas(&chart, areas, triangles) {
+            candidates.push((mesh, Topology::Kept));
+            of_collapsed = areas;
+        }
     }
     let mended_of = |(mesh, topology)| Some((mended(mesh)?, topology));
     let mut candidates: Vec<(Mesh, Topology)> = candidates.into_iter().filter_map(mended_of).collect();
@@ -97,7 +124,21 @@ pub(super) fn reduce(
     measured.retain(|m| m.bound <= FARTHER * least);
     let best = measured.into_iter().min_by(|a, b| a.mean.total_cmp(&b.mean))?;
     let Mesh { positions, triangles } = best.mesh;
-    Some((CoarseSurface { positions, triangles, error: surface.error_at(best.bound) }, best.topology))
+    let is_kept = best.topology == Topology::Kept && of_collapsed.len() == triangles.len();
+    let surface = CoarseSurface { positions, triangles, error: surface.error_at(best.bound) };
+    Some(Reduced { surface, topology: best.topology, areas: if is_kept { of_collapsed } else { vec![] } })
+}
+
+/// The areas of a chart's triangles, which are those of the surface that it was made from, but for a few that were divided.
+fn areas_of_chart(whole: &Mesh, areas: Areas<'_>, chart: &ChartMesh) -> Vec<u32> {
+    if chart.triangles == whole.triangles {
+        return areas.of_triangles.to_vec();
+    }
+    let bvh = TriangleBvh::new(&whole.positions, &whole.triangles);
+    let mut hint = Hint::default();
+    let middle = |corners: &[u32; 3]| corners.iter().map(|&v| chart.positions[v as usize]).sum::<DVec3>() / 3.0;
+    let mut of = |corners| areas.of_triangles.get(bvh.closest(middle(corners), &mut hint).triangle as usize).copied();
+    chart.triangles.iter().map(|corners| of(corners).unwrap_or(NONE)).collect()
 }
 
 /// A candidate beside the surface that came in.

@@ -282,22 +282,23 @@ impl Scale {
             return Err(too_fine());
         }
         let finest = tolerance * THRESHOLD_PER_TOLERANCE;
-        let step_log2 = floor_log2(finest * STEP_PER_THRESHOLD);
+        let usual_log2 = floor_log2(finest * STEP_PER_THRESHOLD);
         let has_room = |step_log2: i32| {
             (-200..=200).contains(&step_log2) && diagonal / power_of_two(step_log2) <= power_of_two(MAX_EXTENT_LOG2)
         };
-        if !has_room(step_log2) {
+        if !has_room(usual_log2) {
             return Err(too_fine());
         }
         // Lattice points must be world positions that f64 represents exactly: rounding would add an error that no certificate covers.
         let reach = low.abs().max(high.abs()).max_element();
         let spacing = reach.next_up() - reach;
-        let wanted = image_fineness(extent, texels_each, power_of_two(step_log2));
+        let wanted = image_fineness(extent, texels_each, power_of_two(usual_log2));
         let is_possible = |&finer: &u8| {
-            has_room(step_log2 - i32::from(finer)) && power_of_two(step_log2 - i32::from(finer)) >= spacing
+            has_room(usual_log2 - i32::from(finer)) && power_of_two(usual_log2 - i32::from(finer)) >= spacing
         };
         let fineness = (1..=wanted).rev().find(is_possible).unwrap_or(0);
-        let step = power_of_two(step_log2 - i32::from(fineness));
+        let step_log2 = usual_log2 - i32::from(fineness);
+        let step = power_of_two(step_log2);
         if step < spacing {
             return Err(PipelineError::Tolerance {
                 what: format!(
@@ -397,8 +398,13 @@ mod tests {
             let extent =
                 Extent { bounds, triangles: 1000, vertices, edge_lengths, area: 1.0, inner_edges, bends, thickness };
             let options = ModelOptions { tolerance: Tolerance::InputUnits(0.001), ..ModelOptions::default() };
-            let fineness = |texels_each| Scale::new(&extent, texels_each, &options).expect("it has room").fineness;
-            [fineness(0), fineness(1), fineness(10_000)]
+            let scale = |texels_each| Scale::new(&extent, texels_each, &options).expect("it has room");
+            let usual = scale(0).lattice.step_log2;
+            [0, 1, 10_000].map(|texels_each| {
+                let Scale { fineness, lattice, .. } = scale(texels_each);
+                assert_eq!(lattice.step_log2, usual - i32::from(fineness));
+                fineness
+            })
         };
         assert_eq!(far(0.0), [0, 0, 3]);
         // Doubles lie 2^-14 apart there, and steps without images are 2^-12.

@@ -5,11 +5,10 @@ use std::ops::Range;
 use glam::{DVec3, Vec3A};
 use lodpack::decode::texels::Map;
 
-use super::fill::finished;
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, Span, for_each_span, texel_at};
 use super::strangers::Strangers;
-use super::values::{Kept, Sums};
+use super::values::Sums;
 use super::{BakedPatch, Points, Source};
 use crate::stage::certify::{Hint, TriangleBvh};
 
@@ -18,14 +17,14 @@ const SHORT: f64 = 4.0;
 /// Covered texels for each that may be missing.
 const FEW: usize = 50;
 
-/// The values of all texels that are used, from the triangles of a source.
-pub(super) fn gather(
+/// Adds to texels what the triangles of a source show there.
+pub(super) fn gather<'s>(
     patch: &BakedPatch<'_>,
     map: &Map,
     drawn: &Drawn,
     source: &mut impl Source,
-    mut sums: Sums<'_>,
-) -> Kept {
+    mut sums: Sums<'s>,
+) -> Sums<'s> {
     let (pieces, strangers) = (projections(patch, map), Strangers::new(patch, map, &source.areas_beyond()));
     let mut samples = Samples::default();
     for triangle in 0..source.triangle_count() {
@@ -42,7 +41,7 @@ pub(super) fn gather(
         }
     }
     add_closest(map, drawn, (&pieces, &strangers), patch, source, &mut sums);
-    finished(sums, patch, map, drawn)
+    sums
 }
 
 /// Points of a triangle, each on a texel.

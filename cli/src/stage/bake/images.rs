@@ -46,14 +46,28 @@ impl Images {
         let share = 1.0 / (count * count) as f32;
         let first = values.len();
         values.resize(first + self.count, 0.0);
-        for [x, y] in (0..count).flat_map(|row| (0..count).map(move |column| [column, row])) {
-            // The conversion saturates.
-            let texel = [clamped(0, x) as u32, clamped(1, y) as u32];
+        let mut add_texel = |texel: [u32; 2], share: f32| {
             let mut sums = &mut values[first..];
             for (stored, image) in &self.all {
                 let (own, rest) = sums.split_at_mut(stored.values());
                 add(*stored, image, texel, share, own);
                 sums = rest;
+            }
+        };
+        if count == 1 {
+            // What readers show there.
+            let ([x, y], [right, down]) = between(place, [low_place, high_place]);
+            for [beside, below] in [[0, 0], [1, 0], [0, 1], [1, 1]] {
+                let share = |is_far: u32, far: f32| if is_far == 1 { far } else { 1.0 - far };
+                let share = share(beside, right) * share(below, down);
+                if share > 0.0 {
+                    add_texel([x + beside, y + below], share);
+                }
+            }
+        } else {
+            for [x, y] in (0..count).flat_map(|row| (0..count).map(move |column| [column, row])) {
+                // The conversion saturates.
+                add_texel([clamped(0, x) as u32, clamped(1, y) as u32], share);
             }
         }
         let mut sums = &mut values[first..];
@@ -72,6 +86,17 @@ impl Images {
             sums = rest;
         }
     }
+}
+
+/// The first of the four texels between which a place within a range lies, and how far along both directions.
+fn between(place: [f64; 2], [low, high]: [[f64; 2]; 2]) -> ([u32; 2], [f32; 2]) {
+    let of = |axis: usize| {
+        let at = place[axis].clamp(low[axis], high[axis]) - 0.5;
+        // The conversion saturates.
+        (at as u32, (at - f64::from(at as u32)).clamp(0.0, 1.0) as f32)
+    };
+    let ((x, right), (y, down)) = (of(0), of(1));
+    ([x, y], [right, down])
 }
 
 /// Adds a share of the values of a texel; colours with their opacity as the weight.

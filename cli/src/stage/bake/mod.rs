@@ -5,6 +5,7 @@
 //! input's textures are not seen by the result. The texels of coarser patches are means of those of finer ones as they were before they
 //! were quantised ([`Surfels`]): each point of the input is looked at once, and nothing is lost twice.
 
+mod closest;
 mod fill;
 mod gather;
 mod images;
@@ -26,6 +27,8 @@ use lodpack::{
 
 use crate::mesh::NONE;
 use crate::stage::areas::Areas;
+use closest::show_closest;
+use fill::finished;
 use gather::gather;
 pub use images::Images;
 use pieces::{Pieces, divide};
@@ -165,8 +168,29 @@ impl<'s> Baker<'s> {
     pub fn bake(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
         let (map, bytes) = self.mapped(patch, exponent)?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
-        self.kept = gather(patch, &map, &self.drawn, source, sums);
+        let sums = gather(patch, &map, &self.drawn, source, sums);
+        self.kept = finished(sums, patch, &map, &self.drawn);
         Some(self.baked(patch, &map, bytes))
+    }
+
+    /// As [`Baker::bake`], of a patch that may be far from a source which has nothing but what it shows: texels show what lies closest to them.
+    pub fn bake_closest(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
+        let (map, bytes) = self.mapped(patch, exponent)?;
+        let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
+        let mut sums = gather(patch, &map, &self.drawn, source, sums);
+        show_closest(patch, &map, &self.drawn, source, &mut sums);
+        self.kept = finished(sums, patch, &map, &self.drawn);
+        Some(self.baked(patch, &map, bytes))
+    }
+
+    /// How far the colours of a source are from what [`Baker::bake_closest`] shows: a mean square, as the square root of linear light, where 1 is
+    /// the brightest. None if nothing can be projected.
+    pub fn spread(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<f64> {
+        let (map, _) = self.mapped(patch, exponent)?;
+        let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
+        let spread = show_closest(patch, &map, &self.drawn, source, &mut sums);
+        self.kept = sums.kept;
+        Some(spread)
     }
 
     /// As [`Baker::bake`], from the texels of finer patches.

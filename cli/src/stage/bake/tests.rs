@@ -325,3 +325,68 @@ fn nothing_is_blurred_over_a_line_at_which_colours_jump() {
         }
     }
 }
+
+#[test]
+fn texels_show_what_lies_closest_however_far_it_is() {
+    /// A roof that lies 24 beyond another one, brighter away from its ridge.
+    struct Roof(Vec<[DVec3; 3]>);
+    impl Source for Roof {
+        fn triangle_count(&self) -> usize {
+            self.0.len()
+        }
+        fn corners(&self, triangle: usize) -> [DVec3; 3] {
+            self.0[triangle]
+        }
+        fn shade(&mut self, triangle: usize, points: &[Points], _: f32, values: &mut Vec<f32>) {
+            for weights in points.iter().flat_map(|points| points.weights()) {
+                let point: DVec3 = (0..3).map(|k| self.0[triangle][k] * f64::from(weights[k])).sum();
+                values.extend([(point.y.abs() / 130.0) as f32, 0.5, 0.5]);
+            }
+        }
+    }
+    // Slopes of 5 to 12 on both sides of the x axis, which one piece shows.
+    let positions = [[0, -96, -40], [100, -96, -40], [0, 0, 0], [100, 0, 0], [0, 96, -40], [100, 96, -40]];
+    let triangles = [[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]];
+    let normal = |side: f64| DVec3::new(0.0, 5.0 * side, 12.0) / 13.0;
+    let below = |side: f64, [x, down]: [f64; 2]| DVec3::new(x, 12.0 / 13.0 * side * down, -5.0 / 13.0 * down);
+    let above = |side: f64, at: [f64; 2]| below(side, at) + normal(side) * 24.0;
+    let slope = |side: f64| {
+        let [a, b, c, d] = [[0.0, 0.0], [100.0, 0.0], [0.0, 104.0], [100.0, 104.0]].map(|at| above(side, at));
+        if side < 0.0 { [[c, d, a], [a, d, b]] } else { [[a, b, c], [c, b, d]] }
+    };
+    let mut source = Roof([slope(-1.0), slope(1.0)].concat());
+    let patch = BakedPatch {
+        positions: &positions,
+        triangles: &triangles,
+        reach: 24.0,
+        areas: None,
+        finer: 0,
+        is_sharp: false,
+    };
+    let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
+    let mut baker = Baker::new(&storage);
+    let mut error = |is_closest: bool| {
+        let baked = match is_closest {
+            true => baker.bake_closest(&patch, &mut source, 2),
+            false => baker.bake(&patch, &mut source, 2),
+        };
+        let streams = baked.expect("it has an image").streams;
+        let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).expect("sound");
+        let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+        let mut largest = 0.0_f64;
+        for (triangle, side) in [(0, -1.0), (3, 1.0)] {
+            for down in [40.0, 60.0, 80.0, 95.0] {
+                let shown = below(side, [if side < 0.0 { 40.0 } else { 60.0 }, down]);
+                let wanted = (shown + normal(side) * 24.0).y.abs() / 130.0;
+                let found = image.interpolated(map.piece(triangle).unbounded(shown.to_array()))[0];
+                largest = largest.max((found - f64::from(srgb_byte(wanted as f32))).abs());
+            }
+        }
+        largest
+    };
+    let errors = [error(false), error(true)];
+    assert!(errors[1] < 4.0 && errors[0] > 2.0 * errors[1], "{errors:?}");
+    let spread = baker.spread(&patch, &mut source, 2).expect("it has an image");
+    // Texels are two wide, over which the colour grows by one 70th in linear light.
+    assert!(spread > 0.0 && spread < 1e-4, "{spread}");
+}

@@ -18,7 +18,7 @@ use lodpack_cli::mesh::layers::{Layer, Look};
 use lodpack_cli::mesh::pages::PagedMesh;
 use lodpack_cli::mesh::shaded::{Shading, write_shaded_mesh};
 use lodpack_cli::mesh::textured::{material_file, png, write_textured_obj, write_textured_ply};
-use lodpack_cli::pipeline::{Topology, cut_to_finish, finish, is_nearer, painted};
+use lodpack_cli::pipeline::{CutPainter, Topology, cut_to_finish, finish, is_nearer};
 use serde::Serialize;
 use std::fs::File;
 use std::io::{self, ErrorKind};
@@ -27,6 +27,9 @@ use std::process::ExitCode;
 
 /// Rounding by an output format is noted from this share of the certified error on.
 const NOTABLE_ROUNDING: f64 = 0.1;
+
+/// A simplified cut whose lines between colours are kept may be so many times as far off as one in which they are not, if it shows more.
+const FARTHER_FOR_LINES: f64 = 2.0;
 
 #[derive(Serialize)]
 struct ExtractSummary {
@@ -277,10 +280,19 @@ impl Drawn {
     fn finished(self, lattice: &Lattice, most: u64, channels: &[&ChannelInfo]) -> Result<Self> {
         let triangles = usize::try_from(most).unwrap_or(usize::MAX);
         let error = self.error_everywhere;
-        let Some(finished) = finish(&self.positions, &self.triangles, error, lattice, triangles) else {
+        let painter = self.textured.as_ref().and_then(|(cut, _)| CutPainter::new(cut, channels, lattice));
+        let made = |areas| finish(&self.positions, &self.triangles, error, areas, lattice, triangles);
+        let Some(mut finished) = made(None) else {
             bail!("no surface like this one has only {} triangles; ask for more with --triangles", count(most));
         };
-        let textured = self.textured.and_then(|(cut, look)| Some((painted(&cut, channels, &finished, lattice)?, look)));
+        if let Some(painter) = &painter
+            && let Some(areas) = painter.areas()
+            && let Some(lined) = made(Some(areas)).filter(|lined| lined.error <= FARTHER_FOR_LINES * finished.error)
+        {
+            finished = painter.better(finished, lined);
+        }
+        let painted = painter.and_then(|painter| painter.painted(&finished));
+        let textured = painted.zip(self.textured.map(|(_, look)| look));
         Ok(Self {
             positions: finished.positions,
             triangles: finished.triangles,
