@@ -118,7 +118,7 @@ fn colour_along(cut: &TexturedMesh, channel: usize, half_edge: u32) -> Option<[f
     let places = cut.places[triangle].map(|place| place.map(f64::from));
     let [x, y, z] = [a, b, c].map(|corner| places[corner]);
     let (along, up) = ([y[0] - x[0], y[1] - x[1]], [z[0] - x[0], z[1] - x[1]]);
-    let height = (along[0] * up[1] - along[1] * up[0]).abs() / along[0].hypot(along[1]);
+    let height = (along[0] * up[1] - along[1] * up[0]).abs() / (along[0] * along[0] + along[1] * along[1]).sqrt();
     // The smaller of a number and none is the number: where something has no area.
     let inwards = (INWARDS / height).min(MOST_INWARDS);
     let mut sum = [0.0; 3];
