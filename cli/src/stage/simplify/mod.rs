@@ -1,7 +1,7 @@
 //! Simplify: makes the levels of an irregular filling by quadric-error edge collapse inside one chart (Garland and
 //! Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997).
 //!
-//! One sequence of collapses yields all levels, the finest first. It begins with [sweeps](sweep) over all edges, which take what is cheap; a
+//! One sequence of collapses yields all levels, the finest first. It begins with sweeps over all edges, which take what is cheap; a
 //! queue takes the others, the cheapest first. Interior vertices move to where their quadric is
 //! smallest. The border follows the samples of the arcs: at each level the border vertices that are not samples are
 //! removed along the border, whatever that costs, and those that remain never move. So every level meets its neighbours
