@@ -67,7 +67,7 @@ impl Making<'_> {
         simplify_again(&joined.chart(), &options, early)
     }
 
-    /// Codes a level and bounds its distance; none if it cannot be coded.
+    /// Codes a level and bounds its distance; none if it cannot be coded, or if it has nothing that could be near.
     pub fn make(&self, joined: &Joined, level: u8, level_patch: &LevelPatch, times: &mut Times) -> Option<MadeLevel> {
         let start = thread_cpu_time();
         let border = joined.border_loops(level);
@@ -87,7 +87,7 @@ impl Making<'_> {
         let mut compared = Comparison::new(&original, &drawn, &self.below.pairing(level));
         let distance = compared.two_sided(&options).upper;
         times.certify += thread_cpu_time() - start;
-        Some(MadeLevel { patch, symbols, areas, points, positions, distance, compared })
+        distance.is_finite().then_some(MadeLevel { patch, symbols, areas, points, positions, distance, compared })
     }
 
     /// Makes the finest level. Where it is too far off, simplifies again with more weight there, and takes what is nearer.
