@@ -121,7 +121,7 @@ pub(super) fn reduce_in_areas(
         measured.push(Measured { mesh, topology, bound, mean });
     }
     let least = measured.iter().map(|m| m.bound).fold(f64::INFINITY, f64::min);
-    measured.retain(|m| m.bound <= FARTHER * least);
+    measured.retain(|m| m.bound <= FARTHER * least && m.bound.is_finite());
     let best = measured.into_iter().min_by(|a, b| a.mean.total_cmp(&b.mean))?;
     let Mesh { positions, triangles } = best.mesh;
     let is_kept = best.topology == Topology::Kept && of_collapsed.len() == triangles.len();
