@@ -186,7 +186,8 @@ fn both_ways_show_the_same_and_lines_lie_over_it() {
     assert!(with == without);
     let plain = picture("none", &["--channel", "none", "--tolerance", "2"]);
     let grey = |picture: &RgbaImage| picture.pixels().filter(|p| p[0].abs_diff(p[2]) < 40).count();
-    assert!(grey(&plain) == plain.pixels().len() && grey(&stitched) < plain.pixels().len() * 3 / 4);
+    // A fold that is smaller than the tolerance may show its back, which is red, in a pixel of the outline.
+    assert!(grey(&plain) + 2 >= plain.pixels().len() && grey(&stitched) < plain.pixels().len() * 3 / 4);
 }
 
 #[test]
