@@ -7,18 +7,12 @@ use lodpack::index::{ChannelInfo, ChannelKind};
 
 use crate::mesh::union_find::{find, unite};
 use crate::mesh::{Adjacency, NONE, next_half_edge};
-use crate::stage::areas::{ColourAreas, Jumps};
+use crate::stage::areas::{ColourAreas, Differences, INWARDS, MOST_INWARDS, OF_DRAWINGS};
 
 /// Differences of less than this, of 255, are no jump: builders keep lines from 28 on at the usual quality, and images are off by some of it.
 const LEAST: f64 = 20.0;
-/// Ways to draw that differ are as far apart as colours can be.
-const OF_DRAWINGS: f64 = 255.0 * 255.0;
 /// Places along an edge at which colours are compared.
 const PLACES: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
-/// How far from the edge, in texels: on it, images show some of what lies beside their pieces.
-const INWARDS: f64 = 0.5;
-/// And at most this share of the triangle.
-const MOST_INWARDS: f64 = 0.3;
 
 /// The areas of the triangles of a cut, and where colours jump between them; none if they do nowhere. Pieces of maps never lie on both sides of a
 /// line at which they do, so areas are pieces that are taken together as far as no line is between them.
@@ -37,10 +31,9 @@ pub(super) fn areas_of_cut(cut: &TexturedMesh, channels: &[&ChannelInfo]) -> Opt
             borders.push([half_edge, opposite]);
         }
     }
-    // By pair of pieces: the sum of squares by length, and the length.
-    let mut sums: BTreeMap<[u32; 2], [f64; 2]> = BTreeMap::new();
+    let mut differences = Differences::default();
     for sides in borders {
-        let [one, other] = sides.map(|h| find(&mut sets, h / 3));
+        let pair = sides.map(|h| find(&mut sets, h / 3));
         let [a, b] = sides.map(|h| colour.and_then(|channel| colour_along(cut, channel, h)));
         let is_drawn_alike = drawings.is_empty() || drawings[sides[0] as usize / 3] == drawings[sides[1] as usize / 3];
         let square = match (a, b) {
@@ -48,23 +41,18 @@ pub(super) fn areas_of_cut(cut: &TexturedMesh, channels: &[&ChannelInfo]) -> Opt
             (Some(a), Some(b)) => (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum::<f64>() / 3.0,
             _ => continue,
         };
-        let length = length(cut, sides[0]);
-        let sum = sums.entry([one.min(other), one.max(other)]).or_default();
-        *sum = [sum[0] + square * length, sum[1] + length];
+        differences.add(pair, square, length(cut, sides[0]));
     }
-    let (lines, alike): (Vec<_>, Vec<_>) =
-        sums.into_iter().partition(|(_, [sum, length])| *sum > LEAST * LEAST * *length);
+    let (lines, mut alike) = differences.divided(LEAST);
     if lines.is_empty() {
         return None;
     }
     // Pieces without a line between them are one area, those that are most alike first, unless a line would lie within it.
     let mut enemies: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
-    for &([a, b], _) in &lines {
+    for &[a, b] in &lines {
         enemies.entry(a).or_default().insert(b);
         enemies.entry(b).or_default().insert(a);
     }
-    let mut alike: Vec<([u32; 2], f64)> =
-        alike.into_iter().map(|(pair, [sum, length])| (pair, if length > 0.0 { sum / length } else { 0.0 })).collect();
     alike.sort_by(|(one, x), (other, y)| x.total_cmp(y).then(one.cmp(other)));
     for ([a, b], _) in alike {
         let [a, b] = [a, b].map(|piece| find(&mut sets, piece));
@@ -81,12 +69,8 @@ pub(super) fn areas_of_cut(cut: &TexturedMesh, channels: &[&ChannelInfo]) -> Opt
         }
         enemies.entry(kept).or_default().extend(of_gone);
     }
-    let pairs: Vec<[u32; 2]> = lines.iter().map(|(pair, _)| pair.map(|piece| find(&mut sets, piece))).collect();
-    let known: BTreeSet<u32> = pairs.iter().flatten().copied().collect();
-    let of_triangles = (0..triangles.len() as u32)
-        .map(|triangle| Some(find(&mut sets, triangle)).filter(|set| known.contains(set)).unwrap_or(NONE))
-        .collect();
-    Some(ColourAreas { of_triangles, jumps: Jumps::new(pairs) })
+    let pairs = lines.into_iter().map(|pair| pair.map(|piece| find(&mut sets, piece))).collect();
+    Some(ColourAreas::of_sets(&mut sets, pairs))
 }
 
 /// Corners of a triangle along a half-edge, then the third one.

@@ -1,7 +1,45 @@
 //! Areas of a surface between which its colours jump: simplify keeps the edges between them, and bake puts nothing of one into the image of
 //! another.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use crate::mesh::NONE;
+use crate::mesh::union_find::find;
+
+/// The square of the difference between two ways to draw: no colours differ more.
+pub const OF_DRAWINGS: f64 = 255.0 * 255.0;
+/// How far from an edge colours are compared, in texels: on it, images show some of what lies beside their charts or pieces.
+pub const INWARDS: f64 = 0.5;
+/// And at most this share of the triangle.
+pub const MOST_INWARDS: f64 = 0.3;
+
+/// Two areas, the smaller number first.
+pub type Pair = [u32; 2];
+
+/// By how much the colours of pairs of areas differ where they meet: the sum of squares by length, and the length.
+#[derive(Debug, Default)]
+pub struct Differences(BTreeMap<Pair, [f64; 2]>);
+
+impl Differences {
+    /// Adds an edge between two areas. `square` is the mean square of the difference over the components.
+    pub fn add(&mut self, [one, other]: [u32; 2], square: f64, length: f64) {
+        let sum = self.0.entry([one.min(other), one.max(other)]).or_default();
+        *sum = [sum[0] + square * length, sum[1] + length];
+    }
+
+    /// The pairs that differ by more than `least`, and the others with their mean square; both ascending.
+    pub fn divided(self, least: f64) -> (Vec<Pair>, Vec<(Pair, f64)>) {
+        let (mut lines, mut alike) = (vec![], vec![]);
+        for (pair, [sum, length]) in self.0 {
+            if sum > least * least * length {
+                lines.push(pair);
+            } else {
+                alike.push((pair, if length > 0.0 { sum / length } else { 0.0 }));
+            }
+        }
+        (lines, alike)
+    }
+}
 
 /// Which areas show different colours where they meet.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -64,6 +102,16 @@ pub struct ColourAreas {
 }
 
 impl ColourAreas {
+    /// Areas that are sets of triangles, by pairs between which colours jump; triangles of other sets are in none. `sets` are those of
+    /// [`crate::mesh::union_find`], one entry for each triangle.
+    pub fn of_sets(sets: &mut [u32], pairs: Vec<[u32; 2]>) -> Self {
+        let known: BTreeSet<u32> = pairs.iter().flatten().copied().collect();
+        let count = sets.len() as u32;
+        let area = |triangle| Some(find(sets, triangle)).filter(|set| known.contains(set)).unwrap_or(NONE);
+        let of_triangles = (0..count).map(area).collect();
+        Self { of_triangles, jumps: Jumps::new(pairs) }
+    }
+
     /// All of them.
     pub fn all(&self) -> Areas<'_> {
         Areas { of_triangles: &self.of_triangles, jumps: &self.jumps }

@@ -13,22 +13,16 @@ use super::{Face, Painter};
 use crate::mesh::srgb::srgb_byte;
 use crate::mesh::union_find::{find, unite};
 use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
-use crate::stage::areas::{ColourAreas, Jumps};
+use crate::stage::areas::{ColourAreas, Differences, INWARDS, MOST_INWARDS, OF_DRAWINGS};
 
 /// Differences below this many steps of quantisation are no jump: where one is blurred over a texel, the root mean square error there is a
 /// quarter of it, and that of quantisation up to a third of a step.
 const STEPS: f64 = 4.0;
-/// The square of the difference between two ways to draw: no colours differ more.
-const OF_DRAWINGS: f64 = 255.0 * 255.0;
 /// Areas with fewer texels of the input are left out: a piece of a map takes more for itself. With 16, the textured bunny of pymeshlab's
 /// tests had 31.1 instead of 33.7 dB; with less than 2, each square of a mesh with a colour per face would be one.
 const FEWEST_TEXELS: f64 = 2.0;
 /// Places along an edge at which colours are compared.
 const PLACES: [f32; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
-/// How far from the edge, in texels of the input: on it, textures show half of what lies beside their charts.
-const INWARDS: f64 = 0.5;
-/// And at most this share of the triangle.
-const MOST_INWARDS: f64 = 0.3;
 
 impl Painter<'_> {
     /// The areas of a region between which colours jump; none if they do nowhere. `step` is that of the quantisation of colours.
@@ -47,21 +41,18 @@ impl Painter<'_> {
                 unite(&mut sets, half_edge / 3, opposite / 3);
             }
         }
-        // By pair of areas: the sum of squares by length, and the length.
-        let mut sums: BTreeMap<[u32; 2], [f64; 2]> = BTreeMap::new();
+        let mut differences = Differences::default();
         for half_edge in borders {
             let opposite = adjacency.opposite[half_edge as usize];
             let pair = [half_edge, opposite].map(|h| find(&mut sets, h / 3));
             if pair[0] != pair[1] {
                 let (square, length) = self.jump(mesh, half_edge, opposite);
-                let sum = sums.entry([pair[0].min(pair[1]), pair[0].max(pair[1])]).or_default();
-                *sum = [sum[0] + square * length, sum[1] + length];
+                differences.add(pair, square, length);
             }
         }
-        let least = STEPS * f64::from(step);
-        sums.retain(|_, [sum, length]| *sum > least * least * *length);
+        let (lines, _) = differences.divided(STEPS * f64::from(step));
         // Areas that are too small for a piece are left out.
-        let wanted: BTreeSet<u32> = sums.keys().flatten().copied().collect();
+        let wanted: BTreeSet<u32> = lines.iter().flatten().copied().collect();
         if wanted.is_empty() {
             return None;
         }
@@ -76,15 +67,8 @@ impl Painter<'_> {
             }
         }
         let is_large = |area: &u32| texels.get(area).is_some_and(|&texels| texels >= FEWEST_TEXELS);
-        let pairs: Vec<[u32; 2]> = sums.into_keys().filter(|pair| pair.iter().all(is_large)).collect();
-        if pairs.is_empty() {
-            return None;
-        }
-        let known: BTreeSet<u32> = pairs.iter().flatten().copied().collect();
-        let of_triangles = (0..mesh.triangles.len() as u32)
-            .map(|triangle| Some(find(&mut sets, triangle)).filter(|set| known.contains(set)).unwrap_or(NONE))
-            .collect();
-        Some(ColourAreas { of_triangles, jumps: Jumps::new(pairs) })
+        let pairs: Vec<[u32; 2]> = lines.into_iter().filter(|pair| pair.iter().all(is_large)).collect();
+        (!pairs.is_empty()).then(|| ColourAreas::of_sets(&mut sets, pairs))
     }
 
     /// Half-edges beyond which something else than the triangle's own continues, each edge once, ascending.
