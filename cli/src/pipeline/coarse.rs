@@ -25,6 +25,8 @@ const MAX_LEVELS_TRIED: usize = 2;
 const ALL_TRIANGLES: u64 = 4 * OVERVIEW_TRIANGLES as u64;
 /// Triangles that a region may keep where more regions can be added later.
 const EXTENSIBLE_TRIANGLES: u64 = 512;
+/// See [`SimplifyOptions::stops`].
+pub(super) const STOPS: [f64; 3] = [16.0, 8.0, 4.0];
 /// The most edges of a hole that may be a crack between two levels.
 const MAX_CRACK_EDGES: usize = 64;
 /// Triangles that a region may keep, however many regions there are.
@@ -130,19 +132,26 @@ fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
 /// A surface simplified to so many triangles with its topology and the border that it has to keep; more triangles where these need
 /// more.
 pub(super) fn collapsed(chart: &ChartMesh, triangles: usize) -> Option<Mesh> {
-    collapsed_in_areas(chart, None, triangles).map(|(mesh, _)| mesh)
+    collapsed_in_areas(chart, None, triangles, &STOPS).map(|(mesh, _)| mesh)
 }
 
-/// As [`collapsed`], with lines between areas that stay as near as the surface; and the area of each triangle, if some are given.
+/// As [`collapsed`], with lines between areas that stay as near as the surface; and the area of each triangle, if some are given. `stops` are
+/// as in [`SimplifyOptions::stops`].
 pub(super) fn collapsed_in_areas(
     chart: &ChartMesh,
     areas: Option<Areas<'_>>,
     triangles: usize,
+    stops: &[f64],
 ) -> Option<(Mesh, Vec<u32>)> {
     // A collapse takes two triangles.
     let least = triangles.saturating_sub(1).max(1);
-    let options =
-        SimplifyOptions { thresholds: &[f64::INFINITY], min_triangles: least, areas, ..SimplifyOptions::default() };
+    let options = SimplifyOptions {
+        thresholds: &[f64::INFINITY],
+        min_triangles: least,
+        stops,
+        areas,
+        ..SimplifyOptions::default()
+    };
     let patch = simplify_chart(chart, &options).levels.pop().flatten()?;
     let border = patch.border.iter().map(|&v| chart.positions[v as usize]);
     let positions = border.chain(patch.interior.iter().copied()).collect();

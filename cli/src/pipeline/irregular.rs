@@ -140,7 +140,14 @@ impl ChartWork<'_> {
         let coarsest = usize::from(self.charted.coarsest);
         let of_triangles = self.charted.areas_of(self.chart);
         let areas = Areas::of(&of_triangles, self.charted.jumps());
-        let options = SimplifyOptions { thresholds: &thresholds, coarsest, importance, min_triangles: 0, areas };
+        let options = SimplifyOptions {
+            thresholds: &thresholds,
+            coarsest,
+            importance,
+            min_triangles: 0,
+            areas,
+            ..SimplifyOptions::default()
+        };
         let simplified = simplify_again(&cut.mesh, &options, (failures < LOCAL_FAILURES).then_some(early));
         self.times.simplify += thread_cpu_time() - start;
         simplified

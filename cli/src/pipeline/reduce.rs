@@ -1,6 +1,7 @@
 //! A whole surface with a stated number of triangles, whatever its topology is.
 //!
-//! Edge collapse keeps the topology, and is nearest to the surface until it needs some sixty triangles a handle and a dozen a part.
+//! Edge collapse keeps the topology, and is nearest to the surface until it needs some sixty triangles a handle and a dozen a part. It is
+//! tried in several ways, which renew their planes more or less often.
 //! Where fewer than three times as many are asked for, closed surfaces are also [resampled](crate::stage::resample) on cells so large
 //! that few handles are left, and [vertices are clustered](crate::stage::cluster_vertices), which suits scenes of many parts. Vertices
 //! are also clustered where nothing else reaches the number. Of the results that reach it, the one with the least mean squared
@@ -10,7 +11,7 @@
 use glam::DVec3;
 use serde::Serialize;
 
-use super::coarse::{CoarseSurface, collapsed, collapsed_in_areas, filled};
+use super::coarse::{CoarseSurface, STOPS, collapsed, collapsed_in_areas, filled};
 use super::manifold::open_edges;
 use crate::mesh::union_find::count_components;
 use crate::mesh::{Mesh, NONE};
@@ -34,6 +35,9 @@ const RESAMPLED_PER_TRIANGLE: usize = 60;
 const MIN_RESAMPLED: usize = 120_000;
 /// Of the candidates whose bound is at most this many times the least one, the one with the least mean is taken.
 const FARTHER: f64 = 1.5;
+/// Ways to collapse edges, as [`SimplifyOptions::stops`](crate::stage::simplify::SimplifyOptions): all are tried, since which is nearest differs
+/// from surface to surface.
+const WAYS: [&[f64]; 3] = [&[], &STOPS, &[4.0, 2.0, 1.4]];
 /// Halvings of the interval of cell sizes for clustering.
 const CLUSTER_STEPS: usize = 12;
 /// The smallest cells for clustering, as a share of the longest side of the box.
@@ -84,8 +88,7 @@ pub(super) fn reduce_in_areas(
         let surface = CoarseSurface { positions, triangles, error: surface.error };
         return Some(Reduced { surface, topology: Topology::Kept, areas: vec![] });
     }
-    let mut candidates: Vec<(Mesh, Topology)> = vec![];
-    let mut of_collapsed = vec![];
+    let mut candidates: Vec<Candidate> = vec![];
     let chart = surface.chart();
     let closed = match &chart {
         Some(chart) => (triangles < CROWDED * needed(chart)).then(|| capped(chart)),
@@ -94,39 +97,61 @@ pub(super) fn reduce_in_areas(
     };
     let is_crowded = closed.is_some();
     if let Some(closed) = closed {
-        candidates.extend(resampled(&closed, triangles).into_iter().map(|mesh| (mesh, Topology::Resampled)));
+        candidates
+            .extend(resampled(&closed, triangles).into_iter().map(|mesh| Candidate::of(mesh, Topology::Resampled)));
     }
     if let Some(mut chart) = chart {
         // Nobody borders on it.
         chart.loops.iter_mut().flatten().for_each(|border| border.level = FREE);
         let of_chart = areas.map(|areas| areas_of_chart(&whole, areas, &chart));
         let areas = areas.and_then(|areas| Areas::of(of_chart.as_deref()?, Some(areas.jumps)));
-        if let Some((mesh, areas)) = collapsed_in_areas(&chart, areas, triangles) {
-            candidates.push((mesh, Topology::Kept));
-            of_collapsed = areas;
+        for stops in ways(chart.triangles.len(), triangles) {
+            if let Some((mesh, areas)) = collapsed_in_areas(&chart, areas, triangles, &stops) {
+                candidates.push(Candidate { mesh, topology: Topology::Kept, areas });
+            }
         }
     }
-    let mended_of = |(mesh, topology)| Some((mended(mesh)?, topology));
-    let mut candidates: Vec<(Mesh, Topology)> = candidates.into_iter().filter_map(mended_of).collect();
-    candidates.retain(|(mesh, _)| is_small(mesh) && !mesh.triangles.is_empty());
+    let mended_of = |candidate: Candidate| Some(Candidate { mesh: mended(candidate.mesh)?, ..candidate });
+    let mut candidates: Vec<Candidate> = candidates.into_iter().filter_map(mended_of).collect();
+    candidates.retain(|candidate| is_small(&candidate.mesh) && !candidate.mesh.triangles.is_empty());
     if is_crowded || candidates.is_empty() {
-        candidates.extend(clustered(&whole, triangles, mended).map(|mesh| (mesh, Topology::Clustered)));
+        candidates.extend(clustered(&whole, triangles, mended).map(|mesh| Candidate::of(mesh, Topology::Clustered)));
     }
     let original = TriangleBvh::new(&whole.positions, &whole.triangles);
     let mut measured: Vec<Measured> = vec![];
-    for (mesh, topology) in candidates {
-        let drawn = TriangleBvh::new(&mesh.positions, &mesh.triangles);
+    for candidate in candidates {
+        let Mesh { positions, triangles } = &candidate.mesh;
+        let drawn = TriangleBvh::new(positions, triangles);
         let bound = two_sided(&original, &drawn, &CertifyOptions::default()).upper;
-        let mean = one_way(&whole, &drawn) + one_way(&mesh, &original);
-        measured.push(Measured { mesh, topology, bound, mean });
+        let mean = one_way(&whole, &drawn) + one_way(&candidate.mesh, &original);
+        measured.push(Measured { candidate, bound, mean });
     }
     let least = measured.iter().map(|m| m.bound).fold(f64::INFINITY, f64::min);
     measured.retain(|m| m.bound <= FARTHER * least && m.bound.is_finite());
     let best = measured.into_iter().min_by(|a, b| a.mean.total_cmp(&b.mean))?;
-    let Mesh { positions, triangles } = best.mesh;
-    let is_kept = best.topology == Topology::Kept && of_collapsed.len() == triangles.len();
-    let surface = CoarseSurface { positions, triangles, error: surface.error_at(best.bound) };
-    Some(Reduced { surface, topology: best.topology, areas: if is_kept { of_collapsed } else { vec![] } })
+    let Candidate { mesh: Mesh { positions, triangles }, topology, mut areas } = best.candidate;
+    if areas.len() != triangles.len() {
+        // The mesh has been mended.
+        areas.clear();
+    }
+    Some(Reduced {
+        surface: CoarseSurface { positions, triangles, error: surface.error_at(best.bound) },
+        topology,
+        areas,
+    })
+}
+
+/// The ways to collapse the edges of a surface of some triangles that differ.
+fn ways(of: usize, triangles: usize) -> Vec<Vec<f64>> {
+    let ratio = of as f64 / triangles.max(1) as f64;
+    let mut ways: Vec<Vec<f64>> = vec![];
+    for stops in WAYS {
+        let stops: Vec<f64> = stops.iter().copied().filter(|&times| times < ratio).collect();
+        if !ways.contains(&stops) {
+            ways.push(stops);
+        }
+    }
+    ways
 }
 
 /// The areas of a chart's triangles, which are those of the surface that it was made from, but for a few that were divided.
@@ -141,10 +166,23 @@ fn areas_of_chart(whole: &Mesh, areas: Areas<'_>, chart: &ChartMesh) -> Vec<u32>
     chart.triangles.iter().map(|corners| of(corners).unwrap_or(NONE)).collect()
 }
 
-/// A candidate beside the surface that came in.
-struct Measured {
+/// What the surface may become.
+struct Candidate {
     mesh: Mesh,
     topology: Topology,
+    /// The area of each triangle before the mesh was mended; empty if that is not known.
+    areas: Vec<u32>,
+}
+
+impl Candidate {
+    fn of(mesh: Mesh, topology: Topology) -> Self {
+        Self { mesh, topology, areas: vec![] }
+    }
+}
+
+/// A candidate beside the surface that came in.
+struct Measured {
+    candidate: Candidate,
     /// Bound of the two-sided distance.
     bound: f64,
     /// Mean squared distances of both ways, added.

@@ -63,6 +63,7 @@ impl Making<'_> {
             importance,
             min_triangles: FEWEST,
             areas: Areas::of(&joined.areas, self.jumps),
+            ..SimplifyOptions::default()
         };
         simplify_again(&joined.chart(), &options, early)
     }

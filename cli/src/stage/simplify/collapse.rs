@@ -5,10 +5,12 @@
 
 use glam::DVec3;
 
+use super::SimplifyOptions;
 use super::half_edges::HalfEdges;
 use super::quadric::Quadric;
 use super::queue::{EdgeQueue, rank};
 use crate::mesh::NONE;
+use crate::stage::areas::Areas;
 use crate::stage::chart::FREE;
 
 /// The level of a vertex that is not on the border.
@@ -99,10 +101,16 @@ fn coinciding(positions: &[DVec3], level: &[u16]) -> Vec<u32> {
 }
 
 /// A chart while it is being simplified.
-pub(super) struct Collapser {
+pub(super) struct Collapser<'a> {
     pub mesh: HalfEdges,
     pub positions: Vec<DVec3>,
     pub quadrics: Vec<Quadric>,
+    /// The part of them that stays: lines that are to stay where they are. Empty where there are none.
+    pub lines: Vec<Quadric>,
+    /// The factor on the planes of each vertex: the largest of all that have been merged into it.
+    pub importance: Vec<f32>,
+    /// The areas of the triangles, if colours jump between some.
+    pub areas: Option<Areas<'a>>,
     /// Level of each border vertex, or [`INTERIOR`].
     level: Vec<u16>,
     /// For each border vertex with which others coincide, the smallest of them; otherwise [`NONE`]. Such vertices are a
@@ -112,6 +120,8 @@ pub(super) struct Collapser {
     current_level: u16,
     threshold: f64,
     pub min_triangles: usize,
+    /// See [`SimplifyOptions::stops`].
+    pub stops: &'a [f64],
     queue: EdgeQueue,
     /// Vertices whose mark equals the generation are neighbours of the vertex in question.
     mark: Vec<u32>,
@@ -121,21 +131,22 @@ pub(super) struct Collapser {
     edges: Vec<u32>,
 }
 
-impl Collapser {
+impl<'a> Collapser<'a> {
     /// `border` holds (vertex, level) of every border vertex of the mesh.
     pub fn new(
         mesh: HalfEdges,
         positions: Vec<DVec3>,
-        quadrics: Vec<Quadric>,
         border: impl Iterator<Item = (u32, u8)>,
-        min_triangles: usize,
+        options: &SimplifyOptions<'a>,
     ) -> Self {
         let mut level = vec![INTERIOR; positions.len()];
         for (v, l) in border {
             level[v as usize] = u16::from(l);
         }
         let twins = coinciding(&positions, &level);
-        Self {
+        let mut importance = options.importance.unwrap_or_default().to_vec();
+        importance.resize(positions.len(), 1.0);
+        let mut collapser = Self {
             twins,
             queue: EdgeQueue::new(mesh.edge_count()),
             mark: vec![0; positions.len()],
@@ -146,10 +157,22 @@ impl Collapser {
             threshold: 0.0,
             mesh,
             positions,
-            quadrics,
+            quadrics: vec![],
+            lines: vec![],
+            importance,
+            areas: options.areas,
             level,
-            min_triangles,
-        }
+            min_triangles: options.min_triangles,
+            stops: options.stops,
+        };
+        collapser.find_lines();
+        collapser.renew_planes();
+        collapser
+    }
+
+    /// Whether a border vertex may go or stay at any level.
+    pub fn is_free(&self, vertex: u32) -> bool {
+        self.level[vertex as usize] == u16::from(FREE)
     }
 
     /// Whether two vertices are one in the stitched mesh, where an edge between them would have no length.
@@ -174,7 +197,7 @@ impl Collapser {
 
     /// Whether a border vertex may go at the current level.
     fn may_go(&self, vertex: u32) -> bool {
-        self.level[vertex as usize] == u16::from(FREE) || self.must_go(vertex)
+        self.is_free(vertex) || self.must_go(vertex)
     }
 
     /// Collapses the queued edges, cheapest first, until the queue is empty.
@@ -320,9 +343,19 @@ impl Collapser {
         }
         self.mesh.collapse(half_edge, removed);
         self.positions[kept as usize] = target;
-        let quadric = self.quadrics[removed as usize];
-        self.quadrics[kept as usize] += quadric;
+        self.merge_planes(removed, kept);
         true
+    }
+
+    /// Adds what a vertex stands for to another one.
+    pub fn merge_planes(&mut self, removed: u32, kept: u32) {
+        let [removed, kept] = [removed, kept].map(|v| v as usize);
+        let quadric = self.quadrics[removed];
+        self.quadrics[kept] += quadric;
+        if let Some(&line) = self.lines.get(removed) {
+            self.lines[kept] += line;
+        }
+        self.importance[kept] = self.importance[kept].max(self.importance[removed]);
     }
 
     /// The link condition (Dey et al., "Topology Preserving Edge Contraction", 1999): the only common neighbours of the

@@ -26,14 +26,14 @@ pub struct Early {
 
 impl Early {
     /// Repeats the collapses in the chart as it was, where the factors of vertices are the same.
-    pub(super) fn repeat(&self, collapser: &mut Collapser, importance: Option<&[f32]>) {
+    pub(super) fn repeat(&self, collapser: &mut Collapser<'_>, importance: Option<&[f32]>) {
         let factor = |list: &[f32], v: usize| list.get(v).copied().unwrap_or(1.0);
         let count = collapser.positions.len();
         let is_other = |v| factor(importance.unwrap_or_default(), v) != factor(&self.importance, v);
         let (mut differs, mut is_beside) = (vec![false; count], vec![false; count]);
         let mut ring = vec![];
         // What touches a vertex that differs has to be checked; the rest is as it was.
-        let mut spread = |collapser: &Collapser, differs: &mut [bool], is_beside: &mut [bool], v: u32| {
+        let mut spread = |collapser: &Collapser<'_>, differs: &mut [bool], is_beside: &mut [bool], v: u32| {
             if collapser.mesh.is_alive(v) && !std::mem::replace(&mut differs[v as usize], true) {
                 collapser.mesh.ring(v, &mut ring);
                 ring.iter().for_each(|&beside| is_beside[beside as usize] = true);

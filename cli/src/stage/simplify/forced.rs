@@ -12,7 +12,7 @@ use crate::mesh::{NONE, previous_half_edge};
 /// The most interior vertices that are moved aside for one border vertex.
 const MAX_OBSTACLES: usize = 12;
 
-impl Collapser {
+impl Collapser<'_> {
     /// Removes as many of the given border vertices as it can. Returns whether it removed any.
     pub fn force_border(&mut self, remaining: &[u32]) -> bool {
         [RELAXED, ANY_SHAPE].into_iter().any(|tolerated| {
@@ -77,15 +77,9 @@ impl Collapser {
             filling
         };
         self.mesh.replace_fan(vertex, &filling);
-        let [next, previous] = [ring[0], ring[last]].map(|v| v as usize);
         let p = self.positions[vertex as usize];
-        let nearest = if p.distance_squared(self.positions[next]) <= p.distance_squared(self.positions[previous]) {
-            next
-        } else {
-            previous
-        };
-        let quadric = self.quadrics[vertex as usize];
-        self.quadrics[nearest] += quadric;
+        let [to_next, to_previous] = [ring[0], ring[last]].map(|v| p.distance_squared(self.positions[v as usize]));
+        self.merge_planes(vertex, if to_next <= to_previous { ring[0] } else { ring[last] });
         for v in ring {
             self.consider_around(v);
         }
