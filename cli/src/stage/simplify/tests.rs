@@ -8,6 +8,7 @@ use glam::DVec3;
 use super::half_edges::HalfEdges;
 use super::*;
 use crate::stage::areas::Jumps;
+use crate::stage::certify::{Hint, TriangleBvh};
 use crate::stage::chart::{BorderVertex, NEVER};
 
 /// A chart of the given triangles with dyadic levels along each border loop: every second vertex is `NEVER` a sample,
@@ -280,11 +281,33 @@ fn interior_quadrics_measure_the_offset_from_their_vertex() {
     let result = simplify(&grid, &[0.003]);
     let patch = result.levels[0].as_ref().expect("nothing is stuck");
     for q in &patch.interior_quadrics {
-        assert!(q.mean(q.error(DVec3::ZERO)) <= 0.003 * 0.003 * 1.0001);
+        // The last pass allows a little more than the level.
+        assert!(q.mean(q.error(DVec3::ZERO)) <= 0.003 * 0.003 * 1.11);
         assert!(q.mean(q.error(DVec3::new(0.0, 0.0, 0.1))) > 0.002, "moving off the surface costs");
     }
     let total: f64 = patch.interior_quadrics.iter().map(|q| q.weight).sum();
     assert!(total > 0.5 && total < 1.2, "weights are areas in input units, {total}");
+}
+
+#[test]
+fn a_noisy_surface_is_nearer_where_planes_are_renewed_on_the_way() {
+    let mut grid = hilly_grid(65, 0.1);
+    for (i, p) in grid.positions.iter_mut().enumerate() {
+        p.z += 0.004 * ((i * 7919 % 1009) as f64 / 1009.0 - 0.5);
+    }
+    let mean_square = |stops: &[f64]| {
+        let options =
+            SimplifyOptions { thresholds: &[f64::INFINITY], min_triangles: 400, stops, ..SimplifyOptions::default() };
+        let patch = simplify_chart(&grid, &options).levels.pop().flatten().expect("nothing is stuck");
+        let border = patch.border.iter().map(|&v| grid.positions[v as usize]);
+        let drawn: Vec<DVec3> = border.chain(patch.interior.iter().copied()).collect();
+        let bvh = TriangleBvh::new(&drawn, &patch.triangles);
+        let mut hint = Hint::default();
+        let squares = grid.positions.iter().map(|&p| bvh.closest(p, &mut hint).distance.powi(2));
+        squares.sum::<f64>() / grid.positions.len() as f64
+    };
+    let (once, often) = (mean_square(&[]), mean_square(&[8.0, 4.0, 2.0]));
+    assert!(often < 0.95 * once, "{often} and {once}");
 }
 
 #[test]
