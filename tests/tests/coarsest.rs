@@ -162,7 +162,8 @@ fn the_top_of_several_regions_is_nearly_as_near_as_a_reduced_finer_cut() {
             finish(&whole.positions, &whole.triangles, finer.error, None, &file.lattice(), top.triangles.len());
         let reduced = reduced.expect("a sphere has such a surface");
         let best = far(&reduced.positions, &reduced.triangles);
-        assert!(occurs < 2.0 * best, "{region_triangles}: {occurs} of the top, {best} of a finer cut");
+        // The finer cut is reduced in several ways, of which the best is taken.
+        assert!(occurs < 2.5 * best, "{region_triangles}: {occurs} of the top, {best} of a finer cut");
     }
 }
 
