@@ -21,10 +21,14 @@ use lodpack::{
 };
 use std::collections::HashMap;
 
-/// Factor on a vertex's quadric where the bound was above the tolerance.
-pub(super) const IMPORTANCE_STEP: f32 = 8.0;
+/// Factor on a vertex's quadric where the bound was above the tolerance: five times as near there. After two failures hardly anything is
+/// collapsed there any more.
+const IMPORTANCE_STEP: f32 = 32.0;
 /// How many failures are answered locally, where the bound was exceeded.
-const LOCAL_FAILURES: u32 = 5;
+const LOCAL_FAILURES: u32 = 6;
+/// How many of these are answered by weights at the triangles in question alone. Only then their neighbourhood, or the step along the
+/// surface, is taken to be the cause.
+const NEAREST_FAILURES: u32 = 3;
 /// Factor on the finest threshold with every failure after those.
 const FINER: f64 = 0.4;
 
@@ -104,8 +108,9 @@ impl ChartWork<'_> {
             }
             *failures += 1;
             let triangles = self.exceeding(&mut compared);
-            // Triangles are often too far off because of their neighbourhood, so every failure takes in one more ring.
-            let beyond = with_rings(&cut.mesh.triangles, triangles, *failures as usize);
+            // Triangles may be too far off because of their neighbourhood, so every later failure takes in one more ring.
+            let rings = 1 + failures.saturating_sub(NEAREST_FAILURES);
+            let beyond = with_rings(&cut.mesh.triangles, triangles, rings as usize);
             importance.resize(cut.original.len(), 1.0);
             for &v in &beyond {
                 importance[v as usize] *= IMPORTANCE_STEP;
@@ -155,9 +160,9 @@ impl ChartWork<'_> {
 
     fn encode(&mut self, cut: &CutChart, level_patch: &LevelPatch, level: u8, failures: u32) -> CodedLevel {
         let start = thread_cpu_time();
-        // Where the bound was exceeded, the tangential step may be the cause.
+        // Where the bound is exceeded again and again, the tangential step may be the cause.
         let is_finest = level == self.charted.scale.finest();
-        let refinement = if is_finest { failures.saturating_sub(1) } else { 0 };
+        let refinement = if is_finest { failures.saturating_sub(NEAREST_FAILURES) } else { 0 };
         let refinement = refinement.max(refinement_of_lines(level_patch, self.charted.jumps()));
         let coded = code(self.charted.scale, level, &border_loops(cut, level), level_patch, refinement);
         let (patch, symbols, areas) = match coded {

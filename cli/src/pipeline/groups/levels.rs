@@ -4,12 +4,12 @@ use glam::DVec3;
 use lodpack::{LatticePoint, decode::Patch, write::SymbolBuffer};
 
 use super::super::Scale;
-use super::super::irregular::{IMPORTANCE_STEP, code, refinement_of_lines, with_rings};
+use super::super::irregular::{code, refinement_of_lines, with_rings};
 use super::super::summary::Times;
 use super::{FEWEST, Joined};
 use crate::machine::thread_cpu_time;
 use crate::stage::areas::{Areas, Jumps};
-use crate::stage::certify::{CertifyOptions, Comparison, Surface};
+use crate::stage::certify::{CertifyOptions, Comparison, Surface, two_sided};
 use crate::stage::simplify::{Early, LevelPatch, SimplifiedChart, SimplifyOptions, simplify_again};
 
 /// Share by which a bound may exceed the distance of a group from its members.
@@ -19,6 +19,10 @@ const FLOOR: f64 = 0.1;
 /// A group is simplified again if its finest level is farther off than this many times that level's tolerance: a group that is off in one
 /// place is drawn only where all of it might be.
 const TOO_FAR: f64 = 1.5;
+/// How often at most.
+const ATTEMPTS: u32 = 3;
+/// Factor on a vertex's quadric, with every attempt, where the surface is too far off.
+const IMPORTANCE_STEP: f32 = 8.0;
 
 /// What the levels of a group are made with.
 pub(super) struct Making<'a> {
@@ -86,12 +90,21 @@ impl Making<'_> {
             ..CertifyOptions::default()
         };
         let mut compared = Comparison::new(&original, &drawn, &self.below.pairing(level));
-        let distance = compared.two_sided(&options).upper;
+        let mut distance = compared.two_sided(&options).upper;
+        if distance > self.too_far(level) {
+            // A map may stretch over a fold that closest points do not see.
+            distance = distance.min(two_sided(original.bvh(), drawn.bvh(), &options).upper);
+        }
         times.certify += thread_cpu_time() - start;
         distance.is_finite().then_some(MadeLevel { patch, symbols, areas, points, positions, distance, compared })
     }
 
-    /// Makes the finest level. Where it is too far off, simplifies again with more weight there, and takes what is nearer.
+    /// The distance from which on a level is too far off.
+    fn too_far(&self, level: u8) -> f64 {
+        TOO_FAR * self.scale.levels[usize::from(level)].tolerance
+    }
+
+    /// Makes the finest level. Where it is too far off, simplifies again with more weight there, and takes what is nearest.
     pub fn make_finest(
         &self,
         joined: &Joined,
@@ -100,27 +113,32 @@ impl Making<'_> {
         times: &mut Times,
     ) -> Option<MadeLevel> {
         let [_, finest] = self.levels;
-        let tolerance = self.scale.levels[usize::from(finest)].tolerance;
         let mut made = self.make(joined, finest, simplified.levels[usize::from(finest)].as_ref()?, times)?;
-        if made.distance <= TOO_FAR * tolerance {
-            return Some(made);
-        }
-        let start = thread_cpu_time();
-        let far = made.compared.exceeding(tolerance, u64::MAX);
-        times.certify += thread_cpu_time() - start;
-        let start = thread_cpu_time();
+        // The last attempt, if it is not nearer: what is wrong with that has to weigh more, too.
+        let mut worse: Option<MadeLevel> = None;
         let mut importance = vec![1.0; joined.positions.len()];
-        for v in with_rings(&self.below.triangles, far, 1) {
-            importance[v as usize] = IMPORTANCE_STEP;
-        }
-        let again = self.simplify(joined, Some(&importance), Some(early));
-        times.simplify += thread_cpu_time() - start;
-        // With other weights a border may get stuck.
-        if let Some(patch) = again.levels[usize::from(finest)].as_ref().filter(|_| again.stuck.is_empty())
-            && let Some(next) = self.make(joined, finest, patch, times)
-            && next.distance < made.distance
-        {
-            (made, *simplified) = (next, again);
+        for _ in 0..ATTEMPTS {
+            if made.distance <= self.too_far(finest) {
+                break;
+            }
+            let start = thread_cpu_time();
+            let last = worse.as_mut().unwrap_or(&mut made);
+            let far = last.compared.exceeding(self.scale.levels[usize::from(finest)].tolerance, u64::MAX);
+            times.certify += thread_cpu_time() - start;
+            let start = thread_cpu_time();
+            for v in with_rings(&self.below.triangles, far, 1) {
+                importance[v as usize] *= IMPORTANCE_STEP;
+            }
+            let again = self.simplify(joined, Some(&importance), Some(early));
+            times.simplify += thread_cpu_time() - start;
+            // With other weights a border may get stuck.
+            let patch = again.levels[usize::from(finest)].as_ref().filter(|_| again.stuck.is_empty());
+            let Some(next) = patch.and_then(|patch| self.make(joined, finest, patch, times)) else { break };
+            if next.distance < made.distance {
+                (made, *simplified, worse) = (next, again, None);
+            } else {
+                worse = Some(next);
+            }
         }
         Some(made)
     }
