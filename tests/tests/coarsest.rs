@@ -31,6 +31,42 @@ fn beams(count: u32, side: f64, length: f64) -> Mesh {
     mesh
 }
 
+/// A sheet in waves. If it has a needle, that is a hundred times as high as it is thick, on one triangle.
+fn waves(has_needle: bool) -> Mesh {
+    let n = 140;
+    let mut mesh = Mesh::default();
+    for (i, j) in (0..n * n).map(|v| (f64::from(v % n), f64::from(v / n))) {
+        let height = 4.0 * (0.11 * i).sin() * (0.09 * j).cos() + 0.6 * (0.7 * i + 0.4 * j).sin();
+        mesh.positions.push(DVec3::new(i, j, height));
+    }
+    for a in (0..n * (n - 1)).filter(|v| v % n < n - 1) {
+        mesh.triangles.extend([[a, a + 1, a + n + 1], [a, a + n + 1, a + n]]);
+    }
+    if has_needle {
+        let foot = mesh.triangles.swap_remove(2700);
+        let corners = foot.map(|v| mesh.positions[v as usize]);
+        let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let inner = mesh.positions.len() as u32;
+        mesh.positions.extend(corners.map(|p| centre + 0.02 * (p - centre)));
+        mesh.positions.push(centre + DVec3::Z * 3.0);
+        for side in 0..3 {
+            let (p, q) = (foot[side as usize], foot[(side as usize + 1) % 3]);
+            let (u, v) = (inner + side, inner + (side + 1) % 3);
+            mesh.triangles.extend([[p, q, v], [p, v, u], [u, v, inner + 3]]);
+        }
+    }
+    mesh
+}
+
+#[test]
+fn a_place_that_is_hard_to_draw_leaves_the_rest_as_it_is() {
+    let [plain, needle] = [false, true].map(|has_needle| build_mesh(&waves(has_needle), "0.5edge"));
+    assert_eq!([&plain, &needle].map(|(_, summary)| summary.fallbacks.retried_charts), [0, 1]);
+    assert!(needle.1.certified_error <= needle.1.tolerance);
+    let [plain, needle] = [plain, needle].map(|(bytes, _)| bytes.len());
+    assert!(needle * 100 <= plain * 105, "{needle} bytes instead of {plain}");
+}
+
 #[test]
 fn a_scan_is_reduced_to_any_number_of_triangles_and_certified() {
     let (bytes, _) = build_file(&scan(), "auto");
