@@ -33,7 +33,7 @@ const FINEST_GROWTH: f64 = 2.0;
 /// The simplifier's threshold (an RMS distance) over the tolerance (a maximum).
 const THRESHOLD_PER_TOLERANCE: f64 = 0.18;
 /// How far an arc may leave its chords, over the threshold.
-const ARC_PER_THRESHOLD: f64 = 2.0;
+const ARC_PER_THRESHOLD: f64 = 3.0;
 /// Tolerance of a level over that of the next finer one. The error is inversely proportional to the number of triangles, so a factor of
 /// four leaves a quarter of the triangles, and all levels together cost a third more than the finest. As a power of two.
 const LEVEL_RATIO_LOG2: i32 = 2;
