@@ -75,7 +75,7 @@ fn a_scan_is_reduced_to_any_number_of_triangles_and_certified() {
     for most in [120, 500, 2000, 8000] {
         let (cut, _) = cut_to_finish(&file, &Query::default(), most).expect("affordable");
         let mesh = file.extract(&cut).expect("decodable");
-        let finished = finish(&mesh.positions, &mesh.triangles, cut.error, None, &file.lattice(), most as usize);
+        let finished = finish(&mesh.positions, &mesh.triangles, cut.error, &file.lattice(), most as usize);
         let finished = finished.expect("a scan has such a surface");
         let count = finished.triangles.len() as u64;
         assert!(count <= most && count * 100 >= most * 98, "{count} of {most}");
@@ -94,7 +94,7 @@ fn handles_give_way_only_where_they_have_to() {
     let finest = file.uniform_cut(file.level_count() as u8 - 1).expect("a level");
     let mesh = file.extract(&finest).expect("decodable");
     let reduced =
-        |most| finish(&mesh.positions, &mesh.triangles, finest.error, None, &file.lattice(), most).expect("a torus");
+        |most| finish(&mesh.positions, &mesh.triangles, finest.error, &file.lattice(), most).expect("a torus");
     assert_eq!(reduced(1000).topology, Topology::Kept);
     for most in [1000, 200, 30] {
         let edges = inspect_edges(&reduced(most).triangles);
@@ -114,7 +114,7 @@ fn a_sponge_of_hundreds_of_handles_gets_down_to_any_number() {
         assert!(cut.triangle_count >= most, "{} for {most}", cut.triangle_count);
         assert!(coarser.is_none_or(|coarser| coarser.triangle_count < most));
         let drawn = file.extract(&cut).expect("decodable");
-        let finished = finish(&drawn.positions, &drawn.triangles, cut.error, None, &file.lattice(), most as usize);
+        let finished = finish(&drawn.positions, &drawn.triangles, cut.error, &file.lattice(), most as usize);
         let finished = finished.expect("a solid");
         assert!((fewer + 1..=most).contains(&(finished.triangles.len() as u64)), "{}", finished.triangles.len());
         fewer = finished.triangles.len() as u64;
@@ -194,8 +194,7 @@ fn the_top_of_several_regions_is_nearly_as_near_as_a_reduced_finer_cut() {
 
         let (finer, _) = cut_to_finish(&file, &Query::default(), top.triangles.len() as u64).expect("affordable");
         let whole = file.extract(&finer).expect("decodable");
-        let reduced =
-            finish(&whole.positions, &whole.triangles, finer.error, None, &file.lattice(), top.triangles.len());
+        let reduced = finish(&whole.positions, &whole.triangles, finer.error, &file.lattice(), top.triangles.len());
         let reduced = reduced.expect("a sphere has such a surface");
         let best = far(&reduced.positions, &reduced.triangles);
         // The finer cut is reduced in several ways, of which the best is taken.

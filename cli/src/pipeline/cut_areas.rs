@@ -2,9 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use lodpack::decode::{ChannelImage, TexturedMesh};
+use lodpack::decode::TexturedMesh;
 use lodpack::index::{ChannelInfo, ChannelKind};
 
+use super::shown_colours::colour_at;
 use crate::mesh::union_find::{find, unite};
 use crate::mesh::{Adjacency, NONE, next_half_edge};
 use crate::stage::areas::{ColourAreas, Differences, INWARDS, MOST_INWARDS, OF_DRAWINGS};
@@ -97,9 +98,7 @@ fn length(cut: &TexturedMesh, half_edge: u32) -> f64 {
 /// The mean colour that a triangle shows along a half-edge, of 255. None where it has no image.
 fn colour_along(cut: &TexturedMesh, channel: usize, half_edge: u32) -> Option<[f64; 3]> {
     let (triangle, [a, b, c]) = corners(half_edge);
-    let texture = cut.textures.get(cut.mesh.triangle_nodes[triangle] as usize)?;
-    let Some(ChannelImage::Colours(image)) = texture.images.get(channel)?.as_ref() else { return None };
-    let places = cut.places[triangle].map(|place| place.map(f64::from));
+    let places = cut.places.get(triangle)?.map(|place| place.map(f64::from));
     let [x, y, z] = [a, b, c].map(|corner| places[corner]);
     let (along, up) = ([y[0] - x[0], y[1] - x[1]], [z[0] - x[0], z[1] - x[1]]);
     let height = (along[0] * up[1] - along[1] * up[0]).abs() / (along[0] * along[0] + along[1] * along[1]).sqrt();
@@ -107,9 +106,9 @@ fn colour_along(cut: &TexturedMesh, channel: usize, half_edge: u32) -> Option<[f
     let inwards = (INWARDS / height).min(MOST_INWARDS);
     let mut sum = [0.0; 3];
     for share in PLACES {
-        let weights = [(1.0 - share) * (1.0 - inwards), share * (1.0 - inwards), inwards];
-        let place = [0, 1].map(|k| weights[0] * x[k] + weights[1] * y[k] + weights[2] * z[k]);
-        let shown = image.interpolated(place);
+        let mut weights = [0.0; 3];
+        (weights[a], weights[b], weights[c]) = ((1.0 - share) * (1.0 - inwards), share * (1.0 - inwards), inwards);
+        let shown = colour_at(cut, channel, triangle, weights)?;
         (0..3).for_each(|k| sum[k] += shown[k]);
     }
     Some(sum.map(|sum| sum / PLACES.len() as f64))

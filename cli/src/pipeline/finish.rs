@@ -9,7 +9,7 @@ use lodpack::source::ReadAt;
 use lodpack::{Cut, File, Lattice, Limiter, Query};
 
 use super::coarse::CoarseSurface;
-use super::reduce::{Reduced, Topology, reduce_in_areas};
+use super::reduce::{Reduced, Topology, reductions};
 use crate::stage::areas::Areas;
 
 /// A cut has this many times the triangles that are asked for, so that its error hardly counts beside that of the reduction,
@@ -74,25 +74,39 @@ pub fn is_nearer(cut: &Cut, error: f64) -> bool {
 }
 
 /// Reduces the mesh of a cut to at most `triangles` triangles. `positions` are world coordinates of points of the lattice; `error` bounds
-/// their distance to the input. Lines between areas of the cut at which colours jump stay as near as the surface. None if there is no surface of so
-/// few triangles.
+/// their distance to the input. None if there is no surface of so few triangles.
 pub fn finish(
+    positions: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    error: f64,
+    lattice: &Lattice,
+    most_triangles: usize,
+) -> Option<Finished> {
+    finished_ways(positions, triangles, error, None, lattice, most_triangles).into_iter().next()
+}
+
+/// As [`finish`], made in all ways, the one that is taken first. If areas of the cut are given, between which its colours jump, the lines between them
+/// stay as near as the surface in as many ways more.
+pub(super) fn finished_ways(
     positions: &[[f64; 3]],
     triangles: &[[u32; 3]],
     error: f64,
     areas: Option<Areas<'_>>,
     lattice: &Lattice,
     most_triangles: usize,
-) -> Option<Finished> {
+) -> Vec<Finished> {
     // Exact, since lattice coordinates are whole and steps are powers of two.
     let origin = DVec3::from_array(lattice.origin);
     let step = lattice.step();
     let local = |p: &[f64; 3]| DVec3::from_array(lattice.units(*p).map(|x| x.round() * step));
     let surface =
         CoarseSurface { positions: positions.iter().map(local).collect(), triangles: triangles.to_vec(), error };
-    let Reduced { surface, topology, areas } = reduce_in_areas(&surface, areas, most_triangles, Some)?;
-    let positions = surface.positions.iter().map(|&p| (origin + p).to_array()).collect();
-    Some(Finished { positions, triangles: surface.triangles, error: surface.error, topology, areas })
+    let finished = |Reduced { surface, topology, areas }| {
+        let CoarseSurface { positions, triangles, error } = surface;
+        let positions = positions.iter().map(|&p: &DVec3| (origin + p).to_array()).collect();
+        Finished { positions, triangles, error, topology, areas }
+    };
+    reductions(&surface, areas, most_triangles, Some).into_iter().map(finished).collect()
 }
 
 #[cfg(test)]
@@ -127,7 +141,7 @@ mod tests {
         let (positions, triangles, lattice) = boxes(200);
         let mut before = 0.0;
         for most in [2400, 1200] {
-            let finished = finish(&positions, &triangles, 0.5, None, &lattice, most).unwrap();
+            let finished = finish(&positions, &triangles, 0.5, &lattice, most).unwrap();
             assert!(finished.triangles.len() <= most && !finished.triangles.is_empty());
             assert!(finished.error >= 0.5 && finished.error >= before, "{most}: {} {before}", finished.error);
             // A box keeps its topology with four triangles.
@@ -135,8 +149,8 @@ mod tests {
             before = finished.error;
         }
         // Parts in one row may have nothing in common but a line.
-        let few = finish(&positions, &triangles, 0.5, None, &lattice, 40);
+        let few = finish(&positions, &triangles, 0.5, &lattice, 40);
         assert!(few.is_none_or(|few| few.triangles.len() <= 40 && few.topology != Topology::Kept));
-        assert_eq!(finish(&positions, &triangles, 0.5, None, &lattice, 0), None);
+        assert_eq!(finish(&positions, &triangles, 0.5, &lattice, 0), None);
     }
 }

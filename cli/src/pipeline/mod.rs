@@ -42,6 +42,8 @@ mod redundant_levels;
 mod roots;
 mod scale;
 mod shared_arcs;
+mod shown_colours;
+mod spread_points;
 pub mod summary;
 mod texels;
 

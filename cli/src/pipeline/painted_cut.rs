@@ -7,10 +7,12 @@ use glam::DVec3;
 use lodpack::decode::{ChannelImage, Patch, Texture, TexturedMesh};
 use lodpack::index::{ChannelInfo, ChannelKind, TexelBytes};
 use lodpack::{Lattice, Mesh};
+use rayon::prelude::*;
 
 use super::cut_areas::areas_of_cut;
-use super::finish::Finished;
-use super::texels::{MAX_EXPONENT, exponent_of};
+use super::finish::{Finished, finished_ways};
+use super::shown_colours::difference;
+use super::texels::exponent_of;
 use crate::mesh::NONE;
 use crate::stage::areas::{Areas, ColourAreas};
 use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Source, Storage, Stored};
@@ -18,9 +20,15 @@ use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Source, 
 /// The step of quantisation of images that are not stored.
 const STEP: u8 = 1;
 
-/// How much larger texels are where two reduced cuts are compared, as a power of the root of two. With texels four times as large the textured
-/// bunny of pymeshlab's tests seemed to show more with lines at 417 triangles, where it has 24.6 dB with them and 27.9 dB without.
-const COARSER: u32 = 1;
+/// Where several reduced cuts are compared, texels are as large as those that are shown, or so large that the cut has no more than about this many:
+/// with larger ones lines seem to be worth more than they are.
+const COMPARED_TEXELS: f64 = 262_144.0;
+/// Where colours jump, texels may be finer than those of the cut, as a power of the root of two: lines lie across them.
+const FINER: u32 = 2;
+/// So that there are no more than about this many.
+const FINE_TEXELS: f64 = 2_097_152.0;
+/// A reduced cut may be so many times as far off as the nearest one, if it shows more.
+const FARTHER: f64 = 3.0;
 
 /// What gives reduced cuts the look of the cut that they were made from.
 pub struct CutPainter<'a> {
@@ -69,9 +77,21 @@ impl<'a> CutPainter<'a> {
         })
     }
 
-    /// The areas of the cut between which its colours jump; none if they do nowhere.
-    pub fn areas(&self) -> Option<Areas<'_>> {
-        self.areas.as_ref().map(ColourAreas::all)
+    /// The size of texels of which the cut has about so many.
+    fn exponent_for(&self, texels: f64) -> u32 {
+        let Mesh { positions, triangles, .. } = &self.cut.mesh;
+        let corners = |corners: &[u32; 3]| corners.map(|vertex| DVec3::from(positions[vertex as usize]));
+        let doubled = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();
+        let area = 0.5 * triangles.iter().map(corners).map(doubled).sum::<f64>();
+        exponent_of((area / texels).sqrt() / self.lattice.step())
+    }
+
+    /// The size of texels that are shown.
+    fn shown_exponent(&self) -> u32 {
+        match self.areas {
+            None => self.exponent,
+            Some(_) => self.exponent.min(self.exponent_for(FINE_TEXELS)).max(self.exponent.saturating_sub(FINER)),
+        }
     }
 
     fn target<'f>(&'f self, finished: &'f Finished) -> Target<'f> {
@@ -85,25 +105,40 @@ impl<'a> CutPainter<'a> {
         }
     }
 
-    /// Which of two reduced cuts shows more of what the cut does: the second one unless the first one is as good.
-    pub fn better(&self, one: Finished, other: Finished) -> Finished {
-        let mut source = CutSource::new(self);
-        let mut spread = |finished: &Finished| {
-            let exponent = (self.exponent + COARSER).min(MAX_EXPONENT);
-            Baker::new(&self.storage).spread(&self.target(finished).patch(), &mut source, exponent)
+    /// The cut reduced to at most `triangles` triangles, and the same with images of the channels, if anything can be projected. Of all ways that come
+    /// near enough, with lines between colours and without, it is the one that shows most of what the cut does. `error` bounds the distance of the cut
+    /// from the input. None if there is no surface of so few triangles.
+    pub fn finished(&self, error: f64, triangles: usize) -> Option<(Finished, Option<TexturedMesh>)> {
+        let Mesh { positions, triangles: whole, .. } = &self.cut.mesh;
+        let areas = self.areas.as_ref().map(ColourAreas::all);
+        let best = self.best(finished_ways(positions, whole, error, areas, self.lattice, triangles))?;
+        let painted = self.painted(&best, self.shown_exponent());
+        Some((best, painted))
+    }
+
+    /// Of reduced cuts the one that shows most of what the cut does.
+    fn best(&self, mut ways: Vec<Finished>) -> Option<Finished> {
+        let least = ways.iter().map(|way| way.error).fold(f64::INFINITY, f64::min);
+        ways.retain(|way| way.error <= FARTHER * least);
+        let colour = self.channels.iter().position(|channel| channel.kind == ChannelKind::Colour);
+        let Some(colour) = colour.filter(|_| ways.len() > 1) else { return ways.into_iter().next() };
+        let exponent = self.exponent.max(self.exponent_for(COMPARED_TEXELS));
+        let off = |way: &Finished| {
+            let painted = self.painted(way, exponent);
+            let off = painted.and_then(|painted| difference(self.cut, &painted, colour)).unwrap_or(f64::INFINITY);
+            // What is twice as far off must show 1.5 dB more.
+            off * (way.error / least.max(f64::MIN_POSITIVE)).sqrt()
         };
-        match [spread(&one), spread(&other)] {
-            [Some(of_one), Some(of_other)] if of_other < of_one => other,
-            [None, Some(_)] => other,
-            _ => one,
-        }
+        let off: Vec<f64> = ways.par_iter().map(off).collect();
+        let best = ways.into_iter().zip(off).min_by(|(_, one), (_, other)| one.total_cmp(other));
+        best.map(|(way, _)| way)
     }
 
     /// A reduced cut with images of the channels. None if nothing can be projected.
-    pub fn painted(&self, finished: &Finished) -> Option<TexturedMesh> {
+    fn painted(&self, finished: &Finished, exponent: u32) -> Option<TexturedMesh> {
         let target = self.target(finished);
         let mut source = CutSource::new(self);
-        let baked = Baker::new(&self.storage).bake_closest(&target.patch(), &mut source, self.exponent)?;
+        let baked = Baker::new(&self.storage).bake_closest(&target.patch(), &mut source, exponent)?;
         let mut streams = baked.streams.into_iter();
         let bytes = TexelBytes { level: 0, map: streams.next()?, images: streams.collect() };
         let whole = Patch { triangles: finished.triangles.clone(), ..Patch::default() };
@@ -141,8 +176,8 @@ fn storage(channels: &[&ChannelInfo]) -> Option<Storage> {
 }
 
 /// The images of a node, the size of a texel in lattice units, and the middle of the first and the last texel.
-struct PaintedNode {
-    images: Images,
+struct PaintedNode<'a> {
+    images: Images<&'a ChannelImage>,
     size: f64,
     range: [[f64; 2]; 2],
 }
@@ -154,7 +189,7 @@ struct CutSource<'a> {
     own: Vec<u32>,
     /// Lattice units.
     positions: Vec<DVec3>,
-    nodes: Vec<Option<PaintedNode>>,
+    nodes: Vec<Option<PaintedNode<'a>>>,
     /// The area of each triangle of the cut; empty if colours jump nowhere.
     areas: &'a [u32],
 }
@@ -162,9 +197,9 @@ struct CutSource<'a> {
 impl<'a> CutSource<'a> {
     fn new(painter: &'a CutPainter<'a>) -> Self {
         let CutPainter { cut, storage, lattice, areas, .. } = painter;
-        let node = |texture: &Texture| {
+        let node = |texture: &'a Texture| {
             let map = texture.map.as_ref()?;
-            let images: Vec<ChannelImage> = texture.images.iter().cloned().collect::<Option<_>>()?;
+            let images: Vec<&ChannelImage> = texture.images.iter().map(Option::as_ref).collect::<Option<_>>()?;
             let range = [[0.5; 2], map.size.map(|length| f64::from(length) - 0.5)];
             Some(PaintedNode { images: Images::new(storage, images), size: map.pieces.first()?.frame().1, range })
         };

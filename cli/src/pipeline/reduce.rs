@@ -8,11 +8,14 @@
 //! distance is taken, unless its largest distance is much more than another's. The error is certified against the surface that came in,
 //! both ways.
 
+use std::iter;
+
 use glam::DVec3;
 use serde::Serialize;
 
 use super::coarse::{CoarseSurface, STOPS, collapsed, collapsed_in_areas, filled};
 use super::manifold::open_edges;
+use super::spread_points::for_each_point;
 use crate::mesh::union_find::count_components;
 use crate::mesh::{Mesh, NONE};
 use crate::stage::areas::Areas;
@@ -63,7 +66,8 @@ pub(super) fn reduce(
     triangles: usize,
     mended: impl Fn(Mesh) -> Option<Mesh>,
 ) -> Option<(CoarseSurface, Topology)> {
-    reduce_in_areas(surface, None, triangles, mended).map(|reduced| (reduced.surface, reduced.topology))
+    let nearest = reductions(surface, None, triangles, mended).into_iter().next();
+    nearest.map(|reduced| (reduced.surface, reduced.topology))
 }
 
 /// What a surface has become.
@@ -74,19 +78,19 @@ pub(super) struct Reduced {
     pub areas: Vec<u32>,
 }
 
-/// As [`reduce`]. Where the topology stays, lines between areas do, too.
-pub(super) fn reduce_in_areas(
+/// As [`reduce`], made in all ways, the one that is taken first. If areas are given, lines between them stay, too, in as many ways more.
+pub(super) fn reductions(
     surface: &CoarseSurface,
     areas: Option<Areas<'_>>,
     triangles: usize,
     mended: impl Fn(Mesh) -> Option<Mesh>,
-) -> Option<Reduced> {
+) -> Vec<Reduced> {
     let whole = Mesh { positions: surface.positions.clone(), triangles: surface.triangles.clone() };
     let is_small = |mesh: &Mesh| mesh.triangles.len() <= triangles;
     let as_it_is = is_small(&whole).then(|| whole.clone()).and_then(&mended);
     if let Some(Mesh { positions, triangles }) = as_it_is.filter(is_small) {
         let surface = CoarseSurface { positions, triangles, error: surface.error };
-        return Some(Reduced { surface, topology: Topology::Kept, areas: vec![] });
+        return vec![Reduced { surface, topology: Topology::Kept, areas: vec![] }];
     }
     let mut candidates: Vec<Candidate> = vec![];
     let chart = surface.chart();
@@ -105,8 +109,10 @@ pub(super) fn reduce_in_areas(
         chart.loops.iter_mut().flatten().for_each(|border| border.level = FREE);
         let of_chart = areas.map(|areas| areas_of_chart(&whole, areas, &chart));
         let areas = areas.and_then(|areas| Areas::of(of_chart.as_deref()?, Some(areas.jumps)));
-        for stops in ways(chart.triangles.len(), triangles) {
-            if let Some((mesh, areas)) = collapsed_in_areas(&chart, areas, triangles, &stops) {
+        let of = ways(chart.triangles.len(), triangles);
+        let kept = iter::once(None).chain(areas.map(Some));
+        for (stops, areas) in kept.flat_map(|areas| of.iter().map(move |stops| (stops, areas))) {
+            if let Some((mesh, areas)) = collapsed_in_areas(&chart, areas, triangles, stops) {
                 candidates.push(Candidate { mesh, topology: Topology::Kept, areas });
             }
         }
@@ -126,19 +132,19 @@ pub(super) fn reduce_in_areas(
         let mean = one_way(&whole, &drawn) + one_way(&candidate.mesh, &original);
         measured.push(Measured { candidate, bound, mean });
     }
+    measured.retain(|m| m.bound.is_finite());
     let least = measured.iter().map(|m| m.bound).fold(f64::INFINITY, f64::min);
-    measured.retain(|m| m.bound <= FARTHER * least && m.bound.is_finite());
-    let best = measured.into_iter().min_by(|a, b| a.mean.total_cmp(&b.mean))?;
-    let Candidate { mesh: Mesh { positions, triangles }, topology, mut areas } = best.candidate;
-    if areas.len() != triangles.len() {
-        // The mesh has been mended.
-        areas.clear();
-    }
-    Some(Reduced {
-        surface: CoarseSurface { positions, triangles, error: surface.error_at(best.bound) },
-        topology,
-        areas,
-    })
+    let is_far = |m: &Measured| m.bound > FARTHER * least;
+    measured.sort_by(|a, b| is_far(a).cmp(&is_far(b)).then(a.mean.total_cmp(&b.mean)));
+    let reduced = |Measured { candidate, bound, .. }| {
+        let Candidate { mesh: Mesh { positions, triangles }, topology, mut areas } = candidate;
+        if areas.len() != triangles.len() {
+            // The mesh has been mended.
+            areas.clear();
+        }
+        Reduced { surface: CoarseSurface { positions, triangles, error: surface.error_at(bound) }, topology, areas }
+    };
+    measured.into_iter().map(reduced).collect()
 }
 
 /// The ways to collapse the edges of a surface of some triangles that differ.
@@ -255,22 +261,12 @@ pub(super) fn clustered(whole: &Mesh, triangles: usize, mended: impl Fn(Mesh) ->
 /// Mean squared distance of the points of a mesh from a surface, at points spread by area.
 fn one_way(from: &Mesh, to: &TriangleBvh) -> f64 {
     let areas: Vec<f64> = (0..from.triangles.len() as u32).map(|t| from.doubled_area(t).length()).collect();
-    let step = areas.iter().sum::<f64>() / COMPARED_POINTS as f64;
-    let (mut passed, mut next, mut sum, mut count) = (0.0, 0.5 * step, 0.0, 0_u32);
-    let mut hint = Hint::default();
-    for (t, area) in (0..).zip(areas) {
-        passed += area;
-        while next < passed && step > 0.0 {
-            let [a, b, c] = from.corners(t);
-            // Points of a low-discrepancy sequence in the triangle.
-            let (u, v) = (f64::from(count) * 0.754_877_666, f64::from(count) * 0.569_840_291);
-            let (u, v) = (u.fract(), v.fract());
-            let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-            let distance = to.closest(a + (b - a) * u + (c - a) * v, &mut hint).distance;
-            sum += distance * distance;
-            count += 1;
-            next += step;
-        }
-    }
+    let (mut sum, mut count, mut hint) = (0.0, 0_u32, Hint::default());
+    for_each_point(&areas, COMPARED_POINTS, |triangle, [_, u, v]| {
+        let [a, b, c] = from.corners(triangle as u32);
+        let distance = to.closest(a + (b - a) * u + (c - a) * v, &mut hint).distance;
+        sum += distance * distance;
+        count += 1;
+    });
     sum / f64::from(count.max(1))
 }

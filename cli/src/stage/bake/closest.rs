@@ -12,7 +12,7 @@ use super::projection::{Projection, projections};
 use super::raster::{Drawn, texel_at};
 use super::values::Sums;
 use super::{BakedPatch, Points, Source};
-use crate::stage::certify::{Closest, Hint, TriangleBvh};
+use crate::stage::certify::{Closest, Near, TriangleBvh};
 
 /// Distance between the points of the source that are looked at, in texels.
 const SPACING: f64 = 0.7;
@@ -22,17 +22,15 @@ const CHUNK: usize = 1024;
 const NOWHERE: u32 = u32::MAX;
 
 /// Replaces what covered texels show by the mean of the points of the source that lie closest to them and that face the same way; texels to
-/// which none is closest stay as they are. Returns the mean square by which the colours of these points differ from the means of their texels,
-/// as the square root of linear light, where 1 is the brightest; 0 without colours.
+/// which none is closest stay as they are.
 pub(super) fn show_closest(
     patch: &BakedPatch<'_>,
     map: &Map,
     drawn: &Drawn,
     source: &mut impl Source,
     sums: &mut Sums<'_>,
-) -> f64 {
+) {
     let mut near = sums.emptied();
-    let mut spread = Spread::new(drawn.depth.len(), sums.storage.first_colour());
     let finder = Finder::new(patch, map, drawn);
     let origin = patch.origin();
     let sources: Vec<[DVec3; 3]> =
@@ -49,11 +47,9 @@ pub(super) fn show_closest(
             source.shade(triangle, &rows, (finder.size * SPACING) as f32, &mut values);
             keep_found(&mut texels, &mut values, sums.storage.count());
             near.add_all(&texels, &values, weight);
-            spread.add(&texels, &values, sums.storage.count(), weight);
         }
     }
     sums.take_known(&near);
-    spread.mean()
 }
 
 /// Drops the values of points that are nowhere.
@@ -108,10 +104,10 @@ impl<'a> Finder<'a> {
     fn find(&self, corners: [DVec3; 3]) -> Found {
         let normal = doubled_area(corners);
         let (rows, area) = rows(corners, self.size * SPACING);
-        let mut hint = Hint::default();
+        let mut near = Near::default();
         let texel = |weights: [f32; 3]| {
             let point: DVec3 = (0..3).map(|k| corners[k] * f64::from(weights[k])).sum();
-            let Closest { point, triangle, .. } = self.bvh.closest(point, &mut hint);
+            let Closest { point, triangle, .. } = self.bvh.closest_near(point, &mut near);
             // Nobody looks at both sides of a sheet at once.
             if self.normals.get(triangle as usize).is_none_or(|of_patch| of_patch.dot(normal) <= 0.0) {
                 return NOWHERE;
@@ -129,44 +125,6 @@ impl<'a> Finder<'a> {
 /// Twice the area of a triangle, as a vector along its normal.
 fn doubled_area([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a)
-}
-
-/// How far colours are from the means of their texels.
-struct Spread {
-    /// Where the colour lies among the values of a point.
-    colour: Option<usize>,
-    /// Of each texel the sums of its colours, and their weight.
-    sums: Vec<[f32; 4]>,
-    /// The sum of all squares.
-    squares: f64,
-}
-
-impl Spread {
-    fn new(texels: usize, colour: Option<usize>) -> Self {
-        Self { colour, sums: vec![[0.0; 4]; if colour.is_some() { texels } else { 0 }], squares: 0.0 }
-    }
-
-    fn add(&mut self, texels: &[u32], values: &[f32], count: usize, weight: f32) {
-        let Some(first) = self.colour else { return };
-        for (&texel, values) in texels.iter().zip(values.chunks_exact(count)) {
-            let colour = [0, 1, 2].map(|k| values[first + k].max(0.0).sqrt());
-            let sums = &mut self.sums[texel as usize];
-            (0..3).for_each(|k| sums[k] += colour[k] * weight);
-            sums[3] += weight;
-            self.squares += f64::from(colour.iter().map(|x| x * x).sum::<f32>() * weight);
-        }
-    }
-
-    fn mean(&self) -> f64 {
-        let known = self.sums.iter().filter(|sums| sums[3] > 0.0);
-        let (mut of_means, mut weight) = (0.0, 0.0);
-        for sums in known {
-            let square: f64 = sums[..3].iter().map(|&sum| f64::from(sum) * f64::from(sum)).sum();
-            of_means += square / f64::from(sums[3]);
-            weight += f64::from(sums[3]);
-        }
-        if weight > 0.0 { (self.squares - of_means).max(0.0) / weight } else { 0.0 }
-    }
 }
 
 /// Points of a triangle in rows along its longest side, about as far from one another as asked for, and the area that they stand for.

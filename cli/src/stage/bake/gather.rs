@@ -195,7 +195,7 @@ fn add_closest(
 }
 
 /// The weights of the corners of a triangle at a point of it.
-fn barycentric([a, b, c]: [DVec3; 3], point: DVec3) -> [f64; 3] {
+pub fn barycentric([a, b, c]: [DVec3; 3], point: DVec3) -> [f64; 3] {
     let normal = (b - a).cross(c - a);
     let squared = normal.length_squared();
     if squared <= 0.0 || squared.is_nan() {

@@ -1,5 +1,7 @@
 //! Images of a file that are read again, for the images of another patch.
 
+use std::borrow::Borrow;
+
 use lodpack::decode::ChannelImage;
 use lodpack::decode::texels::{Image, Map};
 
@@ -27,14 +29,14 @@ impl Stored {
 
 /// The images of all channels of a block.
 #[derive(Clone, Debug)]
-pub struct Images {
-    all: Vec<(Stored, ChannelImage)>,
+pub struct Images<Owned = ChannelImage> {
+    all: Vec<(Stored, Owned)>,
     count: usize,
 }
 
-impl Images {
-    /// Images of all channels, in their order.
-    pub fn new(storage: &Storage, images: Vec<ChannelImage>) -> Self {
+impl<Owned: Borrow<ChannelImage>> Images<Owned> {
+    /// Images of all channels, in their order, or references to them.
+    pub fn new(storage: &Storage, images: Vec<Owned>) -> Self {
         Self { all: storage.channels().iter().copied().zip(images).collect(), count: storage.count() }
     }
 
@@ -50,7 +52,7 @@ impl Images {
             let mut sums = &mut values[first..];
             for (stored, image) in &self.all {
                 let (own, rest) = sums.split_at_mut(stored.values());
-                add(*stored, image, texel, share, own);
+                add(*stored, image.borrow(), texel, share, own);
                 sums = rest;
             }
         };
@@ -73,7 +75,7 @@ impl Images {
         let mut sums = &mut values[first..];
         for (stored, image) in &self.all {
             let (own, rest) = sums.split_at_mut(stored.values());
-            if let (Stored::Label { low }, ChannelImage::Values(image)) = (stored, image) {
+            if let (Stored::Label { low }, ChannelImage::Values(image)) = (stored, image.borrow()) {
                 let [x, y] = [0, 1].map(|axis| place[axis].clamp(low_place[axis], high_place[axis]) as u32);
                 own[0] = (low + f64::from(image.texel(x, y)[0])) as f32;
             }

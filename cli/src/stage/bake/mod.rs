@@ -29,6 +29,7 @@ use crate::mesh::NONE;
 use crate::stage::areas::Areas;
 use closest::show_closest;
 use fill::finished;
+pub use gather::barycentric;
 use gather::gather;
 pub use images::Images;
 use pieces::{Pieces, divide};
@@ -181,16 +182,6 @@ impl<'s> Baker<'s> {
         show_closest(patch, &map, &self.drawn, source, &mut sums);
         self.kept = finished(sums, patch, &map, &self.drawn);
         Some(self.baked(patch, &map, bytes))
-    }
-
-    /// How far the colours of a source are from what [`Baker::bake_closest`] shows: a mean square, as the square root of linear light, where 1 is
-    /// the brightest. None if nothing can be projected.
-    pub fn spread(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<f64> {
-        let (map, _) = self.mapped(patch, exponent)?;
-        let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
-        let spread = show_closest(patch, &map, &self.drawn, source, &mut sums);
-        self.kept = sums.kept;
-        Some(spread)
     }
 
     /// As [`Baker::bake`], from the texels of finer patches.

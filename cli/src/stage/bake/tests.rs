@@ -386,7 +386,4 @@ fn texels_show_what_lies_closest_however_far_it_is() {
     };
     let errors = [error(false), error(true)];
     assert!(errors[1] < 4.0 && errors[0] > 2.0 * errors[1], "{errors:?}");
-    let spread = baker.spread(&patch, &mut source, 2).expect("it has an image");
-    // Texels are two wide, over which the colour grows by one 70th in linear light.
-    assert!(spread > 0.0 && spread < 1e-4, "{spread}");
 }

@@ -99,11 +99,6 @@ impl Storage {
         self.is_plain
     }
 
-    /// Where the first colour lies among the values of a point.
-    pub(super) fn first_colour(&self) -> Option<usize> {
-        self.places(|channel| matches!(channel, Stored::Colour { .. })).first().copied()
-    }
-
     /// Numbers that are kept for a texel: its values, then its weights.
     pub(super) fn stride(&self) -> usize {
         self.count + self.weights

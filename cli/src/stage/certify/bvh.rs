@@ -18,6 +18,8 @@ const WIDEN: f32 = 5e-7;
 const SLACK: f64 = 1.0 + 1e-5;
 /// Entries of the traversal stack: three for each of at most 16 levels, plus one.
 const STACK: usize = 64;
+/// The radius of a [`Near`] as a share of a difference of distances: a half, less than which rounding errors are far smaller.
+const STEADY: f64 = 0.499_999;
 /// Larger sets are refused, because the traversal stack is sized for this many.
 const MAX_TRIANGLES: usize = 1 << 28;
 
@@ -65,6 +67,16 @@ impl Hint {
     pub(super) fn at(slot: u32) -> Self {
         Self(slot)
     }
+}
+
+/// A ball in which one triangle is closest to all points: its radius is half of how much farther its centre is from all others.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Near {
+    centre: DVec3,
+    radius: f64,
+    slot: u32,
+    /// The triangle that is closest but for this one, when it was last looked for.
+    other: u32,
 }
 
 /// The answer to a closest-point query.
@@ -189,6 +201,31 @@ impl TriangleBvh {
         }
     }
 
+    /// As [`closest`](Self::closest), for queries that lie so close together that many in a row end at one triangle.
+    pub fn closest_near(&self, point: DVec3, near: &mut Near) -> Closest {
+        let local = point - self.origin;
+        if local.distance_squared(near.centre) >= near.radius * near.radius {
+            let (square, slot) = self.nearest(local, near.slot, 0.0);
+            // At the first query of a triangle another one is about as close.
+            let (radius, other) = if slot == near.slot && slot != NONE {
+                let (beside, other) = self.nearest_but::<true>(local, near.other, 0.0, slot);
+                ((STEADY * (beside.sqrt() - square.sqrt())).max(0.0), other)
+            } else {
+                (0.0, near.other)
+            };
+            *near = Near { centre: local, radius, slot, other };
+        }
+        let Some(triangle) = self.prepared.get(near.slot as usize) else {
+            return Closest { point, distance: f64::INFINITY, triangle: NONE };
+        };
+        let closest = triangle.closest_point(local);
+        Closest {
+            point: closest + self.origin,
+            distance: closest.distance(local),
+            triangle: self.original[near.slot as usize],
+        }
+    }
+
     /// Squared distance of a point, relative to `origin`, from one triangle.
     #[inline(always)]
     pub(super) fn distance_squared(&self, local: DVec3, slot: u32) -> f64 {
@@ -204,8 +241,16 @@ impl TriangleBvh {
     /// triangle in slot `hint` and may stop at any triangle within the squared distance `enough`. For an empty surface
     /// it returns infinity and [`NONE`].
     pub(super) fn nearest(&self, local: DVec3, hint: u32, enough: f64) -> (f64, u32) {
+        self.nearest_but::<false>(local, hint, enough, NONE)
+    }
+
+    /// As [`nearest`](Self::nearest), of all triangles but one if `IS_BUT` is set.
+    #[inline(always)]
+    fn nearest_but<const IS_BUT: bool>(&self, local: DVec3, hint: u32, enough: f64, but: u32) -> (f64, u32) {
         let mut best = (f64::INFINITY, NONE);
-        if let Some(triangle) = self.prepared.get(hint as usize) {
+        if let Some(triangle) = self.prepared.get(hint as usize)
+            && (!IS_BUT || hint != but)
+        {
             best = (triangle.distance_squared(local), hint);
         }
         if self.nodes.is_empty() {
@@ -226,6 +271,9 @@ impl TriangleBvh {
             }
             if count != INNER {
                 for slot in index..index + u32::from(count) {
+                    if IS_BUT && slot == but {
+                        continue;
+                    }
                     let square = self.prepared[slot as usize].distance_squared(local);
                     if square < best.0 {
                         best = (square, slot);
@@ -415,6 +463,30 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn queries_close_to_one_another_end_where_each_alone_does() {
+        let mut random = Random(5);
+        for count in [1, 2, 40] {
+            let (positions, triangles) = soup(count, &mut random, 1.0);
+            let surface = TriangleBvh::new(&positions, &triangles);
+            let (mut near, mut repeated) = (Near::default(), 0);
+            for _ in 0..50 {
+                let [from, to] = [random.point(), random.point()];
+                for k in 0..100 {
+                    let point = from + (to - from) * (f64::from(k) / 400.0);
+                    let before = near.centre;
+                    let found = surface.closest_near(point, &mut near);
+                    let alone = surface.closest(point, &mut Hint::default());
+                    assert!((found.distance - alone.distance).abs() < 1e-12, "{} {}", found.distance, alone.distance);
+                    repeated += u32::from(near.centre == before);
+                }
+            }
+            assert!(repeated > 2_000, "{repeated} of 5,000 took no search");
+        }
+        let nowhere = TriangleBvh::new(&[], &[]).closest_near(DVec3::ONE, &mut Near::default());
+        assert_eq!((nowhere.triangle, nowhere.distance), (NONE, f64::INFINITY));
     }
 
     #[test]

@@ -31,7 +31,7 @@ mod tests;
 use bound::Search;
 use glam::DVec3;
 
-pub use bvh::{Closest, Hint, TriangleBvh};
+pub use bvh::{Closest, Hint, Near, TriangleBvh};
 pub use by_part::Comparison;
 pub use drape::{BorderPairing, PairedVertex};
 pub use surface::Surface;

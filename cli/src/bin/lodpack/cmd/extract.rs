@@ -28,9 +28,6 @@ use std::process::ExitCode;
 /// Rounding by an output format is noted from this share of the certified error on.
 const NOTABLE_ROUNDING: f64 = 0.1;
 
-/// A simplified cut whose lines between colours are kept may be so many times as far off as one in which they are not, if it shows more.
-const FARTHER_FOR_LINES: f64 = 2.0;
-
 #[derive(Serialize)]
 struct ExtractSummary {
     triangles: u64,
@@ -281,17 +278,15 @@ impl Drawn {
         let triangles = usize::try_from(most).unwrap_or(usize::MAX);
         let error = self.error_everywhere;
         let painter = self.textured.as_ref().and_then(|(cut, _)| CutPainter::new(cut, channels, lattice));
-        let made = |areas| finish(&self.positions, &self.triangles, error, areas, lattice, triangles);
-        let Some(mut finished) = made(None) else {
+        let finished = match &painter {
+            Some(painter) => painter.finished(error, triangles),
+            None => {
+                finish(&self.positions, &self.triangles, error, lattice, triangles).map(|finished| (finished, None))
+            }
+        };
+        let Some((finished, painted)) = finished else {
             bail!("no surface like this one has only {} triangles; ask for more with --triangles", count(most));
         };
-        if let Some(painter) = &painter
-            && let Some(areas) = painter.areas()
-            && let Some(lined) = made(Some(areas)).filter(|lined| lined.error <= FARTHER_FOR_LINES * finished.error)
-        {
-            finished = painter.better(finished, lined);
-        }
-        let painted = painter.and_then(|painter| painter.painted(&finished));
         let textured = painted.zip(self.textured.map(|(_, look)| look));
         Ok(Self {
             positions: finished.positions,
