@@ -317,7 +317,9 @@ impl<'a> Forest<'a> {
         let is_bare = simplified.levels[usize::from(coarsest)..].contains(&None);
         if is_bare {
             let wishes = simplified.stuck.iter().flat_map(|stuck| joined.corners_beside(stuck.vertex, stuck.level));
-            let wishes: Vec<(u32, u8)> = wishes.collect();
+            // What the members have as a vertex, too: groups below that lack it are made already, and would border on another line.
+            let is_of_members = |&(corner, _): &(u32, u8)| self.corner_levels[corner as usize] <= finest + 1;
+            let wishes: Vec<(u32, u8)> = wishes.filter(is_of_members).collect();
             if !capped && !wishes.is_empty() {
                 return Err(wishes);
             }
