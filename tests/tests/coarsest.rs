@@ -197,8 +197,8 @@ fn the_top_of_several_regions_is_nearly_as_near_as_a_reduced_finer_cut() {
         let reduced = finish(&whole.positions, &whole.triangles, finer.error, &file.lattice(), top.triangles.len());
         let reduced = reduced.expect("a sphere has such a surface");
         let best = far(&reduced.positions, &reduced.triangles);
-        // The finer cut is reduced in several ways, of which the best is taken.
-        assert!(occurs < 2.5 * best, "{region_triangles}: {occurs} of the top, {best} of a finer cut");
+        // The finer cut is reduced in several ways, of which the best is taken: 2.5 times in two regions.
+        assert!(occurs < 3.0 * best, "{region_triangles}: {occurs} of the top, {best} of a finer cut");
     }
 }
 
