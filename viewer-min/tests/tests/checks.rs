@@ -80,7 +80,8 @@ fn halved_errors_are_found() {
     let count = File::open(&**model.bytes, Limits::default()).unwrap().root_count();
     // Leaves: what bounds of groups add up is seldom all there at one place.
     for root in [count / 2, 2 * count / 3, count - 1] {
-        let outcome = run(model, 100, Some(Fault::LessError(root, 0.5)));
+        // A surface is as far off as certified in a few places only: in 100 views 4 of 20 leaves do not show theirs.
+        let outcome = run(model, 200, Some(Fault::LessError(root, 0.5)));
         println!("root {root}: {}", outcome.failures.len());
         assert!(outcome.failures.iter().any(|failure| failure.starts_with("error")), "{:#?}", outcome.lines);
     }
