@@ -286,7 +286,7 @@ def speed(args):
                 row("Nexus (without the start of Python)", peer_cpu, wall, run.memory, f"{size:,}")
             except Exception as error:
                 rows.append([name, "Nexus", f"failed: {error}"])
-        for effort in ("default", "fast"):
+        for effort in ("default", "best"):
             out = os.path.join(args.work, f"{name}-{effort}.lodpack")
             run = program("lodpack", "build", mesh, "-o", out, "--effort", effort, "--force", "--json")
             s = run.json()

@@ -51,7 +51,7 @@ class Driver:
     def triangles(self):
         with tempfile.TemporaryDirectory() as folder:
             out = pathlib.Path(folder) / "out.lodpack"
-            done = self.run(["build", self.options.mesh, "-o", out, "--effort", "fast", "--json"], folder)
+            done = self.run(["build", self.options.mesh, "-o", out, "--json"], folder)
             import json
 
             return json.loads(done.stdout)["triangles"]

@@ -113,7 +113,7 @@ fn neither_the_format_nor_the_memory_decides_the_bytes() {
     for input in [&scan(), &obj, &gltf, &off] {
         for memory in ["1GiB", "30MiB"] {
             let file = dir.path().join("out.lodpack");
-            let fixed = ["build", arg(input), "-o", arg(&file), "--effort", "fast", "--tolerance", "0.5%", "--force"];
+            let fixed = ["build", arg(input), "-o", arg(&file), "--tolerance", "0.5%", "--force"];
             // What glTF says of itself.
             let place = ["--up", "y", "--unit", "m"];
             lodpack()
@@ -136,7 +136,7 @@ fn memory_decides_nothing_but_where_the_work_is_done() {
     for triangles in ["5000", "20000"] {
         let [in_memory, on_disk] = ["memory", "disk"].map(|name| dir.path().join(format!("{name}{triangles}.lodpack")));
         let build = |file: &Path, memory: &[&str]| {
-            let fixed = ["build", arg(&scan), "-o", arg(file), "--effort", "fast", "--tolerance", "0.5%", "--json"];
+            let fixed = ["build", arg(&scan), "-o", arg(file), "--tolerance", "0.5%", "--json"];
             let out =
                 lodpack().args(fixed).args(["--region-triangles", triangles]).args(memory).output().expect("runs");
             assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
@@ -149,7 +149,7 @@ fn memory_decides_nothing_but_where_the_work_is_done() {
     }
     // Without --temp the files are beside the output.
     let file = dir.path().join("beside.lodpack");
-    let fixed = ["build", arg(&scan), "-o", arg(&file), "--effort", "fast"];
+    let fixed = ["build", arg(&scan), "-o", arg(&file)];
     lodpack().args(fixed).args(["--region-triangles", "20000", "--memory", "30MiB"]).assert().code(0);
     // Neither success nor failure leaves any.
     let refused = lodpack().args(fixed).args(["--force", "--memory", "30MiB"]).assert().code(2).get_output().clone();
@@ -288,7 +288,7 @@ fn boxes_are_six_numbers_in_order_and_may_be_negative() {
 fn budgets_that_cannot_be_met_say_what_can() {
     let dir = tempfile::tempdir().expect("a temporary directory");
     let (file, mesh) = (dir.path().join("scan.lodpack"), dir.path().join("small.ply"));
-    lodpack().args(["build", arg(&scan()), "-o", arg(&file), "--tolerance", "1%", "--effort", "fast"]).assert().code(0);
+    lodpack().args(["build", arg(&scan()), "-o", arg(&file), "--tolerance", "1%"]).assert().code(0);
     for (budget, hint) in [["--triangles", "1"], ["--nodes", "0"]].into_iter().zip(["ask for more", "at least"]) {
         let (code, said) = outcome(&["extract", arg(&file), "-o", arg(&mesh), budget[0], budget[1]]);
         assert!(code == Some(2) && said.contains(hint), "{said}");

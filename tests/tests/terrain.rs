@@ -538,6 +538,6 @@ fn a_group_with_a_long_straight_border_begins_with_a_corner() {
             [[nw, sw, se], [nw, se, ne]]
         });
         save_ply(&Mesh { positions, triangles: triangles.collect() }, &dir.path().join("a.ply")).expect("writable");
-        run(dir.path(), &format!("build a.ply --force --effort fast --tolerance {tolerance}"));
+        run(dir.path(), &format!("build a.ply --force --tolerance {tolerance}"));
     }
 }

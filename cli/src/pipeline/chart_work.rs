@@ -17,6 +17,8 @@ use lodpack::{
     write::{BlockRecord, RootRecord, SymbolBuffer},
 };
 
+/// Share by which a certified error may exceed the true one.
+const CERTIFY_GAP: f64 = 0.05;
 /// A finer irregular block is left out unless its error is below this multiple of the coarser one's.
 const WORTHWHILE: f64 = 0.8;
 /// Distances below this share of the tolerance need not be resolved in charts of whole parts.
@@ -115,7 +117,7 @@ impl ChartWork<'_> {
         let Scale { error_limit, .. } = *self.charted.scale;
         // A chart without a border consists of whole parts. One of many is nearly as far off as it may be.
         let floor = if compared.is_closed() { error_limit * FLOOR_OF_PARTS } else { self.charted.scale.step() * 0.05 };
-        let options = CertifyOptions { relative_gap: self.charted.certify_gap, floor, ..CertifyOptions::default() };
+        let options = CertifyOptions { relative_gap: CERTIFY_GAP, floor, ..CertifyOptions::default() };
         let bound = compared.two_sided(&options).upper;
         self.times.certify += thread_cpu_time() - start;
         bound
@@ -127,7 +129,7 @@ impl ChartWork<'_> {
         let start = thread_cpu_time();
         let Scale { tolerance, error_limit, .. } = *self.charted.scale;
         // The file rounds errors up. Most bounds between `error_limit` and the tolerance can be proven to be below it.
-        for (target, most) in [(tolerance, tolerance * (1.0 + self.charted.certify_gap)), (error_limit, tolerance)] {
+        for (target, most) in [(tolerance, tolerance * (1.0 + CERTIFY_GAP)), (error_limit, tolerance)] {
             if error > target && error <= most {
                 let options = CertifyOptions { target: Some(target), relative_gap: 0.002, ..CertifyOptions::default() };
                 error = error.min(compared.two_sided(&options).upper);

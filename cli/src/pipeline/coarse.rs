@@ -132,7 +132,7 @@ fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
 /// A surface simplified to so many triangles with its topology and the border that it has to keep; more triangles where these need
 /// more.
 pub(super) fn collapsed(chart: &ChartMesh, triangles: usize) -> Option<Mesh> {
-    collapsed_in_areas(chart, None, triangles, &STOPS).map(|(mesh, _)| mesh)
+    collapsed_in_areas(chart, None, triangles, &STOPS, None).map(|(mesh, _)| mesh)
 }
 
 /// As [`collapsed`], with lines between areas that stay as near as the surface; and the area of each triangle, if some are given. `stops` are
@@ -142,6 +142,7 @@ pub(super) fn collapsed_in_areas(
     areas: Option<Areas<'_>>,
     triangles: usize,
     stops: &[f64],
+    importance: Option<&[f32]>,
 ) -> Option<(Mesh, Vec<u32>)> {
     // A collapse takes two triangles.
     let least = triangles.saturating_sub(1).max(1);
@@ -150,6 +151,7 @@ pub(super) fn collapsed_in_areas(
         min_triangles: least,
         stops,
         areas,
+        importance,
         ..SimplifyOptions::default()
     };
     let patch = simplify_chart(chart, &options).levels.pop().flatten()?;

@@ -9,8 +9,7 @@ use lodpack::source::ReadAt;
 use lodpack::{Cut, File, Lattice, Limiter, Query};
 
 use super::coarse::CoarseSurface;
-use super::reduce::{Reduced, Topology, reductions};
-use crate::stage::areas::Areas;
+use super::reduce::{Reduced, Topology, Ways, reductions};
 
 /// A cut has this many times the triangles that are asked for, so that its error hardly counts beside that of the reduction,
 const CUT_PER_TRIANGLE: u64 = 8;
@@ -82,16 +81,15 @@ pub fn finish(
     lattice: &Lattice,
     most_triangles: usize,
 ) -> Option<Finished> {
-    finished_ways(positions, triangles, error, None, lattice, most_triangles).into_iter().next()
+    finished_ways(positions, triangles, error, Ways::Nearest, lattice, most_triangles).into_iter().next()
 }
 
-/// As [`finish`], made in all ways, the one that is taken first. If areas of the cut are given, between which its colours jump, the lines between them
-/// stay as near as the surface in as many ways more.
+/// As [`finish`], made in several ways, the one that is taken first. The areas of [`Ways::Each`] are those of the cut between which its colours jump.
 pub(super) fn finished_ways(
     positions: &[[f64; 3]],
     triangles: &[[u32; 3]],
     error: f64,
-    areas: Option<Areas<'_>>,
+    ways: Ways<'_>,
     lattice: &Lattice,
     most_triangles: usize,
 ) -> Vec<Finished> {
@@ -106,7 +104,7 @@ pub(super) fn finished_ways(
         let positions = positions.iter().map(|&p: &DVec3| (origin + p).to_array()).collect();
         Finished { positions, triangles, error, topology, areas }
     };
-    reductions(&surface, areas, most_triangles, Some).into_iter().map(finished).collect()
+    reductions(&surface, ways, most_triangles, Some).into_iter().map(finished).collect()
 }
 
 #[cfg(test)]

@@ -24,6 +24,7 @@ mod choose;
 mod coarse;
 mod cut_areas;
 mod exact;
+mod far_weights;
 mod fill;
 mod finish;
 mod grid;
@@ -126,7 +127,7 @@ pub(crate) fn build_region(
     let Region { mesh, adjacency, labels, attributes } = region;
     let start = thread_cpu_time();
     let atlas = trace_arcs(mesh, adjacency, labels, seams);
-    let (scale, certify_gap) = (&plan.scale, plan.effort.certify_gap());
+    let scale = &plan.scale;
     let coarsest = if atlas.charts.len() > 1 { scale.coarsest_of_charts } else { scale.coarsest_of_regions };
     let has_channels = !plan.appearance.is_empty();
     let start_of_areas = thread_cpu_time();
@@ -137,8 +138,7 @@ pub(crate) fn build_region(
     };
     let areas_time = thread_cpu_time() - start_of_areas;
     let areas = areas.as_ref();
-    let charted =
-        ChartedMesh { mesh, adjacency, labels, atlas: &atlas, scale, coarsest, certify_gap, has_channels, areas };
+    let charted = ChartedMesh { mesh, adjacency, labels, atlas: &atlas, scale, coarsest, has_channels, areas };
     let mut arcs = SharedArcs::new(&charted)?;
     let arcs_time = thread_cpu_time() - start - areas_time;
     // Both sides of an arc see the same samples from here on, whatever is added to them.
@@ -163,7 +163,6 @@ pub(crate) fn build_region(
     }
     let mut forest = Forest::new(&net, scale, [scale.coarsest_of_regions, coarsest], records, drawn, nodes);
     forest.jumps = charted.jumps();
-    forest.is_shallow = plan.effort == Effort::Fast;
     if coarsest > 0 {
         let weights: Vec<u64> = atlas.charts.iter().map(|chart| chart.triangles.len() as u64).collect();
         forest.add_groups(&weights, f64::from(scale.chart_triangles), &mut times);
@@ -204,8 +203,6 @@ pub(crate) struct ChartedMesh<'a> {
     pub scale: &'a Scale,
     /// The coarsest level of its charts; groups have the levels above.
     pub coarsest: u8,
-    /// Share by which a certified error may exceed the true one.
-    pub certify_gap: f64,
     /// Whether its blocks get texels.
     pub has_channels: bool,
     /// Parts between which its colours jump, if they do somewhere.

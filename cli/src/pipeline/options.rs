@@ -15,8 +15,6 @@ const FEWEST_TEXTURED: u64 = 1 << 13;
 /// How much run time a build may spend to save bytes. Every error bound is certified at every effort.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Effort {
-    /// Smaller charts, looser certificates, and groups that are made from their members, so more bytes and triangles.
-    Fast,
     /// Charts as large as pays, tight certificates.
     #[default]
     Default,
@@ -56,12 +54,7 @@ impl LevelChoice {
 
 impl Effort {
     /// Name, effort and description of each, the fastest first.
-    pub const ALL: [(&str, Self, &str); 3] = [
-        (
-            "fast",
-            Self::Fast,
-            "Smaller charts, looser bounds, coarse levels farther off: an eighth less time, 6 % more bytes",
-        ),
+    pub const ALL: [(&str, Self, &str); 2] = [
         ("default", Self::Default, "Charts as large as pays, tight bounds"),
         (
             "best",

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::cut_areas::areas_of_cut;
 use super::finish::{Finished, finished_ways};
+use super::reduce::Ways;
 use super::shown_colours::difference;
 use super::texels::exponent_of;
 use crate::mesh::NONE;
@@ -111,7 +112,7 @@ impl<'a> CutPainter<'a> {
     pub fn finished(&self, error: f64, triangles: usize) -> Option<(Finished, Option<TexturedMesh>)> {
         let Mesh { positions, triangles: whole, .. } = &self.cut.mesh;
         let areas = self.areas.as_ref().map(ColourAreas::all);
-        let best = self.best(finished_ways(positions, whole, error, areas, self.lattice, triangles))?;
+        let best = self.best(finished_ways(positions, whole, error, Ways::Each(areas), self.lattice, triangles))?;
         let painted = self.painted(&best, self.shown_exponent());
         Some((best, painted))
     }

@@ -1,7 +1,7 @@
 //! A whole surface with a stated number of triangles, whatever its topology is.
 //!
 //! Edge collapse keeps the topology, and is nearest to the surface until it needs some sixty triangles a handle and a dozen a part. It is
-//! tried in several ways, which renew their planes more or less often.
+//! tried in several ways, which renew their planes more or less often, and again with more weight where the result is farthest off.
 //! Where fewer than three times as many are asked for, closed surfaces are also [resampled](crate::stage::resample) on cells so large
 //! that few handles are left, and [vertices are clustered](crate::stage::cluster_vertices), which suits scenes of many parts. Vertices
 //! are also clustered where nothing else reaches the number. Of the results that reach it, the one with the least mean squared
@@ -14,6 +14,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::coarse::{CoarseSurface, STOPS, collapsed, collapsed_in_areas, filled};
+use super::far_weights::FarWeights;
 use super::manifold::open_edges;
 use super::spread_points::for_each_point;
 use crate::mesh::union_find::count_components;
@@ -37,10 +38,14 @@ const LATTICES_TRIED: usize = 2;
 const RESAMPLED_PER_TRIANGLE: usize = 60;
 const MIN_RESAMPLED: usize = 120_000;
 /// Of the candidates whose bound is at most this many times the least one, the one with the least mean is taken.
-const FARTHER: f64 = 1.5;
+const FARTHER: f64 = 1.1;
 /// Ways to collapse edges, as [`SimplifyOptions::stops`](crate::stage::simplify::SimplifyOptions): all are tried, since which is nearest differs
 /// from surface to surface.
-const WAYS: [&[f64]; 3] = [&[], &STOPS, &[4.0, 2.0, 1.4]];
+const ALL_STOPS: [&[f64]; 3] = [&[], &STOPS, &[4.0, 2.0, 1.4]];
+/// Input triangles that are collapsed again, in all ways together, with more weight where the surface was farthest off; and how often in each
+/// way at most.
+const COLLAPSED_AGAIN: usize = 700_000;
+const MOST_ROUNDS: usize = 16;
 /// Halvings of the interval of cell sizes for clustering.
 const CLUSTER_STEPS: usize = 12;
 /// The smallest cells for clustering, as a share of the longest side of the box.
@@ -66,7 +71,7 @@ pub(super) fn reduce(
     triangles: usize,
     mended: impl Fn(Mesh) -> Option<Mesh>,
 ) -> Option<(CoarseSurface, Topology)> {
-    let nearest = reductions(surface, None, triangles, mended).into_iter().next();
+    let nearest = reductions(surface, Ways::Nearest, triangles, mended).into_iter().next();
     nearest.map(|reduced| (reduced.surface, reduced.topology))
 }
 
@@ -78,10 +83,19 @@ pub(super) struct Reduced {
     pub areas: Vec<u32>,
 }
 
-/// As [`reduce`], made in all ways, the one that is taken first. If areas are given, lines between them stay, too, in as many ways more.
+/// The ways in which a surface is reduced.
+#[derive(Clone, Copy)]
+pub(super) enum Ways<'a> {
+    /// All that bring it near, also again with more weight where it is farthest off.
+    Nearest,
+    /// A few, for somebody else to choose from. If areas are given, lines between them stay, too, in as many ways more.
+    Each(Option<Areas<'a>>),
+}
+
+/// As [`reduce`], made in several ways, the one that is taken first.
 pub(super) fn reductions(
     surface: &CoarseSurface,
-    areas: Option<Areas<'_>>,
+    ways: Ways<'_>,
     triangles: usize,
     mended: impl Fn(Mesh) -> Option<Mesh>,
 ) -> Vec<Reduced> {
@@ -92,7 +106,7 @@ pub(super) fn reductions(
         let surface = CoarseSurface { positions, triangles, error: surface.error };
         return vec![Reduced { surface, topology: Topology::Kept, areas: vec![] }];
     }
-    let mut candidates: Vec<Candidate> = vec![];
+    let mut reducing = Reducing::new(&whole, triangles, &mended);
     let chart = surface.chart();
     let closed = match &chart {
         Some(chart) => (triangles < CROWDED * needed(chart)).then(|| capped(chart)),
@@ -100,38 +114,19 @@ pub(super) fn reductions(
         None => open_edges(&whole.triangles).is_empty().then(|| whole.clone()),
     };
     let is_crowded = closed.is_some();
-    if let Some(closed) = closed {
-        candidates
-            .extend(resampled(&closed, triangles).into_iter().map(|mesh| Candidate::of(mesh, Topology::Resampled)));
+    for mesh in closed.iter().flat_map(|closed| resampled(closed, triangles)) {
+        reducing.add(Candidate::of(mesh, Topology::Resampled));
     }
     if let Some(mut chart) = chart {
         // Nobody borders on it.
         chart.loops.iter_mut().flatten().for_each(|border| border.level = FREE);
-        let of_chart = areas.map(|areas| areas_of_chart(&whole, areas, &chart));
-        let areas = areas.and_then(|areas| Areas::of(of_chart.as_deref()?, Some(areas.jumps)));
-        let of = ways(chart.triangles.len(), triangles);
-        let kept = iter::once(None).chain(areas.map(Some));
-        for (stops, areas) in kept.flat_map(|areas| of.iter().map(move |stops| (stops, areas))) {
-            if let Some((mesh, areas)) = collapsed_in_areas(&chart, areas, triangles, stops) {
-                candidates.push(Candidate { mesh, topology: Topology::Kept, areas });
-            }
-        }
+        reducing.collapse(&chart, ways);
     }
-    let mended_of = |candidate: Candidate| Some(Candidate { mesh: mended(candidate.mesh)?, ..candidate });
-    let mut candidates: Vec<Candidate> = candidates.into_iter().filter_map(mended_of).collect();
-    candidates.retain(|candidate| is_small(&candidate.mesh) && !candidate.mesh.triangles.is_empty());
-    if is_crowded || candidates.is_empty() {
-        candidates.extend(clustered(&whole, triangles, mended).map(|mesh| Candidate::of(mesh, Topology::Clustered)));
+    if is_crowded || reducing.measured.is_empty() {
+        let clustered = clustered(&whole, triangles, &mended);
+        clustered.into_iter().for_each(|mesh| reducing.measure(Candidate::of(mesh, Topology::Clustered)));
     }
-    let original = TriangleBvh::new(&whole.positions, &whole.triangles);
-    let mut measured: Vec<Measured> = vec![];
-    for candidate in candidates {
-        let Mesh { positions, triangles } = &candidate.mesh;
-        let drawn = TriangleBvh::new(positions, triangles);
-        let bound = two_sided(&original, &drawn, &CertifyOptions::default()).upper;
-        let mean = one_way(&whole, &drawn) + one_way(&candidate.mesh, &original);
-        measured.push(Measured { candidate, bound, mean });
-    }
+    let mut measured = reducing.measured;
     measured.retain(|m| m.bound.is_finite());
     let least = measured.iter().map(|m| m.bound).fold(f64::INFINITY, f64::min);
     let is_far = |m: &Measured| m.bound > FARTHER * least;
@@ -147,17 +142,73 @@ pub(super) fn reductions(
     measured.into_iter().map(reduced).collect()
 }
 
-/// The ways to collapse the edges of a surface of some triangles that differ.
-fn ways(of: usize, triangles: usize) -> Vec<Vec<f64>> {
-    let ratio = of as f64 / triangles.max(1) as f64;
-    let mut ways: Vec<Vec<f64>> = vec![];
-    for stops in WAYS {
-        let stops: Vec<f64> = stops.iter().copied().filter(|&times| times < ratio).collect();
-        if !ways.contains(&stops) {
-            ways.push(stops);
+/// Candidates for one surface.
+struct Reducing<'a> {
+    whole: &'a Mesh,
+    original: TriangleBvh,
+    triangles: usize,
+    mended: &'a dyn Fn(Mesh) -> Option<Mesh>,
+    measured: Vec<Measured>,
+}
+
+impl<'a> Reducing<'a> {
+    fn new(whole: &'a Mesh, triangles: usize, mended: &'a dyn Fn(Mesh) -> Option<Mesh>) -> Self {
+        let original = TriangleBvh::new(&whole.positions, &whole.triangles);
+        Self { whole, original, triangles, mended, measured: vec![] }
+    }
+
+    /// Mends and measures a candidate, if it is small enough then, and returns what has been measured.
+    fn add(&mut self, candidate: Candidate) -> Option<&Measured> {
+        let mesh = (self.mended)(candidate.mesh)?;
+        let fits = mesh.triangles.len() <= self.triangles && !mesh.triangles.is_empty();
+        fits.then(|| self.measure(Candidate { mesh, ..candidate }))?;
+        self.measured.last()
+    }
+
+    fn measure(&mut self, candidate: Candidate) {
+        let Mesh { positions, triangles } = &candidate.mesh;
+        let drawn = TriangleBvh::new(positions, triangles);
+        let bound = two_sided(&self.original, &drawn, &CertifyOptions::default()).upper;
+        let mean = one_way(self.whole, &drawn) + one_way(&candidate.mesh, &self.original);
+        self.measured.push(Measured { candidate, bound, mean });
+    }
+
+    /// Adds what edge collapse makes of the surface.
+    fn collapse(&mut self, chart: &ChartMesh, ways: Ways<'_>) {
+        let all_stops = differing_stops(chart.triangles.len(), self.triangles);
+        let (areas, rounds) = match ways {
+            Ways::Nearest => (None, COLLAPSED_AGAIN / (all_stops.len() * chart.triangles.len()).max(1)),
+            Ways::Each(areas) => (areas, 0),
+        };
+        let rounds = rounds.min(MOST_ROUNDS);
+        let of_chart = areas.map(|areas| areas_of_chart(self.whole, areas, chart));
+        let areas = areas.and_then(|areas| Areas::of(of_chart.as_deref()?, Some(areas.jumps)));
+        let kept = iter::once(None).chain(areas.map(Some));
+        for (stops, areas) in kept.flat_map(|areas| all_stops.iter().map(move |stops| (stops, areas))) {
+            let mut weights = FarWeights::new(chart);
+            for round in 0..=rounds {
+                let made = collapsed_in_areas(chart, areas, self.triangles, stops, weights.of_vertices());
+                let candidate = made.map(|(mesh, areas)| Candidate { mesh, topology: Topology::Kept, areas });
+                let Some(last) = candidate.and_then(|candidate| self.add(candidate)) else { break };
+                if round < rounds {
+                    weights.raise(&last.candidate.mesh, last.bound);
+                }
+            }
         }
     }
-    ways
+}
+
+/// The [`ALL_STOPS`] that differ for a surface of some triangles.
+fn differing_stops(of: usize, triangles: usize) -> Vec<Vec<f64>> {
+    let ratio = of as f64 / triangles.max(1) as f64;
+    let mut all: Vec<Vec<f64>> = vec![];
+    for stops in ALL_STOPS {
+        let stops: Vec<f64> = stops.iter().copied().filter(|&times| times < ratio).collect();
+        if !all.contains(&stops) {
+            all.push(stops);
+        }
+    }
+    all
 }
 
 /// The areas of a chart's triangles, which are those of the surface that it was made from, but for a few that were divided.

@@ -74,7 +74,6 @@ impl Effort {
     /// A smooth surface (32 M generated triangles) takes half the bytes in the same time with charts that grow up to the most.
     fn chart_size(self) -> [f64; 2] {
         match self {
-            Self::Fast => [1400.0, 65536.0],
             Self::Default => [2800.0, 131_072.0],
             Self::Best => [5600.0, 262_144.0],
         }
@@ -87,14 +86,6 @@ impl Effort {
         // A plane wants infinitely many.
         let wanted = (finest / (SHARE_PER_BEND * mean_bend)).clamp(CHART_TRIANGLES, most);
         power_of_two_near(wanted, CHART_TRIANGLES)
-    }
-
-    /// Share by which a certified error may exceed the true one. Tight, except where time matters more.
-    pub(super) fn certify_gap(self) -> f64 {
-        match self {
-            Self::Fast => 0.25,
-            Self::Default | Self::Best => 0.05,
-        }
     }
 }
 
@@ -377,12 +368,12 @@ mod tests {
 
     #[test]
     fn charts_grow_with_smoothness_and_effort_by_powers_of_two() {
-        let sizes = |bend| [Effort::Fast, Effort::Default, Effort::Best].map(|effort| effort.chart_triangles(bend));
-        assert_eq!(sizes(0.0), [65536.0, 131_072.0, 262_144.0]);
+        let sizes = |bend| [Effort::Default, Effort::Best].map(|effort| effort.chart_triangles(bend));
+        assert_eq!(sizes(0.0), [131_072.0, 262_144.0]);
         // The dragon, and a scan with noise.
-        assert_eq!(sizes(0.0708), [16384.0, 32768.0, 65536.0]);
-        assert_eq!(sizes(0.19), [4096.0, 8192.0, 16384.0]);
-        assert_eq!(sizes(2.0), [4096.0; 3]);
+        assert_eq!(sizes(0.0708), [32768.0, 65536.0]);
+        assert_eq!(sizes(0.19), [8192.0, 16384.0]);
+        assert_eq!(sizes(2.0), [4096.0; 2]);
         for k in 1..100 {
             let size = Effort::Default.chart_triangles(f64::from(k) * 0.003);
             assert_eq!(size.log2().fract(), 0.0);

@@ -80,7 +80,7 @@ class Building(unittest.TestCase):
             (lodpack.QueryError, "not a tolerance", (positions, triangles), {"tolerance": "fine"}),
             (lodpack.QueryError, "not a tolerance", (positions, triangles), {"tolerance": float("nan")}),
             (lodpack.QueryError, "less than 0", (positions, triangles), {"tolerance": -1.0}),
-            (lodpack.QueryError, "fast", (positions, triangles), {"effort": "heroic"}),
+            (lodpack.QueryError, "best", (positions, triangles), {"effort": "heroic"}),
             (lodpack.QueryError, "unknown unit", (positions, triangles), {"unit": "parsec"}),
             (TypeError, "mesh file", 5.0, {}),
         ]
@@ -136,7 +136,7 @@ print("done")
 
         thread = threading.Thread(target=tick)
         thread.start()
-        lodpack.build(MESH, self.folder / "out.lodpack", effort="fast")
+        lodpack.build(MESH, self.folder / "out.lodpack", effort="best")
         ended.set()
         thread.join()
         # With the interpreter's lock held there would be one or two.

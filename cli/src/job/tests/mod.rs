@@ -12,7 +12,7 @@ use tempfile::TempDir;
 use super::*;
 use crate::mesh::Mesh;
 use crate::mesh::export::{MeshFormat, write_mesh};
-use crate::pipeline::{Effort, ModelOptions};
+use crate::pipeline::ModelOptions;
 use crate::progress::{Progress, Silent};
 use regions::torus;
 
@@ -39,12 +39,7 @@ impl Scene {
         write_torus(&mesh, 96, 40);
         let options = BuildOptions {
             inputs: vec![mesh],
-            model: ModelOptions {
-                region_triangles: 1000,
-                chart_triangles: Some(300),
-                effort: Effort::Fast,
-                ..ModelOptions::default()
-            },
+            model: ModelOptions { region_triangles: 1000, chart_triangles: Some(300), ..ModelOptions::default() },
             work: folder.path().join("work"),
             ..BuildOptions::default()
         };

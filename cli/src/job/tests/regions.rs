@@ -10,8 +10,8 @@ use crate::job::build::build_imported;
 use crate::job::{BuildOptions, build_mesh};
 use crate::measure::verify::inspect_edges;
 use crate::mesh::{Mesh, NONE};
+use crate::pipeline::ModelOptions;
 use crate::pipeline::summary::{BuildSummary, Stopwatch};
-use crate::pipeline::{Effort, ModelOptions};
 use crate::progress::Silent;
 use crate::region::{Division, Region, RegionStore, Regions};
 
@@ -81,8 +81,7 @@ fn welded(mesh: &lodpack::Mesh) -> Vec<[u32; 3]> {
 }
 
 fn options(region_triangles: u64) -> BuildOptions {
-    let (effort, chart_triangles) = (Effort::Fast, Some(300));
-    let model = ModelOptions { region_triangles, chart_triangles, effort, ..ModelOptions::default() };
+    let model = ModelOptions { region_triangles, chart_triangles: Some(300), ..ModelOptions::default() };
     BuildOptions { model, ..BuildOptions::default() }
 }
 

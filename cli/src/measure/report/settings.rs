@@ -72,9 +72,7 @@ pub fn settings(base: &ModelOptions, threads: usize, triangles: u64, quick: bool
         tolerance_factor,
         ..named(&format!("tolerance x {tolerance_factor}"), Varied::Tolerance)
     }));
-    for (name, effort) in [("fast", Effort::Fast), ("best", Effort::Best)] {
-        all.push(Setting { effort, ..named(&format!("effort {name}"), Varied::Effort) });
-    }
+    all.push(Setting { effort: Effort::Best, ..named("effort best", Varied::Effort) });
     if !quick {
         let grids = [("grids where possible", Fillings::GridWherePossible), ("grids where smaller", Fillings::Smaller)];
         all.extend(grids.map(|(name, fillings)| Setting { fillings, ..named(name, Varied::Fillings) }));
@@ -103,15 +101,9 @@ pub fn settings(base: &ModelOptions, threads: usize, triangles: u64, quick: bool
             tolerance_factor,
             ..named(&format!("{name}, tolerance x {tolerance_factor}"), Varied::Combination)
         };
-        all.push(Setting { effort: Effort::Fast, ..at("fast") });
         all.push(Setting { effort: Effort::Best, ..at("best") });
         all.push(Setting { chart_triangles: Some(32768), ..at("charts of 32768") });
     }
-    all.push(Setting {
-        effort: Effort::Fast,
-        chart_triangles: Some(32768),
-        ..named("fast, charts of 32768", Varied::Combination)
-    });
     all
 }
 

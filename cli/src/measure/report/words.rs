@@ -2,8 +2,7 @@
 
 use super::analysis::{DefaultCheck, competes};
 use super::plot::short;
-use super::{BudgetRow, BuildRow, Report, Setting, Varied};
-use crate::pipeline::Effort;
+use super::{BudgetRow, BuildRow, Report, Varied};
 
 /// The stages of a build's summary that keep a build correct.
 pub(crate) const SAFETY_STAGES: [&str; 2] = ["repair", "certify"];
@@ -159,21 +158,6 @@ fn front_words(check: Option<&DefaultCheck>) -> String {
     )
 }
 
-/// Two builds that differ in how tight their certificate is: the loose one and the tight one. With effort fast, builds with charts of a
-/// given size differ in the allowed gap between bound and distance, 25 % instead of 5 %, and in what their groups are made from.
-pub(crate) fn gap_pair(builds: &[BuildRow]) -> Option<(&BuildRow, &BuildRow)> {
-    let mut loose =
-        builds.iter().filter(|row| row.setting.effort == Effort::Fast && row.setting.chart_triangles.is_some());
-    let twin_of = |loose: &BuildRow| {
-        let alike = |s: &Setting| {
-            let Setting { tolerance_factor, fillings, chart_triangles, threads, region_triangles, .. } = s;
-            (tolerance_factor.to_bits(), *fillings, *chart_triangles, *threads, *region_triangles)
-        };
-        builds.iter().find(|row| row.setting.effort == Effort::Default && alike(&row.setting) == alike(&loose.setting))
-    };
-    loose.find_map(|loose| Some((loose, twin_of(loose)?)))
-}
-
 fn safety_words(report: &Report, default: &BuildRow) -> Vec<String> {
     let mut words = vec![];
     let shares: Vec<String> = SAFETY_STAGES
@@ -188,19 +172,6 @@ fn safety_words(report: &Report, default: &BuildRow) -> Vec<String> {
         short(default.cpu_seconds),
         shares.join(", ")
     ));
-    if let Some((loose, tight)) = gap_pair(&report.builds) {
-        let ratio = |row: &BuildRow| row.certified / row.measured.max().max(1e-300);
-        words.push(format!(
-            "The certificate takes {} s with a gap of 5 % and {} s with 25 % and shallow groups (`--effort fast`); the certified error is {:.2} and {:.2} times the largest \
-             measured error, and the files have {} and {} bytes.",
-            short(tight.stage("certify")),
-            short(loose.stage("certify")),
-            ratio(tight),
-            ratio(loose),
-            tight.bytes,
-            loose.bytes
-        ));
-    }
     if let Some(cost) = &report.verification {
         words.push(format!(
             "Verifying the file with {} random cuts takes {} s of processor time; checking every stored error \

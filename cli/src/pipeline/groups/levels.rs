@@ -33,6 +33,8 @@ pub(super) struct Making<'a> {
     pub levels: [u8; 2],
     /// The surface that they are made from.
     pub below: &'a Joined,
+    /// Whether that consists of many parts, most of which will be gone: then all is far off, whatever one does.
+    pub is_of_small_parts: bool,
 }
 
 /// A level as it decodes.
@@ -91,7 +93,7 @@ impl Making<'_> {
         };
         let mut compared = Comparison::new(&original, &drawn, &self.below.pairing(level));
         let mut distance = compared.two_sided(&options).upper;
-        if distance > self.too_far(level) {
+        if distance > self.too_far(level) && !self.is_of_small_parts {
             // A map may stretch over a fold that closest points do not see.
             distance = distance.min(two_sided(original.bvh(), drawn.bvh(), &options).upper);
         }

@@ -102,8 +102,6 @@ pub(super) struct Forest<'a> {
     levels: [u8; 2],
     /// Where colours jump, if that is known.
     pub jumps: Option<&'a Jumps>,
-    /// Whether groups are made from their members, which takes less time, but leaves coarse ones farther off.
-    pub is_shallow: bool,
     pub records: Vec<RootRecord>,
     /// What is drawn of each record, if they are to have texels.
     pub drawn: Vec<DrawnBlocks>,
@@ -167,18 +165,7 @@ impl<'a> Forest<'a> {
     ) -> Self {
         let corner_levels = net.corner_levels.clone();
         let nodes = nodes.into_iter().map(Some).collect();
-        Self {
-            net,
-            scale,
-            levels,
-            jumps: None,
-            is_shallow: false,
-            records,
-            drawn,
-            corner_levels,
-            interior_vertices: 0,
-            nodes,
-        }
+        Self { net, scale, levels, jumps: None, records, drawn, corner_levels, interior_vertices: 0, nodes }
     }
 
     /// Adds groups of all heights. `weights` are the sizes of the nodes, `unit` that of one of average size.
@@ -283,17 +270,18 @@ impl<'a> Forest<'a> {
         let holes = members.holes(self.net, coarsest, scale.levels[usize::from(finest)].tolerance * WIDEST_HOLE);
         let members = members.with_caps(&holes);
         // Of many parts few stay, however they are made: four times the triangles would cost a quarter of the build for nothing.
-        let depths = if is_of_small_parts(&members) { 0..0 } else { 0..scale.levels.len() };
+        let is_of_small_parts = is_of_small_parts(&members);
+        let depths = if is_of_small_parts { 0..0 } else { 0..scale.levels.len() };
         let parts_below = depths.map_while(|depth| below_of(&nodes, depth));
         let finer: Vec<Joined> = parts_below.map(|parts| join(&borders, &parts, coarsest).with_caps(&holes)).collect();
         // There is one top, so that a dearer way costs next to nothing.
-        let below = if coarsest == 0 { finer.last() } else { finer.first().filter(|_| !self.is_shallow) };
+        let below = if coarsest == 0 { finer.last() } else { finer.first() };
         let below = below.unwrap_or(&members);
         let mut joined = below.clone();
         times.cut += thread_cpu_time() - start;
 
         let start = thread_cpu_time();
-        let making = Making { scale, jumps: self.jumps, levels: [coarsest, finest], below };
+        let making = Making { scale, jumps: self.jumps, levels: [coarsest, finest], below, is_of_small_parts };
         let mut early = None;
         let mut simplify = |joined: &Joined| {
             early = None;

@@ -1,0 +1,65 @@
+//! Weights for another collapse of a surface: more where the last one was farthest off.
+//!
+//! Quadrics keep the mean low. The largest distance is often in one place, such as a hole that is drawn too large, and a few
+//! triangles more there cost the others next to nothing.
+
+use std::collections::BTreeSet;
+
+use crate::mesh::Mesh;
+use crate::stage::certify::{Hint, TriangleBvh, exceeding};
+use crate::stage::chart::ChartMesh;
+
+/// Far are places beyond this share of the largest distance.
+const FAR: f64 = 0.7;
+/// Factor on a vertex's quadric, with every round, in a far place.
+const STEP: f32 = 3.0;
+/// Most weight: beyond it nothing is collapsed there any more.
+const MOST: f32 = 1e6;
+/// Closest-point queries that finding them may take in each direction.
+const WORK: u64 = 30_000;
+/// Points along each side of a drawn triangle whose closest input triangles are far with it.
+const POINTS: u32 = 8;
+
+/// Weights of the vertices of a chart.
+pub(super) struct FarWeights<'a> {
+    chart: &'a ChartMesh,
+    /// Made when it is needed.
+    surface: Option<TriangleBvh>,
+    weights: Vec<f32>,
+}
+
+impl<'a> FarWeights<'a> {
+    pub fn new(chart: &'a ChartMesh) -> Self {
+        Self { chart, surface: None, weights: vec![] }
+    }
+
+    /// As [`SimplifyOptions::importance`](crate::stage::simplify::SimplifyOptions::importance).
+    pub fn of_vertices(&self) -> Option<&[f32]> {
+        (!self.weights.is_empty()).then_some(&self.weights)
+    }
+
+    /// Raises the weights where a drawn surface, which is at most `bound` off, is farthest.
+    pub fn raise(&mut self, drawn: &Mesh, bound: f64) {
+        let Self { chart, surface, weights } = self;
+        let surface = surface.get_or_insert_with(|| TriangleBvh::new(&chart.positions, &chart.triangles));
+        let of_drawn = TriangleBvh::new(&drawn.positions, &drawn.triangles);
+        let far = FAR * bound;
+        let mut triangles: BTreeSet<u32> = exceeding(surface, &of_drawn, far, WORK).into_iter().collect();
+        let mut hint = Hint::default();
+        for triangle in exceeding(&of_drawn, surface, far, WORK) {
+            let [a, b, c] = drawn.corners(triangle);
+            for (i, j) in (0..=POINTS).flat_map(|i| (0..=POINTS - i).map(move |j| (i, j))) {
+                let [u, v] = [i, j].map(|k| f64::from(k) / f64::from(POINTS));
+                let closest = surface.closest(a + (b - a) * u + (c - a) * v, &mut hint);
+                if closest.distance > far {
+                    triangles.insert(closest.triangle);
+                }
+            }
+        }
+        weights.resize(chart.positions.len(), 1.0);
+        let vertices: BTreeSet<u32> = triangles.into_iter().flat_map(|t| chart.triangles[t as usize]).collect();
+        for v in vertices {
+            weights[v as usize] = (weights[v as usize] * STEP).min(MOST);
+        }
+    }
+}
