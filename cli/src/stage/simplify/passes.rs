@@ -8,6 +8,9 @@ use super::collapse::Collapser;
 const SWEPT: [f64; 2] = [0.2, 0.4];
 /// Passes by the queue, the last of which makes the level. The last share is above 1, since what has been passed counts no more.
 const QUEUED: [f64; 4] = [0.6, 0.8, 1.0, 1.1];
+/// After a pass that takes fewer triangles than one in this many, others like it are left out: parts that can hardly be simplified
+/// would take their time for nothing.
+const FEW: usize = 100;
 
 impl Collapser<'_> {
     /// Begins a level, with all but its last pass done. `threshold` is a squared distance.
@@ -20,14 +23,26 @@ impl Collapser<'_> {
                 self.renew_planes();
                 self.sweep(1, share * threshold);
             }
-            for share in QUEUED {
-                self.drain();
+            let [first @ .., last] = QUEUED;
+            for share in first {
+                let before = self.mesh.triangle_count();
                 self.renew_planes();
                 self.begin_level(level, share * threshold);
+                self.drain();
+                if self.took_few(before) {
+                    break;
+                }
             }
+            self.renew_planes();
+            self.begin_level(level, last * threshold);
         } else {
             self.begin_level(level, threshold);
         }
+    }
+
+    /// Whether a pass took few triangles, which begins with some.
+    pub(super) fn took_few(&self, before: usize) -> bool {
+        before - self.mesh.triangle_count() < before / FEW
     }
 
     /// The passes of a level that only a number of triangles ends.

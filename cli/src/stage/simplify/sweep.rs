@@ -17,6 +17,7 @@ impl Collapser<'_> {
         }
         let mut merged_by = vec![0; self.positions.len()];
         for sweep in 1..=sweeps {
+            let before = self.mesh.triangle_count();
             for edge in 0..self.mesh.edge_count() as u32 {
                 let Some(h) = self.mesh.half_edge(edge) else { continue };
                 let ends = [self.mesh.origin(h), self.mesh.target(h)];
@@ -31,6 +32,9 @@ impl Collapser<'_> {
                     merged_by[kept as usize] = sweep;
                     merges.push(Merge { half_edge, removed, target });
                 }
+            }
+            if self.took_few(before) {
+                break;
             }
         }
         merges
