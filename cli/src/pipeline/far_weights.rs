@@ -13,6 +13,8 @@ use crate::stage::chart::ChartMesh;
 const FAR: f64 = 0.7;
 /// Factor on a vertex's quadric, with every round, in a far place.
 const STEP: f32 = 3.0;
+/// Where more vertices than these are far, as on large rough surfaces, weights would only say that everything matters.
+const MANY: usize = 2000;
 /// Most weight: beyond it nothing is collapsed there any more.
 const MOST: f32 = 1e6;
 /// Closest-point queries that finding them may take in each direction.
@@ -38,8 +40,13 @@ impl<'a> FarWeights<'a> {
         (!self.weights.is_empty()).then_some(&self.weights)
     }
 
-    /// Raises the weights where a drawn surface, which is at most `bound` off, is farthest.
-    pub fn raise(&mut self, drawn: &Mesh, bound: f64) {
+    /// Begins again, with the same weight everywhere.
+    pub fn reset(&mut self) {
+        self.weights.clear();
+    }
+
+    /// Raises the weights where a drawn surface, which is at most `bound` off, is farthest. Returns false if that is in too many places.
+    pub fn raise(&mut self, drawn: &Mesh, bound: f64) -> bool {
         let Self { chart, surface, weights } = self;
         let surface = surface.get_or_insert_with(|| TriangleBvh::new(&chart.positions, &chart.triangles));
         let of_drawn = TriangleBvh::new(&drawn.positions, &drawn.triangles);
@@ -58,8 +65,9 @@ impl<'a> FarWeights<'a> {
         }
         weights.resize(chart.positions.len(), 1.0);
         let vertices: BTreeSet<u32> = triangles.into_iter().flat_map(|t| chart.triangles[t as usize]).collect();
-        for v in vertices {
+        for &v in &vertices {
             weights[v as usize] = (weights[v as usize] * STEP).min(MOST);
         }
+        vertices.len() <= MANY
     }
 }

@@ -184,14 +184,15 @@ impl<'a> Reducing<'a> {
         let of_chart = areas.map(|areas| areas_of_chart(self.whole, areas, chart));
         let areas = areas.and_then(|areas| Areas::of(of_chart.as_deref()?, Some(areas.jumps)));
         let kept = iter::once(None).chain(areas.map(Some));
+        let mut weights = FarWeights::new(chart);
         for (stops, areas) in kept.flat_map(|areas| all_stops.iter().map(move |stops| (stops, areas))) {
-            let mut weights = FarWeights::new(chart);
+            weights.reset();
             for round in 0..=rounds {
                 let made = collapsed_in_areas(chart, areas, self.triangles, stops, weights.of_vertices());
                 let candidate = made.map(|(mesh, areas)| Candidate { mesh, topology: Topology::Kept, areas });
                 let Some(last) = candidate.and_then(|candidate| self.add(candidate)) else { break };
-                if round < rounds {
-                    weights.raise(&last.candidate.mesh, last.bound);
+                if round == rounds || !weights.raise(&last.candidate.mesh, last.bound) {
+                    break;
                 }
             }
         }
