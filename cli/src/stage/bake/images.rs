@@ -45,6 +45,12 @@ impl<Owned: Borrow<ChannelImage>> Images<Owned> {
         let count = width.ceil().clamp(1.0, MOST_SAMPLES) as u32;
         let offset = |k: u32| ((f64::from(k) + 0.5) / f64::from(count) - 0.5) * width;
         let clamped = |axis: usize, k: u32| (place[axis] + offset(k)).clamp(low_place[axis], high_place[axis]);
+        if let (1, [(Stored::Colour { components: 3, .. }, image)]) = (count, self.all.as_slice())
+            && let ChannelImage::Colours(image) = image.borrow()
+        {
+            values.extend(opaque_between(image, between(place, [low_place, high_place])));
+            return;
+        }
         let share = 1.0 / (count * count) as f32;
         let first = values.len();
         values.resize(first + self.count, 0.0);
@@ -59,9 +65,7 @@ impl<Owned: Borrow<ChannelImage>> Images<Owned> {
         if count == 1 {
             // What readers show there.
             let ([x, y], [right, down]) = between(place, [low_place, high_place]);
-            for [beside, below] in [[0, 0], [1, 0], [0, 1], [1, 1]] {
-                let share = |is_far: u32, far: f32| if is_far == 1 { far } else { 1.0 - far };
-                let share = share(beside, right) * share(below, down);
+            for ([beside, below], share) in shares([right, down]) {
                 if share > 0.0 {
                     add_texel([x + beside, y + below], share);
                 }
@@ -99,6 +103,26 @@ fn between(place: [f64; 2], [low, high]: [[f64; 2]; 2]) -> ([u32; 2], [f32; 2]) 
     };
     let ((x, right), (y, down)) = (of(0), of(1));
     ([x, y], [right, down])
+}
+
+/// The shares of four texels between which something is so far along both directions, and where they lie from the first.
+fn shares([right, down]: [f32; 2]) -> [([u32; 2], f32); 4] {
+    [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[beside, below]| {
+        let share = |is_far: u32, far: f32| if is_far == 1 { far } else { 1.0 - far };
+        ([beside, below], share(beside, right) * share(below, down))
+    })
+}
+
+/// What an image of opaque colours shows between four texels: most images are of this kind.
+fn opaque_between(image: &Image<u8>, ([x, y], far): ([u32; 2], [f32; 2])) -> [f32; 3] {
+    let mut sums = [0.0; 3];
+    for ([beside, below], share) in shares(far) {
+        if share > 0.0 {
+            let texel = image.texel(x + beside, y + below);
+            (0..3).for_each(|k| sums[k] += LINEAR_OF_BYTE[usize::from(texel[k])] * share);
+        }
+    }
+    sums
 }
 
 /// Adds a share of the values of a texel; colours with their opacity as the weight.
