@@ -80,8 +80,13 @@ impl Rows {
     /// The points of a row that lie in a block.
     fn columns(&self, row: usize, block: &Block) -> Range<usize> {
         let count = f64::from(self.rows[row].count);
-        // The conversions saturate.
-        let [start, end] = block.along.map(|along| (along * count - 0.5).ceil() as usize);
+        let first = |along: f64| {
+            let at = along * count - 0.5;
+            // The conversion saturates; to round up by hand takes a third of the time.
+            let whole = at as usize;
+            whole + usize::from((whole as f64) < at)
+        };
+        let [start, end] = block.along.map(first);
         start..end
     }
 
