@@ -21,11 +21,15 @@ use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Source, 
 /// The step of quantisation of images that are not stored.
 const STEP: u8 = 1;
 
-/// Where several reduced cuts are compared, texels are as large as those that are shown, or so large that the cut has no more than about this many:
-/// with larger ones lines seem to be worth more than they are.
-const COMPARED_TEXELS: f64 = 262_144.0;
+/// Where several reduced cuts are compared, texels are as large as those that are shown, or so large that the cut has no more than about this many: all
+/// of them with few, then the best with more. With larger ones lines seem to be worth more than they are.
+const COMPARED_TEXELS: [f64; 2] = [32_768.0, 262_144.0];
+/// So many at most are compared again,
+const COMPARED_AGAIN: usize = 2;
+/// and none that is more than this many times as far off as the best.
+const WORSE: f64 = 1.4;
 /// Where colours jump, texels may be finer than those of the cut, as a power of the root of two: lines lie across them.
-const FINER: u32 = 2;
+const FINER: u32 = 4;
 /// So that there are no more than about this many.
 const FINE_TEXELS: f64 = 2_097_152.0;
 /// A reduced cut may be so many times as far off as the nearest one, if it shows more.
@@ -122,17 +126,28 @@ impl<'a> CutPainter<'a> {
         let least = ways.iter().map(|way| way.error).fold(f64::INFINITY, f64::min);
         ways.retain(|way| way.error <= FARTHER * least);
         let colour = self.channels.iter().position(|channel| channel.kind == ChannelKind::Colour);
-        let Some(colour) = colour.filter(|_| ways.len() > 1) else { return ways.into_iter().next() };
-        let exponent = self.exponent.max(self.exponent_for(COMPARED_TEXELS));
-        let off = |way: &Finished| {
-            let painted = self.painted(way, exponent);
-            let off = painted.and_then(|painted| difference(self.cut, &painted, colour)).unwrap_or(f64::INFINITY);
-            // What is twice as far off must show 1.5 dB more.
-            off * (way.error / least.max(f64::MIN_POSITIVE)).sqrt()
-        };
-        let off: Vec<f64> = ways.par_iter().map(off).collect();
-        let best = ways.into_iter().zip(off).min_by(|(_, one), (_, other)| one.total_cmp(other));
-        best.map(|(way, _)| way)
+        let Some(colour) = colour else { return ways.into_iter().next() };
+        let mut before = None;
+        for texels in COMPARED_TEXELS {
+            let exponent = self.exponent.max(self.exponent_for(texels));
+            if ways.len() < 2 || before == Some(exponent) {
+                break;
+            }
+            before = Some(exponent);
+            let off = |way: &Finished| {
+                let painted = self.painted(way, exponent);
+                let off = painted.and_then(|painted| difference(self.cut, &painted, colour)).unwrap_or(f64::INFINITY);
+                // What is twice as far off must show 1.5 dB more.
+                off * (way.error / least.max(f64::MIN_POSITIVE)).sqrt()
+            };
+            let off: Vec<f64> = ways.par_iter().map(off).collect();
+            let mut compared: Vec<(Finished, f64)> = ways.into_iter().zip(off).collect();
+            compared.sort_by(|(_, one), (_, other)| one.total_cmp(other));
+            let most = WORSE * compared[0].1;
+            let good = compared.into_iter().take(COMPARED_AGAIN).filter(|(_, off)| *off <= most);
+            ways = good.map(|(way, _)| way).collect();
+        }
+        ways.into_iter().next()
     }
 
     /// A reduced cut with images of the channels. None if nothing can be projected.

@@ -28,6 +28,8 @@ use crate::stage::resample::Solid;
 /// Edge collapse does harm once it has fewer triangles than this per handle and per component.
 const TRIANGLES_A_HANDLE: usize = 60;
 const TRIANGLES_A_PART: usize = 12;
+/// Where nothing else is possible, parts are resampled to as few.
+const LEAST_A_PART: usize = 4;
 /// A surface that may have fewer than this many times the triangles that its topology needs is also tried with another topology.
 const CROWDED: usize = 3;
 /// Lattices that are tried for a new topology, the finest first: cells along the longest side.
@@ -272,13 +274,25 @@ fn capped(chart: &ChartMesh) -> Mesh {
 /// The solid on the finest lattices on which it is simple enough, simplified.
 fn resampled(whole: &Mesh, triangles: usize) -> Vec<Mesh> {
     let most = (RESAMPLED_PER_TRIANGLE * triangles).max(MIN_RESAMPLED);
-    let simple = LATTICES.iter().filter_map(|&cells| {
-        let solid = Solid::new(whole, cells)?;
+    let (mut simple, mut crowded) = (vec![], vec![]);
+    for &cells in &LATTICES {
+        if simple.len() == LATTICES_TRIED {
+            break;
+        }
+        let Some(solid) = Solid::new(whole, cells) else { continue };
         let shape = solid.shape();
-        let needed = TRIANGLES_A_HANDLE * shape.handles + TRIANGLES_A_PART * shape.components;
-        (needed <= triangles && shape.triangles <= most).then_some(solid)
-    });
-    let drawn = simple.take(LATTICES_TRIED).filter_map(|solid| {
+        let fits = |a_part| TRIANGLES_A_HANDLE * shape.handles + a_part * shape.components <= triangles;
+        if shape.triangles > most {
+            continue;
+        }
+        if fits(TRIANGLES_A_PART) {
+            simple.push(solid);
+        } else if fits(LEAST_A_PART) && crowded.len() < LATTICES_TRIED {
+            crowded.push(solid);
+        }
+    }
+    let solids = if simple.is_empty() { crowded } else { simple };
+    let drawn = solids.into_iter().filter_map(|solid| {
         let Mesh { positions, triangles: all } = solid.surface();
         collapsed(&ChartMesh { positions, triangles: all, loops: vec![] }, triangles)
     });

@@ -8,21 +8,23 @@ use glam::DVec3;
 use lodpack::decode::texels::Map;
 use rayon::prelude::*;
 
+use super::blocks::{Block, Rows};
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, texel_at};
 use super::values::Sums;
 use super::{BakedPatch, Points, Source};
-use crate::stage::certify::{Closest, Near, TriangleBvh};
+use crate::stage::certify::{Closest, Hint, TriangleBvh};
 
 /// Distance between the points of the source that are looked at, in texels.
 const SPACING: f64 = 0.7;
 /// Triangles of the source that are looked at together: few enough that what is found for them hardly takes memory.
 const CHUNK: usize = 1024;
+/// Blocks of so few points are not divided.
+const FEW: usize = 12;
 /// No texel.
 const NOWHERE: u32 = u32::MAX;
 
-/// Replaces what covered texels show by the mean of the points of the source that lie closest to them and that face the same way; texels to
-/// which none is closest stay as they are.
+/// Adds to covered texels those points of the source that lie closest to them and that face the same way.
 pub(super) fn show_closest(
     patch: &BakedPatch<'_>,
     map: &Map,
@@ -30,7 +32,6 @@ pub(super) fn show_closest(
     source: &mut impl Source,
     sums: &mut Sums<'_>,
 ) {
-    let mut near = sums.emptied();
     let finder = Finder::new(patch, map, drawn);
     let origin = patch.origin();
     let sources: Vec<[DVec3; 3]> =
@@ -46,10 +47,9 @@ pub(super) fn show_closest(
             values.clear();
             source.shade(triangle, &rows, (finder.size * SPACING) as f32, &mut values);
             keep_found(&mut texels, &mut values, sums.storage.count());
-            near.add_all(&texels, &values, weight);
+            sums.add_all(&texels, &values, weight);
         }
     }
-    sums.take_known(&near);
 }
 
 /// Drops the values of points that are nowhere.
@@ -80,6 +80,8 @@ struct Finder<'a> {
     drawn: &'a Drawn,
     projections: Vec<Projection>,
     bvh: TriangleBvh,
+    positions: Vec<DVec3>,
+    triangles: &'a [[u32; 3]],
     /// Of each triangle.
     normals: Vec<DVec3>,
     /// The size of a texel.
@@ -87,7 +89,7 @@ struct Finder<'a> {
 }
 
 impl<'a> Finder<'a> {
-    fn new(patch: &BakedPatch<'_>, map: &'a Map, drawn: &'a Drawn) -> Self {
+    fn new(patch: &BakedPatch<'a>, map: &'a Map, drawn: &'a Drawn) -> Self {
         let projections = projections(patch, map);
         let positions: Vec<DVec3> = (0..patch.positions.len() as u32).map(|vertex| patch.position(vertex)).collect();
         let normal = |corners: &[u32; 3]| doubled_area(corners.map(|corner| positions[corner as usize]));
@@ -95,6 +97,8 @@ impl<'a> Finder<'a> {
             normals: patch.triangles.iter().map(normal).collect(),
             bvh: TriangleBvh::new(&positions, patch.triangles),
             size: projections.first().map_or(1.0, |projection| projection.size),
+            triangles: patch.triangles,
+            positions,
             projections,
             map,
             drawn,
@@ -102,54 +106,93 @@ impl<'a> Finder<'a> {
     }
 
     fn find(&self, corners: [DVec3; 3]) -> Found {
+        let rows = Rows::new(corners, self.size * SPACING);
+        let mut texels = vec![NOWHERE; rows.count()];
         let normal = doubled_area(corners);
-        let (rows, area) = rows(corners, self.size * SPACING);
-        let mut near = Near::default();
-        let texel = |weights: [f32; 3]| {
-            let point: DVec3 = (0..3).map(|k| corners[k] * f64::from(weights[k])).sum();
-            let Closest { point, triangle, .. } = self.bvh.closest_near(point, &mut near);
-            // Nobody looks at both sides of a sheet at once.
-            if self.normals.get(triangle as usize).is_none_or(|of_patch| of_patch.dot(normal) <= 0.0) {
-                return NOWHERE;
+        let mut hint = Hint::default();
+        let mut open = vec![(rows.whole(), None)];
+        while let Some((block, known)) = open.pop() {
+            let count = rows.count_in(&block);
+            if count == 0 {
+                continue;
             }
-            let projection = &self.projections[usize::from(self.map.labels[triangle as usize])];
-            let [column, row] = texel_at(projection.place(point), self.map.size);
-            let texel = row as usize * self.map.size[0] as usize + column as usize;
-            if self.drawn.is_covered[texel] { texel as u32 } else { NOWHERE }
-        };
-        let texels = rows.iter().flat_map(|row| row.weights()).map(texel).collect();
-        Found { rows, texels, area }
+            let corners = rows.around(&block);
+            let middle = corners.iter().sum::<DVec3>() / 4.0;
+            let radius = corners.iter().map(|corner| corner.distance(middle)).fold(0.0, f64::max);
+            let around = match known {
+                Some(around) => Some(self.bvh.narrowed(&around, middle, radius)),
+                None => self.bvh.around(middle, radius, &mut hint),
+            };
+            match around.as_ref().and_then(|around| self.bvh.only(around)) {
+                Some(triangle) if !self.faces(triangle, normal) => continue,
+                Some(triangle) if self.is_below(triangle, &corners) => {
+                    self.add_block(&rows, &block, triangle, &mut texels);
+                    continue;
+                }
+                Some(_) => {}
+                None if count > FEW => {
+                    open.extend(rows.halves(&block).map(|half| (half, around)));
+                    continue;
+                }
+                None => {}
+            }
+            for (at, point) in rows.points(&block) {
+                let closest = match &around {
+                    Some(around) => self.bvh.closest_of(around, point),
+                    None => self.bvh.closest(point, &mut hint),
+                };
+                texels[at] = self.texel(closest, normal);
+            }
+        }
+        Found { rows: rows.rows, texels, area: rows.area }
+    }
+
+    /// Whether a triangle faces the same way: nobody looks at both sides of a sheet at once.
+    fn faces(&self, triangle: u32, normal: DVec3) -> bool {
+        self.normals.get(triangle as usize).is_some_and(|of_patch| of_patch.dot(normal) > 0.0)
+    }
+
+    /// The texel of the closest point of a point of a triangle with such a normal.
+    fn texel(&self, Closest { point, triangle, .. }: Closest, normal: DVec3) -> u32 {
+        if self.faces(triangle, normal) { self.texel_at(self.projection(triangle).place(point)) } else { NOWHERE }
+    }
+
+    fn projection(&self, triangle: u32) -> &Projection {
+        &self.projections[usize::from(self.map.labels[triangle as usize])]
+    }
+
+    fn texel_at(&self, place: [f64; 2]) -> u32 {
+        let [column, row] = texel_at(place, self.map.size);
+        let texel = row as usize * self.map.size[0] as usize + column as usize;
+        if self.drawn.is_covered[texel] { texel as u32 } else { NOWHERE }
+    }
+
+    /// Whether points lie straight above a triangle, or below it.
+    fn is_below(&self, triangle: u32, points: &[DVec3]) -> bool {
+        let (corners, normal) = (self.corners(triangle), self.normals[triangle as usize]);
+        let side = |k: usize, point: DVec3| (corners[(k + 1) % 3] - corners[k]).cross(point - corners[k]).dot(normal);
+        points.iter().all(|&point| (0..3).all(|k| side(k, point) >= 0.0))
+    }
+
+    fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.triangles[triangle as usize].map(|corner| self.positions[corner as usize])
+    }
+
+    /// Notes the texels of a block of points, which all lie straight above a triangle or below it: those of a row are as far from one another.
+    fn add_block(&self, rows: &Rows, block: &Block, triangle: u32, texels: &mut [u32]) {
+        let (projection, normal) = (self.projection(triangle), self.normals[triangle as usize]);
+        let (corner, squared) = (self.corners(triangle)[0], normal.length_squared());
+        let place = |point: DVec3| projection.place(point - normal * (normal.dot(point - corner) / squared));
+        for (first, [start, next], count) in rows.in_rows(block) {
+            let (start, next) = (place(start), place(next));
+            for (k, texel) in texels[first..first + count].iter_mut().enumerate() {
+                *texel = self.texel_at([0, 1].map(|axis| start[axis] + k as f64 * (next[axis] - start[axis])));
+            }
+        }
     }
 }
 
 /// Twice the area of a triangle, as a vector along its normal.
-fn doubled_area([a, b, c]: [DVec3; 3]) -> DVec3 {
+pub(super) fn doubled_area([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a)
-}
-
-/// Points of a triangle in rows along its longest side, about as far from one another as asked for, and the area that they stand for.
-fn rows(corners: [DVec3; 3], spacing: f64) -> (Vec<Points>, f64) {
-    let side = |k: usize| corners[(k + 1) % 3].distance(corners[k]);
-    let longest = (0..3).max_by(|&a, &b| side(a).total_cmp(&side(b))).unwrap_or(0);
-    let area = 0.5 * doubled_area(corners).length();
-    let length = side(longest);
-    if length <= 0.0 || !length.is_finite() {
-        return (vec![], 0.0);
-    }
-    // The conversions saturate.
-    let count = (2.0 * area / length / spacing).ceil().max(1.0) as u32;
-    let rows = (0..count).map(|row| {
-        let up = (f64::from(row) + 0.5) / f64::from(count);
-        let columns = (length * (1.0 - up) / spacing).ceil().max(1.0);
-        let weights = |along: f64| {
-            let mut weights = [0.0; 3];
-            weights[longest] = (1.0 - up) * (1.0 - along);
-            weights[(longest + 1) % 3] = (1.0 - up) * along;
-            weights[(longest + 2) % 3] = up;
-            weights
-        };
-        let (first, second) = (weights(0.5 / columns), weights(1.5 / columns));
-        Points { first, growth: [0, 1, 2].map(|k| second[k] - first[k]), count: columns as u32 }
-    });
-    (rows.collect(), area)
 }

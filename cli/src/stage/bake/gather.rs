@@ -17,11 +17,11 @@ const SHORT: f64 = 4.0;
 /// Covered texels for each that may be missing.
 const FEW: usize = 50;
 
-/// Adds to texels what the triangles of a source show there.
+/// Adds to texels what the triangles of a source show there; not to those that are `taken`, of which there may be none.
 pub(super) fn gather<'s>(
     patch: &BakedPatch<'_>,
     map: &Map,
-    drawn: &Drawn,
+    (drawn, taken): (&Drawn, &[bool]),
     source: &mut impl Source,
     mut sums: Sums<'s>,
 ) -> Sums<'s> {
@@ -35,7 +35,7 @@ pub(super) fn gather<'s>(
         for (piece, projection) in pieces.iter().enumerate() {
             let is_wanted = normal.dot(projection.normal) > 0.0 && projection.touches([low, high]);
             if is_wanted && !strangers.has(piece, source.area(triangle)) {
-                samples.find(projection, corners, map, drawn);
+                samples.find(projection, corners, map, (drawn, taken));
                 samples.add_to(&mut sums, triangle, source);
             }
         }
@@ -80,8 +80,7 @@ impl Samples {
         let mut start = columns.start;
         for column in columns.clone() {
             let texel = first + (column >> fineness) as usize;
-            // Comparisons with NaN are false.
-            if (shown.drawn.depth[texel] - depth.at(column) as f32).abs() <= shown.reach {
+            if shown.has(texel, depth.at(column)) {
                 self.texels.push(texel as u32);
             } else {
                 self.add_points(span, start..column);
@@ -98,7 +97,7 @@ impl Samples {
     }
 
     /// Finds the texels that a triangle of the source covers.
-    fn find(&mut self, projection: &Projection, corners: [DVec3; 3], map: &Map, drawn: &Drawn) {
+    fn find(&mut self, projection: &Projection, corners: [DVec3; 3], map: &Map, (drawn, taken): (&Drawn, &[bool])) {
         let mut places = corners.map(|corner| projection.place(corner));
         let mut depths = corners.map(|corner| projection.depth(corner));
         let [low, high] = projection.range;
@@ -117,7 +116,7 @@ impl Samples {
             }
         }
         let (width, range) = (map.size[0] as usize, projection.range.map(|place| place.map(|x| x as u32)));
-        let shown = Shown { drawn, width, range, reach: projection.reach };
+        let shown = Shown { drawn, taken, width, range, reach: projection.reach };
         let length = (most[0] - least[0]).max(most[1] - least[1]);
         if length < 1.0 {
             let middle = [0, 1].map(|k| (places[0][k] + places[1][k] + places[2][k]) / 3.0);
@@ -127,7 +126,7 @@ impl Samples {
             if (0..2).all(|k| low[k] - 0.5 <= middle[k] && middle[k] < high[k] + 0.5) && area > 0.0 {
                 let [column, row] = texel_at(middle, map.size);
                 let texel = row as usize * width + column as usize;
-                if (drawn.depth[texel] - depth as f32).abs() <= projection.reach {
+                if shown.has(texel, depth) {
                     self.texels.push(texel as u32);
                     self.points.push(Points::one([1.0 / 3.0; 3]));
                 }
@@ -147,11 +146,23 @@ impl Samples {
 /// The texels of a piece, and how far from the patch the source may be there.
 struct Shown<'a> {
     drawn: &'a Drawn,
+    /// Texels that have values already.
+    taken: &'a [bool],
     /// Texels in a row of the image.
     width: usize,
     /// First and last column and row.
     range: [[u32; 2]; 2],
     reach: f32,
+}
+
+impl Shown<'_> {
+    /// Whether a texel shows a source that is so deep there.
+    #[inline]
+    fn has(&self, texel: usize, depth: f64) -> bool {
+        // Comparisons with NaN are false.
+        (self.drawn.depth[texel] - depth as f32).abs() <= self.reach
+            && !self.taken.get(texel).is_some_and(|&taken| taken)
+    }
 }
 
 /// Gives covered texels to which nothing was projected the values of the input's closest point, unless they are few.

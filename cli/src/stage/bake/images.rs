@@ -41,14 +41,23 @@ impl<Owned: Borrow<ChannelImage>> Images<Owned> {
     }
 
     /// Appends the values at a place in texels: means over a width in texels, of places within a range; the label there.
-    pub fn sample(&self, place: [f64; 2], [low_place, high_place]: [[f64; 2]; 2], width: f64, values: &mut Vec<f32>) {
-        let count = width.ceil().clamp(1.0, MOST_SAMPLES) as u32;
-        let offset = |k: u32| ((f64::from(k) + 0.5) / f64::from(count) - 0.5) * width;
-        let clamped = |axis: usize, k: u32| (place[axis] + offset(k)).clamp(low_place[axis], high_place[axis]);
-        let share = 1.0 / (count * count) as f32;
+    pub fn sample(&self, place: [f64; 2], range: [[f64; 2]; 2], width: f64, values: &mut Vec<f32>) {
+        // Most images are of opaque colours alone.
+        if let [(Stored::Colour { components: 3, .. }, image)] = self.all.as_slice()
+            && let ChannelImage::Colours(image) = image.borrow()
+        {
+            let mut sums = [0.0; 3];
+            let add_texel = |[x, y]: [u32; 2], share: f32| {
+                let texel = image.texel(x, y);
+                (0..3).for_each(|k| sums[k] += LINEAR_OF_BYTE[usize::from(texel[k])] * share);
+            };
+            for_each_texel(place, range, width, add_texel);
+            values.extend(sums);
+            return;
+        }
         let first = values.len();
         values.resize(first + self.count, 0.0);
-        let mut add_texel = |texel: [u32; 2], share: f32| {
+        let add_texel = |texel: [u32; 2], share: f32| {
             let mut sums = &mut values[first..];
             for (stored, image) in &self.all {
                 let (own, rest) = sums.split_at_mut(stored.values());
@@ -56,27 +65,12 @@ impl<Owned: Borrow<ChannelImage>> Images<Owned> {
                 sums = rest;
             }
         };
-        if count == 1 {
-            // What readers show there.
-            let ([x, y], [right, down]) = between(place, [low_place, high_place]);
-            for [beside, below] in [[0, 0], [1, 0], [0, 1], [1, 1]] {
-                let share = |is_far: u32, far: f32| if is_far == 1 { far } else { 1.0 - far };
-                let share = share(beside, right) * share(below, down);
-                if share > 0.0 {
-                    add_texel([x + beside, y + below], share);
-                }
-            }
-        } else {
-            for [x, y] in (0..count).flat_map(|row| (0..count).map(move |column| [column, row])) {
-                // The conversion saturates.
-                add_texel([clamped(0, x) as u32, clamped(1, y) as u32], share);
-            }
-        }
+        for_each_texel(place, range, width, add_texel);
         let mut sums = &mut values[first..];
         for (stored, image) in &self.all {
             let (own, rest) = sums.split_at_mut(stored.values());
             if let (Stored::Label { low }, ChannelImage::Values(image)) = (stored, image.borrow()) {
-                let [x, y] = [0, 1].map(|axis| place[axis].clamp(low_place[axis], high_place[axis]) as u32);
+                let [x, y] = [0, 1].map(|axis| place[axis].clamp(range[0][axis], range[1][axis]) as u32);
                 own[0] = (low + f64::from(image.texel(x, y)[0])) as f32;
             }
             // Colours count by their opacity.
@@ -86,6 +80,30 @@ impl<Owned: Borrow<ChannelImage>> Images<Owned> {
                 [red, green, blue].into_iter().for_each(|sum| *sum /= *opacity);
             }
             sums = rest;
+        }
+    }
+}
+
+/// Calls a function for the texels that a place within a range shows, each with its share: those that lie in a square of such a width in texels.
+fn for_each_texel(place: [f64; 2], range: [[f64; 2]; 2], width: f64, mut visit: impl FnMut([u32; 2], f32)) {
+    let count = width.ceil().clamp(1.0, MOST_SAMPLES) as u32;
+    let offset = |k: u32| ((f64::from(k) + 0.5) / f64::from(count) - 0.5) * width;
+    let clamped = |axis: usize, k: u32| (place[axis] + offset(k)).clamp(range[0][axis], range[1][axis]);
+    if count == 1 {
+        // What readers show there.
+        let ([x, y], [right, down]) = between(place, range);
+        for [beside, below] in [[0, 0], [1, 0], [0, 1], [1, 1]] {
+            let share = |is_far: u32, far: f32| if is_far == 1 { far } else { 1.0 - far };
+            let share = share(beside, right) * share(below, down);
+            if share > 0.0 {
+                visit([x + beside, y + below], share);
+            }
+        }
+    } else {
+        let share = 1.0 / (count * count) as f32;
+        for [x, y] in (0..count).flat_map(|row| (0..count).map(move |column| [column, row])) {
+            // The conversion saturates.
+            visit([clamped(0, x) as u32, clamped(1, y) as u32], share);
         }
     }
 }

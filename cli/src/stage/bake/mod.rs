@@ -5,6 +5,7 @@
 //! input's textures are not seen by the result. The texels of coarser patches are means of those of finer ones as they were before they
 //! were quantised ([`Surfels`]): each point of the input is looked at once, and nothing is lost twice.
 
+mod blocks;
 mod closest;
 mod fill;
 mod gather;
@@ -169,7 +170,7 @@ impl<'s> Baker<'s> {
     pub fn bake(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
         let (map, bytes) = self.mapped(patch, exponent)?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
-        let sums = gather(patch, &map, &self.drawn, source, sums);
+        let sums = gather(patch, &map, (&self.drawn, &[]), source, sums);
         self.kept = finished(sums, patch, &map, &self.drawn);
         Some(self.baked(patch, &map, bytes))
     }
@@ -177,11 +178,13 @@ impl<'s> Baker<'s> {
     /// As [`Baker::bake`], of a patch that may be far from a source which has nothing but what it shows: texels show what lies closest to them.
     pub fn bake_closest(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
         let (map, bytes) = self.mapped(patch, exponent)?;
-        let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
-        let mut sums = gather(patch, &map, &self.drawn, source, sums);
+        let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         show_closest(patch, &map, &self.drawn, source, &mut sums);
+        let taken: Vec<bool> = (0..self.drawn.depth.len()).map(|texel| sums.has(texel)).collect();
+        let sums = gather(patch, &map, (&self.drawn, &taken), source, sums);
         self.kept = finished(sums, patch, &map, &self.drawn);
-        Some(self.baked(patch, &map, bytes))
+        // Nobody makes coarser ones of them.
+        Some(Baked { streams: self.streams(patch, &map, bytes), surfels: Surfels::default() })
     }
 
     /// As [`Baker::bake`], from the texels of finer patches.
@@ -198,9 +201,14 @@ impl<'s> Baker<'s> {
     }
 
     fn baked(&mut self, patch: &BakedPatch<'_>, map: &Map, bytes: Vec<u8>) -> Baked {
+        let surfels = Surfels::new(patch, map, &self.drawn, &self.kept.sums, self.storage);
+        Baked { streams: self.streams(patch, map, bytes), surfels }
+    }
+
+    /// The map and the image of each channel.
+    fn streams(&mut self, patch: &BakedPatch<'_>, map: &Map, bytes: Vec<u8>) -> Vec<Vec<u8>> {
         let Self { storage, drawn, kept: Kept { sums: values, .. }, image } = self;
         let mut streams = vec![bytes];
-        let surfels = Surfels::new(patch, map, drawn, values, storage);
         let others = texel_size(patch.finer);
         let mut steps = Steps { opaque_colours: others, others };
         if patch.is_sharp {
@@ -208,7 +216,7 @@ impl<'s> Baker<'s> {
             steps.opaque_colours *= STEPS_WHERE_SHARP;
         }
         streams.extend(storage.encode(map, values, &drawn.is_used, steps, image));
-        Baked { streams, surfels }
+        streams
     }
 
     /// Finds a map whose pieces do not overlap themselves by much, and draws the patch on it.

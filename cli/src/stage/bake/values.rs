@@ -418,19 +418,6 @@ impl<'a> Sums<'a> {
         self.storage.stride()
     }
 
-    /// Sums of as many texels, to which nothing was added.
-    pub fn emptied(&self) -> Self {
-        let sums = vec![0.0; self.kept.sums.len()];
-        Self { storage: self.storage, kept: Kept { sums, known: vec![] } }
-    }
-
-    /// Takes over what others have, where they have anything.
-    pub fn take_known(&mut self, others: &Self) {
-        let stride = self.storage.stride();
-        let texels = self.kept.sums.chunks_exact_mut(stride).zip(others.kept.sums.chunks_exact(stride));
-        texels.filter(|(_, other)| other[self.storage.count] > 0.0).for_each(|(own, other)| own.copy_from_slice(other));
-    }
-
     /// Whether anything was added to a texel.
     #[inline]
     pub fn has(&self, texel: usize) -> bool {

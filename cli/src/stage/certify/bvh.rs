@@ -4,6 +4,8 @@
 //! every distance is computed in `f64`. Triangles are stored in the order of the leaves, and vertices in the order of
 //! their first use, so walking either is spatially coherent.
 
+mod around;
+
 use glam::{DVec3, Vec4};
 
 use super::closest::PreparedTriangle;
@@ -35,6 +37,19 @@ struct BvhNode {
     child: [u32; 4],
     /// [`EMPTY`], [`INNER`] or the number of triangles of a leaf.
     count: [u8; 4],
+}
+
+impl BvhNode {
+    /// Squared distances of a point from the boxes, in normalised coordinates.
+    #[inline(always)]
+    fn squares(&self, point: [Vec4; 3]) -> Vec4 {
+        let mut squares = Vec4::ZERO;
+        for k in 0..3 {
+            let outside = (self.min[k] - point[k]).max(point[k] - self.max[k]).max(Vec4::ZERO);
+            squares += outside * outside;
+        }
+        squares
+    }
 }
 
 /// Triangles prepared for distance queries. Positions may be far from the origin, and triangles may be degenerate.
@@ -286,12 +301,7 @@ impl TriangleBvh {
                 continue;
             }
             let node = &self.nodes[index as usize];
-            let mut squares = Vec4::ZERO;
-            for k in 0..3 {
-                let outside = (node.min[k] - q[k]).max(q[k] - node.max[k]).max(Vec4::ZERO);
-                squares += outside * outside;
-            }
-            let squares = squares.to_array();
+            let squares = node.squares(q).to_array();
             let bottom = top;
             for lane in 0..4 {
                 if squares[lane] > limit || node.count[lane] == EMPTY {
@@ -427,7 +437,7 @@ mod tests {
     use super::super::tests::Random;
     use super::*;
 
-    fn soup(count: u32, random: &mut Random, size: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    pub(super) fn soup(count: u32, random: &mut Random, size: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         let positions = (0..count)
             .flat_map(|_| {
                 let centre = random.point();

@@ -1,0 +1,179 @@
+//! Points of a triangle in rows, and blocks of them: where one triangle of another surface is closest to all of a block, it is looked for once.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::Points;
+use super::closest::doubled_area;
+
+/// Points of a triangle in rows along its longest side.
+pub(super) struct Rows {
+    /// The longest side, then the third corner.
+    corners: [DVec3; 3],
+    pub rows: Vec<Points>,
+    /// The number of the first point of each row, and of all of them.
+    starts: Vec<usize>,
+    /// The area of the triangle.
+    pub area: f64,
+}
+
+/// Points in some rows, at a share of the way along each.
+pub(super) struct Block {
+    rows: Range<usize>,
+    along: [f64; 2],
+}
+
+impl Rows {
+    /// Points about as far from one another as asked for; none if the triangle has no length.
+    pub fn new(corners: [DVec3; 3], spacing: f64) -> Self {
+        let side = |k: usize| corners[(k + 1) % 3].distance(corners[k]);
+        let longest = (0..3).max_by(|&a, &b| side(a).total_cmp(&side(b))).unwrap_or(0);
+        let order = [0, 1, 2].map(|k| (longest + k) % 3);
+        let (area, length) = (0.5 * doubled_area(corners).length(), side(longest));
+        let mut this = Self { corners: order.map(|k| corners[k]), rows: vec![], starts: vec![0], area };
+        if length <= 0.0 || !length.is_finite() {
+            this.area = 0.0;
+            return this;
+        }
+        // The conversions saturate.
+        let count = (2.0 * area / length / spacing).ceil().max(1.0) as u32;
+        let mut points = 0;
+        for row in 0..count {
+            let up = (f64::from(row) + 0.5) / f64::from(count);
+            let columns = (length * (1.0 - up) / spacing).ceil().max(1.0);
+            let weights = |along: f64| {
+                let mut weights = [0.0; 3];
+                (0..3).for_each(|k| weights[order[k]] = [(1.0 - up) * (1.0 - along), (1.0 - up) * along, up][k]);
+                weights
+            };
+            let (first, second) = (weights(0.5 / columns), weights(1.5 / columns));
+            let growth = [0, 1, 2].map(|k| second[k] - first[k]);
+            this.rows.push(Points { first, growth, count: columns as u32 });
+            points += columns as usize;
+            this.starts.push(points);
+        }
+        this
+    }
+
+    /// How many points there are.
+    pub fn count(&self) -> usize {
+        self.starts[self.rows.len()]
+    }
+
+    /// All of them.
+    pub fn whole(&self) -> Block {
+        Block { rows: 0..self.rows.len(), along: [0.0, 1.0] }
+    }
+
+    /// How far a row is from the longest side, as a share of the height.
+    fn up(&self, row: usize) -> f64 {
+        (row as f64 + 0.5) / self.rows.len() as f64
+    }
+
+    /// A place at a height, at a share of the way along it.
+    fn place(&self, up: f64, along: f64) -> DVec3 {
+        let [a, b, c] = self.corners;
+        (a * (1.0 - along) + b * along) * (1.0 - up) + c * up
+    }
+
+    /// The points of a row that lie in a block.
+    fn columns(&self, row: usize, block: &Block) -> Range<usize> {
+        let count = f64::from(self.rows[row].count);
+        let first = |along: f64| {
+            let at = along * count - 0.5;
+            // The conversion saturates; to round up by hand takes a third of the time.
+            let whole = at as usize;
+            whole + usize::from((whole as f64) < at)
+        };
+        let [start, end] = block.along.map(first);
+        start..end
+    }
+
+    /// How many points of a block there are.
+    pub fn count_in(&self, block: &Block) -> usize {
+        block.rows.clone().map(|row| self.columns(row, block).len()).sum()
+    }
+
+    /// Numbers and places of the points of a block.
+    pub fn points<'a>(&'a self, block: &'a Block) -> impl Iterator<Item = (usize, DVec3)> + 'a {
+        block.rows.clone().flat_map(move |row| {
+            self.columns(row, block).map(move |column| (self.starts[row] + column, self.point(row, column)))
+        })
+    }
+
+    fn point(&self, row: usize, column: usize) -> DVec3 {
+        self.place(self.up(row), (column as f64 + 0.5) / f64::from(self.rows[row].count))
+    }
+
+    /// For each row of a block the number of its first point, the places of this one and of the next one, and how many there are.
+    pub fn in_rows<'a>(&'a self, block: &'a Block) -> impl Iterator<Item = (usize, [DVec3; 2], usize)> + 'a {
+        block.rows.clone().filter_map(move |row| {
+            let columns = self.columns(row, block);
+            let places = [columns.start, columns.start + 1].map(|column| self.point(row, column));
+            (!columns.is_empty()).then(|| (self.starts[row] + columns.start, places, columns.len()))
+        })
+    }
+
+    /// The corners of a quadrangle that holds all points of a block, which has some.
+    pub fn around(&self, block: &Block) -> [DVec3; 4] {
+        let (low, high) = (self.up(block.rows.start), self.up(block.rows.end - 1));
+        let [start, end] = block.along;
+        [(low, start), (low, end), (high, start), (high, end)].map(|(up, along)| self.place(up, along))
+    }
+
+    /// A block, divided along its longer side.
+    pub fn halves(&self, block: &Block) -> [Block; 2] {
+        let Block { rows: Range { start: first, end }, along: [left, right] } = *block;
+        let [a, b, c, _] = self.around(block);
+        if end - first > 1 && a.distance(c) > a.distance(b) {
+            let middle = first.midpoint(end);
+            return [Block { rows: first..middle, ..*block }, Block { rows: middle..end, ..*block }];
+        }
+        let middle = left.midpoint(right);
+        [[left, middle], [middle, right]].map(|along| Block { rows: first..end, along })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_have_each_point_once_and_lie_around_them() {
+        let corners = [DVec3::ZERO, DVec3::new(7.0, 0.0, 0.0), DVec3::new(2.0, 5.0, 1.0)];
+        let rows = Rows::new(corners, 0.3);
+        let mut found = vec![0; rows.count()];
+        let mut open = vec![rows.whole()];
+        while let Some(block) = open.pop() {
+            let points: Vec<(usize, DVec3)> = rows.points(&block).collect();
+            assert_eq!(points.len(), rows.count_in(&block));
+            let of_rows: usize = rows.in_rows(&block).map(|(.., count)| count).sum();
+            assert_eq!(of_rows, points.len());
+            if points.is_empty() {
+                continue;
+            }
+            let around = rows.around(&block);
+            let middle = around.iter().sum::<DVec3>() / 4.0;
+            let radius = around.iter().map(|corner| corner.distance(middle)).fold(0.0, f64::max);
+            assert!(points.iter().all(|(_, point)| point.distance(middle) <= radius + 1e-9));
+            match points.len() {
+                1..=4 => points.iter().for_each(|&(at, _)| found[at] += 1),
+                _ => open.extend(rows.halves(&block)),
+            }
+        }
+        assert!(found.len() > 150 && found.iter().all(|&times| times == 1), "{found:?}");
+    }
+
+    #[test]
+    fn points_are_where_their_weights_say() {
+        let corners = [DVec3::new(3.0, 0.0, 0.0), DVec3::new(0.0, 1.0, 0.0), DVec3::new(0.0, 0.0, 9.0)];
+        let rows = Rows::new(corners, 0.5);
+        let weights = rows.rows.iter().flat_map(|row| row.weights());
+        for ((_, place), weights) in rows.points(&rows.whole()).zip(weights) {
+            let of_weights: DVec3 = (0..3).map(|k| corners[k] * f64::from(weights[k])).sum();
+            assert!(place.distance(of_weights) < 1e-5, "{place} {of_weights}");
+        }
+        assert_eq!(Rows::new([DVec3::ONE; 3], 0.5).count(), 0);
+    }
+}
