@@ -179,7 +179,7 @@ fn shells_get_completions_that_they_can_read() {
     ] {
         let [script, _] = desk.ok(&format!("lodpack completions {shell} | tee completions.{shell}"));
         assert!(script.contains(word), "{shell}");
-        for offered in ["extract", "tolerance", "best", "resume"] {
+        for offered in ["extract", "tolerance", "effort", "resume"] {
             assert!(script.contains(offered), "{shell}: {offered}");
         }
     }
