@@ -71,3 +71,37 @@ impl<'a> FarWeights<'a> {
         vertices.len() <= MANY
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    /// A square of unit cells, one inner vertex of which is raised.
+    fn spike(height: f64) -> Mesh {
+        let side = 21;
+        let raised = |x: u32, y: u32| if [x, y] == [10, 10] { height } else { 0.0 };
+        let vertices = (0..side * side).map(|v| [v % side, v / side]);
+        let positions = vertices.map(|[x, y]| DVec3::new(f64::from(x), f64::from(y), raised(x, y))).collect();
+        let cells = (0..side * (side - 1)).filter(|v| v % side + 1 < side);
+        let triangles = cells.flat_map(|v| [[v, v + 1, v + side], [v + 1, v + side + 1, v + side]]).collect();
+        Mesh { positions, triangles }
+    }
+
+    #[test]
+    fn places_that_are_far_in_either_direction_weigh_more_with_every_round() {
+        for [whole, drawn] in [[5.0, 0.0], [0.0, 5.0]] {
+            let Mesh { positions, triangles } = spike(whole);
+            let chart = ChartMesh { positions, triangles, loops: vec![] };
+            let mut weights = FarWeights::new(&chart);
+            assert!(weights.of_vertices().is_none());
+            for weight in [3.0, 9.0] {
+                assert!(weights.raise(&spike(drawn), 5.0));
+                let of_vertices = weights.of_vertices().expect("raised");
+                assert_eq!([of_vertices[10 * 21 + 10], of_vertices[0]], [weight, 1.0], "{whole} {drawn}");
+            }
+            weights.reset();
+            assert!(weights.of_vertices().is_none());
+        }
+    }
+}
