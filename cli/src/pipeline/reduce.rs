@@ -40,7 +40,7 @@ const LATTICES_TRIED: usize = 2;
 const RESAMPLED_PER_TRIANGLE: usize = 60;
 const MIN_RESAMPLED: usize = 120_000;
 /// Of the candidates whose bound is at most this many times the least one, the one with the least mean is taken.
-const FARTHER: f64 = 1.15;
+const FARTHER: f64 = 1.2;
 /// Ways to collapse edges, as [`SimplifyOptions::stops`](crate::stage::simplify::SimplifyOptions): all are tried, since which is nearest differs
 /// from surface to surface.
 const ALL_STOPS: [&[f64]; 3] = [&[], &STOPS, &[4.0, 2.0, 1.4]];
