@@ -23,6 +23,8 @@ const CERTIFY_GAP: f64 = 0.05;
 const WORTHWHILE: f64 = 0.8;
 /// Distances below this share of the tolerance need not be resolved in charts of whole parts.
 const FLOOR_OF_PARTS: f64 = 0.75;
+/// Where a chart is above the tolerance, what exceeds this share of it is too far off: there is always something, then.
+pub(super) const ALMOST: f64 = 0.9;
 /// Points of a chart at which its root mean square error is estimated.
 const RMS_POINTS: usize = 500;
 
@@ -139,11 +141,10 @@ impl ChartWork<'_> {
         error
     }
 
-    /// The chart's triangles where the patch is too far from them, or they from the patch, ascending.
-    pub fn exceeding(&mut self, compared: &mut Comparison) -> Vec<u32> {
+    /// The chart's triangles where the patch is farther from them, or they from the patch, than so many tolerances, ascending.
+    pub fn exceeding(&mut self, compared: &mut Comparison, tolerances: f64) -> Vec<u32> {
         let start = thread_cpu_time();
-        // A little below the tolerance, so that there is always something to find.
-        let found = compared.exceeding(self.charted.scale.tolerance * 0.9, u64::MAX);
+        let found = compared.exceeding(self.charted.scale.tolerance * tolerances, u64::MAX);
         self.times.certify += thread_cpu_time() - start;
         found
     }

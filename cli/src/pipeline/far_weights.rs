@@ -17,7 +17,7 @@ const STEP: f32 = 3.0;
 const MANY: usize = 2000;
 /// Most weight: beyond it nothing is collapsed there any more.
 const MOST: f32 = 1e6;
-/// Closest-point queries that finding them may take in each direction.
+/// Closest-point queries and cuts that finding them may take in each direction, after one pass over all triangles.
 const WORK: u64 = 30_000;
 /// Points along each side of a drawn triangle whose closest input triangles are far with it.
 const POINTS: u32 = 8;
@@ -33,6 +33,10 @@ pub(super) struct FarWeights<'a> {
 impl<'a> FarWeights<'a> {
     pub fn new(chart: &'a ChartMesh) -> Self {
         Self { chart, surface: None, weights: vec![] }
+    }
+
+    pub fn chart(&self) -> &'a ChartMesh {
+        self.chart
     }
 
     /// As [`SimplifyOptions::importance`](crate::stage::simplify::SimplifyOptions::importance).

@@ -1,7 +1,7 @@
 //! A grid filling: embed the chart, choose cells, fit and code their vertices, certify every level; then again with more cells where
 //! the bound is above the tolerance.
 
-use super::chart_work::{ChartWork, CodedLevel, Outcome, seam};
+use super::chart_work::{ALMOST, ChartWork, CodedLevel, Outcome, seam};
 use super::exact::power_of_two;
 use super::fill::{Challenge, ChartFilling, FillingRow};
 use super::shared_arcs::{CutChart, SampleWish};
@@ -177,7 +177,7 @@ impl ChartWork<'_> {
             if *failures > MAX_REFINEMENTS || error > HOPELESS * last {
                 return Outcome::Unfit;
             }
-            let triangles = self.exceeding(&mut compared);
+            let triangles = self.exceeding(&mut compared, ALMOST);
             let centre = |&t: &u32| {
                 cut.mesh.triangles[t as usize].map(|v| filling.embedding.uv[v as usize]).iter().sum::<DVec2>() / 3.0
             };

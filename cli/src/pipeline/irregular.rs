@@ -1,7 +1,7 @@
 //! An irregular filling: simplify, code, certify; then again where the bound is above the tolerance.
 
 use super::Scale;
-use super::chart_work::{ChartWork, CodedLevel, Outcome, border_loops, seam};
+use super::chart_work::{ALMOST, ChartWork, CodedLevel, Outcome, border_loops, seam};
 use super::exact::power_of_two;
 use super::fill::{ChartFilling, FillingRow};
 use super::roots::MAX_FAILURES;
@@ -9,7 +9,7 @@ use super::shared_arcs::{CutChart, SampleWish};
 use crate::machine::thread_cpu_time;
 use crate::mesh::NONE;
 use crate::stage::areas::{Areas, Jumps};
-use crate::stage::certify;
+use crate::stage::certify::{self, Comparison};
 use crate::stage::chart::NEVER;
 use crate::stage::simplify::{Early, LevelPatch, SimplifiedChart, SimplifyOptions, simplify_again};
 use glam::DVec3;
@@ -31,6 +31,13 @@ const LOCAL_FAILURES: u32 = 6;
 const NEAREST_FAILURES: u32 = 3;
 /// Factor on the finest threshold with every failure after those.
 const FINER: f64 = 0.4;
+
+/// In a mesh of at most so many triangles, a chart that is off by more than this share of the tolerance is made again, with more weight where
+/// it is off by more than that. That is a tenth of the charts, so that large meshes would take a tenth longer; in small ones a largest
+/// distance in one place shows.
+const SMALL: usize = 250_000;
+const NEAR: f64 = 0.9;
+const FAR: f64 = 0.75;
 
 /// How often the tangential step is halved where colours jump.
 const LINE_REFINEMENT: u32 = 3;
@@ -62,6 +69,13 @@ impl ChartFilling for IrregularFilling {
     }
 }
 
+/// A chart simplified and coded, coarsest level first, and how far its finest level is off.
+struct Attempt {
+    coded: Vec<Option<CodedLevel>>,
+    compared: Comparison,
+    error: f64,
+}
+
 impl ChartWork<'_> {
     /// See [`IrregularFilling::fill`].
     fn fill_irregularly(
@@ -83,44 +97,68 @@ impl ChartWork<'_> {
                     return Outcome::Wishes(wishes);
                 }
             }
-            let mut simplified = self.simplify(cut, importance, *failures, &mut early);
-            if !simplified.stuck.is_empty() {
-                let wishes = self.wishes(cut, simplified.stuck.iter().map(|s| (s.vertex, s.level)));
-                if !wishes.is_empty() {
-                    return Outcome::Wishes(wishes);
+            let mut attempt = match self.attempt(cut, original, importance, *failures, &mut early) {
+                Ok(attempt) => attempt,
+                Err(wishes) => return Outcome::Wishes(wishes),
+            };
+            if attempt.error <= limit || keep_all {
+                if !keep_all && self.is_worth_another(attempt.error) {
+                    let far = self.exceeding(&mut attempt.compared, FAR);
+                    let mut importance = importance.clone();
+                    raise(&mut importance, &with_rings(&cut.mesh.triangles, far, 1), cut.original.len());
+                    let again = self.attempt(cut, original, &importance, *failures, &mut early);
+                    attempt = again.ok().filter(|again| again.error < attempt.error).unwrap_or(attempt);
                 }
-                // The stuck vertices lie on seams, whose samples are fixed.
-                simplified.cap_missing(&cut.mesh, usize::from(self.charted.coarsest));
-            }
-            let coded: Vec<Option<CodedLevel>> = (0..)
-                .zip(&simplified.levels)
-                .map(|(level, patch)| patch.as_ref().map(|patch| self.encode(cut, patch, level, *failures)))
-                .collect();
-
-            // The finest level first: it decides whether the chart needs another attempt.
-            let Some(Some(finest_level)) = coded.last() else { unreachable!("a missing level has been capped") };
-            let drawn = finest_level.surface();
-            let mut compared = self.compared(original, &drawn, &seam(cut, finest));
-            let error = self.certify_within(&mut compared);
-            if error <= limit || keep_all {
+                let Attempt { coded, compared, error } = attempt;
                 let rms = self.rms(cut, &compared);
                 return Outcome::Done(Box::new(self.root(cut, original, Filling::Irregular, coded, [error, rms])));
             }
             *failures += 1;
-            let triangles = self.exceeding(&mut compared);
+            let triangles = self.exceeding(&mut attempt.compared, ALMOST);
             // Triangles may be too far off because of their neighbourhood, so every later failure takes in one more ring.
             let rings = 1 + failures.saturating_sub(NEAREST_FAILURES);
             let beyond = with_rings(&cut.mesh.triangles, triangles, rings as usize);
-            importance.resize(cut.original.len(), 1.0);
-            for &v in &beyond {
-                importance[v as usize] *= IMPORTANCE_STEP;
-            }
+            raise(importance, &beyond, cut.original.len());
             let wishes = self.wishes(cut, beyond.into_iter().map(|v| (v, finest)));
             // Importance helps the interior; only more samples help a border that is too coarse.
             if *failures >= 2 && !wishes.is_empty() {
                 return Outcome::Wishes(wishes);
             }
         }
+    }
+
+    /// Whether a chart that is so far off, within the tolerance, is to be nearer.
+    fn is_worth_another(&self, error: f64) -> bool {
+        self.charted.mesh.triangles.len() <= SMALL && error > NEAR * self.charted.scale.error_limit
+    }
+
+    /// Simplifies, codes and measures the chart; what it wishes if it cannot.
+    fn attempt(
+        &mut self,
+        cut: &CutChart,
+        original: &certify::Surface,
+        importance: &[f32],
+        failures: u32,
+        early: &mut Option<Early>,
+    ) -> Result<Attempt, Vec<SampleWish>> {
+        let mut simplified = self.simplify(cut, importance, failures, early);
+        if !simplified.stuck.is_empty() {
+            let wishes = self.wishes(cut, simplified.stuck.iter().map(|s| (s.vertex, s.level)));
+            if !wishes.is_empty() {
+                return Err(wishes);
+            }
+            // The stuck vertices lie on seams, whose samples are fixed.
+            simplified.cap_missing(&cut.mesh, usize::from(self.charted.coarsest));
+        }
+        let coded: Vec<Option<CodedLevel>> = (0..)
+            .zip(&simplified.levels)
+            .map(|(level, patch)| patch.as_ref().map(|patch| self.encode(cut, patch, level, failures)))
+            .collect();
+        // The finest level first: it decides whether the chart needs another attempt.
+        let Some(Some(finest_level)) = coded.last() else { unreachable!("a missing level has been capped") };
+        let mut compared = self.compared(original, &finest_level.surface(), &seam(cut, self.charted.scale.finest()));
+        let error = self.certify_within(&mut compared);
+        Ok(Attempt { coded, compared, error })
     }
 
     /// `early` serves all attempts that differ in weights alone.
@@ -236,6 +274,12 @@ fn areas_in_order(level_patch: &LevelPatch, patch: &Patch, order: &[u32]) -> Vec
     let before = |v: u32| v.checked_sub(border).map_or(v, |inside| border + order[inside as usize]);
     let area = |corners: &[u32; 3]| known.get(&from_smallest(corners.map(before))).copied().unwrap_or(NONE);
     patch.triangles.iter().map(area).collect()
+}
+
+/// Raises the weights of some of so many vertices.
+fn raise(importance: &mut Vec<f32>, vertices: &[u32], count: usize) {
+    importance.resize(count, 1.0);
+    vertices.iter().for_each(|&v| importance[v as usize] *= IMPORTANCE_STEP);
 }
 
 /// The vertices of some triangles of a mesh with so many rings of triangles, these included, ascending.

@@ -32,6 +32,7 @@ mod groups;
 mod irregular;
 mod join;
 mod manifold;
+mod moved_nearer;
 mod options;
 mod overview;
 mod paint;

@@ -3,7 +3,7 @@
 use super::chart_work::DrawnPatch;
 use super::coarse::CoarseSurface;
 use super::manifold::boundary_loops;
-use super::reduce::reduce;
+use super::reduce::{Ways, reduce};
 use super::scale::Scale;
 use crate::mesh::Mesh;
 use crate::stage::repair::sew;
@@ -23,7 +23,7 @@ pub const OVERVIEW_TRIANGLES: usize = 500;
 
 /// The overview of a surface; none if nothing is left of the surface with so few triangles.
 pub(super) fn overview(surface: &CoarseSurface, scale: &Scale) -> Option<OverviewRecord> {
-    let (reduced, _) = reduce(surface, OVERVIEW_TRIANGLES, Some)?;
+    let (reduced, _) = reduce(surface, Ways::Nearest, OVERVIEW_TRIANGLES, Some)?;
     coded(surface, reduced, scale, 0).map(|(overview, _)| overview)
 }
 

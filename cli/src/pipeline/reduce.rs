@@ -4,10 +4,11 @@
 //! tried in several ways, which renew their planes more or less often, and again with more weight where the result is farthest off.
 //! Where fewer than three times as many are asked for, closed surfaces are also [resampled](crate::stage::resample) on cells so large
 //! that few handles are left, and [vertices are clustered](crate::stage::cluster_vertices), which suits scenes of many parts. Vertices
-//! are also clustered where nothing else reaches the number. Of the results that reach it, the one with the least mean squared
+//! are also clustered where nothing else reaches the number. The vertices of the nearest results are [moved nearer](super::moved_nearer), too. Of the results that reach it, the one with the least mean squared
 //! distance is taken, unless its largest distance is much more than another's. The error is certified against the surface that came in,
 //! both ways.
 
+use std::collections::BTreeSet;
 use std::iter;
 
 use glam::DVec3;
@@ -16,6 +17,7 @@ use serde::Serialize;
 use super::coarse::{CoarseSurface, STOPS, collapsed, collapsed_in_areas, filled};
 use super::far_weights::FarWeights;
 use super::manifold::open_edges;
+use super::moved_nearer::{Whole, moved_nearer, take_back};
 use super::spread_points::for_each_point;
 use crate::mesh::union_find::count_components;
 use crate::mesh::{Mesh, NONE};
@@ -44,10 +46,14 @@ const FARTHER: f64 = 1.2;
 /// Ways to collapse edges, as [`SimplifyOptions::stops`](crate::stage::simplify::SimplifyOptions): all are tried, since which is nearest differs
 /// from surface to surface.
 const ALL_STOPS: [&[f64]; 3] = [&[], &STOPS, &[4.0, 2.0, 1.4]];
-/// Input triangles that are collapsed again, in all ways together, with more weight where the surface was farthest off; and how often in each
-/// way at most.
-const COLLAPSED_AGAIN: usize = 700_000;
+/// Input triangles that are collapsed again, in all ways together, with more weight where the surface was farthest off; where something of
+/// the size is there already; what measuring a surface costs beside its triangles; and how often one is made in each way at most.
+const COLLAPSED_AGAIN: usize = 900_000;
+const COLLAPSED_QUICKLY: usize = 30_000;
+const MEASURING: usize = 8000;
 const MOST_ROUNDS: usize = 16;
+/// How often vertices of a surface that was moved nearer are taken back where it is farther off than before.
+const TAKEN_BACK: usize = 2;
 /// Halvings of the interval of cell sizes for clustering.
 const CLUSTER_STEPS: usize = 12;
 /// The smallest cells for clustering, as a share of the longest side of the box.
@@ -70,10 +76,11 @@ pub enum Topology {
 /// A surface with at most `triangles` triangles, after `mended` has made of it what is needed; none if even clustering cannot make one.
 pub(super) fn reduce(
     surface: &CoarseSurface,
+    ways: Ways<'_>,
     triangles: usize,
     mended: impl Fn(Mesh) -> Option<Mesh>,
 ) -> Option<(CoarseSurface, Topology)> {
-    let nearest = reductions(surface, Ways::Nearest, triangles, mended).into_iter().next();
+    let nearest = reductions(surface, ways, triangles, mended).into_iter().next();
     nearest.map(|reduced| (reduced.surface, reduced.topology))
 }
 
@@ -90,6 +97,8 @@ pub(super) struct Reduced {
 pub(super) enum Ways<'a> {
     /// All that bring it near, also again with more weight where it is farthest off.
     Nearest,
+    /// Edge collapse alone, and again only as often as it takes next to no time: for a surface that has something as small already.
+    Quick,
     /// A few, for somebody else to choose from. If areas are given, lines between them stay, too, in as many ways more.
     Each(Option<Areas<'a>>),
 }
@@ -108,9 +117,13 @@ pub(super) fn reductions(
         let surface = CoarseSurface { positions, triangles, error: surface.error };
         return vec![Reduced { surface, topology: Topology::Kept, areas: vec![] }];
     }
-    let mut reducing = Reducing::new(&whole, triangles, &mended);
+    let bvh = TriangleBvh::new(&whole.positions, &whole.triangles);
+    let mut reducing =
+        Reducing { whole: Whole { mesh: &whole, bvh: &bvh }, triangles, mended: &mended, measured: vec![] };
     let chart = surface.chart();
+    let is_quick = matches!(ways, Ways::Quick);
     let closed = match &chart {
+        _ if is_quick => None,
         Some(chart) => (triangles < CROWDED * needed(chart)).then(|| capped(chart)),
         // What touches itself bounds a solid nevertheless.
         None => open_edges(&whole.triangles).is_empty().then(|| whole.clone()),
@@ -124,9 +137,12 @@ pub(super) fn reductions(
         chart.loops.iter_mut().flatten().for_each(|border| border.level = FREE);
         reducing.collapse(&chart, ways);
     }
-    if is_crowded || reducing.measured.is_empty() {
+    if is_crowded || reducing.measured.is_empty() && !is_quick {
         let clustered = clustered(&whole, triangles, &mended);
         clustered.into_iter().for_each(|mesh| reducing.measure(Candidate::of(mesh, Topology::Clustered)));
+    }
+    if !matches!(ways, Ways::Each(_)) {
+        reducing.move_nearer();
     }
     let mut measured = reducing.measured;
     measured.retain(|m| m.bound.is_finite());
@@ -146,19 +162,13 @@ pub(super) fn reductions(
 
 /// Candidates for one surface.
 struct Reducing<'a> {
-    whole: &'a Mesh,
-    original: TriangleBvh,
+    whole: Whole<'a>,
     triangles: usize,
     mended: &'a dyn Fn(Mesh) -> Option<Mesh>,
     measured: Vec<Measured>,
 }
 
-impl<'a> Reducing<'a> {
-    fn new(whole: &'a Mesh, triangles: usize, mended: &'a dyn Fn(Mesh) -> Option<Mesh>) -> Self {
-        let original = TriangleBvh::new(&whole.positions, &whole.triangles);
-        Self { whole, original, triangles, mended, measured: vec![] }
-    }
-
+impl Reducing<'_> {
     /// Mends and measures a candidate, if it is small enough then, and returns what has been measured.
     fn add(&mut self, candidate: Candidate) -> Option<&Measured> {
         let mesh = (self.mended)(candidate.mesh)?;
@@ -170,33 +180,78 @@ impl<'a> Reducing<'a> {
     fn measure(&mut self, candidate: Candidate) {
         let Mesh { positions, triangles } = &candidate.mesh;
         let drawn = TriangleBvh::new(positions, triangles);
-        let bound = two_sided(&self.original, &drawn, &CertifyOptions::default()).upper;
-        let mean = one_way(self.whole, &drawn) + one_way(&candidate.mesh, &self.original);
+        let bound = two_sided(self.whole.bvh, &drawn, &CertifyOptions::default()).upper;
+        let mean = one_way(self.whole.mesh, &drawn) + one_way(&candidate.mesh, self.whole.bvh);
         self.measured.push(Measured { candidate, bound, mean });
     }
 
     /// Adds what edge collapse makes of the surface.
     fn collapse(&mut self, chart: &ChartMesh, ways: Ways<'_>) {
-        let all_stops = differing_stops(chart.triangles.len(), self.triangles);
-        let (areas, rounds) = match ways {
-            Ways::Nearest => (None, COLLAPSED_AGAIN / (all_stops.len() * chart.triangles.len()).max(1)),
+        let (areas, again) = match ways {
+            Ways::Nearest => (None, COLLAPSED_AGAIN),
+            Ways::Quick => (None, COLLAPSED_QUICKLY),
             Ways::Each(areas) => (areas, 0),
         };
-        let rounds = rounds.min(MOST_ROUNDS);
-        let of_chart = areas.map(|areas| areas_of_chart(self.whole, areas, chart));
+        let of_chart = areas.map(|areas| areas_of_chart(self.whole.mesh, areas, chart));
         let areas = areas.and_then(|areas| Areas::of(of_chart.as_deref()?, Some(areas.jumps)));
+        let all_stops = differing_stops(chart.triangles.len(), self.triangles);
+        let a_round = MEASURING + chart.triangles.len();
+        let rounds = |ways: usize| (again / (ways * a_round)).min(MOST_ROUNDS);
         let kept = iter::once(None).chain(areas.map(Some));
+        let mut nearest: Option<(usize, Way)> = None;
         let mut weights = FarWeights::new(chart);
-        for (stops, areas) in kept.flat_map(|areas| all_stops.iter().map(move |stops| (stops, areas))) {
-            weights.reset();
-            for round in 0..=rounds {
-                let made = collapsed_in_areas(chart, areas, self.triangles, stops, weights.of_vertices());
-                let candidate = made.map(|(mesh, areas)| Candidate { mesh, topology: Topology::Kept, areas });
-                let Some(last) = candidate.and_then(|candidate| self.add(candidate)) else { break };
-                if round == rounds || !weights.raise(&last.candidate.mesh, last.bound) {
+        for way in kept.flat_map(|areas| all_stops.iter().map(move |stops| Way { stops, areas })) {
+            let Some(first) = self.collapse_in(chart, way, None) else { continue };
+            self.collapse_again(way, first, rounds(all_stops.len()), &mut weights);
+            if nearest.is_none_or(|(nearest, _)| self.measured[first].bound < self.measured[nearest].bound) {
+                nearest = Some((first, way));
+            }
+        }
+        // A large surface is made again in one way alone.
+        if let Some((first, way)) = nearest.filter(|_| rounds(all_stops.len()) == 0) {
+            self.collapse_again(way, first, rounds(1), &mut weights);
+        }
+    }
+
+    /// Adds what edge collapse makes of the surface in one way, and returns its number.
+    fn collapse_in(&mut self, chart: &ChartMesh, way: Way<'_>, importance: Option<&[f32]>) -> Option<usize> {
+        let (mesh, areas) = collapsed_in_areas(chart, way.areas, self.triangles, way.stops, importance)?;
+        self.add(Candidate { mesh, topology: Topology::Kept, areas })?;
+        Some(self.measured.len() - 1)
+    }
+
+    /// Adds the nearest surfaces again, by what they may be chosen for, with vertices that are moved nearer.
+    fn move_nearer(&mut self) {
+        let nearest = |of: fn(&Measured) -> f64| {
+            (0..self.measured.len()).min_by(|&a, &b| of(&self.measured[a]).total_cmp(&of(&self.measured[b])))
+        };
+        let chosen =
+            [|m: &Measured| m.bound, |m: &Measured| m.mean, |m: &Measured| m.mean * m.bound * m.bound].map(nearest);
+        for number in chosen.into_iter().flatten().collect::<BTreeSet<usize>>() {
+            let Measured { candidate: Candidate { mesh: before, topology, areas }, bound, .. } = &self.measured[number];
+            let (before, topology, areas, bound) = (before.clone(), *topology, areas.clone(), *bound);
+            let whole = self.whole;
+            let mut mesh = moved_nearer(&before, whole);
+            for _ in 0..=TAKEN_BACK {
+                self.add(Candidate { mesh: mesh.clone(), topology, areas: areas.clone() });
+                let is_near = self.measured.last().is_some_and(|last| last.bound <= bound);
+                if is_near || !take_back(&mut mesh, &before, whole, bound) {
                     break;
                 }
             }
+        }
+    }
+
+    /// The same so many times again, with ever more weight where the last one was farthest off. `last` is the number of the first one.
+    fn collapse_again(&mut self, way: Way<'_>, mut last: usize, rounds: usize, weights: &mut FarWeights<'_>) {
+        weights.reset();
+        for _ in 0..rounds {
+            let Measured { candidate, bound, .. } = &self.measured[last];
+            if !weights.raise(&candidate.mesh, *bound) {
+                break;
+            }
+            let Some(next) = self.collapse_in(weights.chart(), way, weights.of_vertices()) else { break };
+            last = next;
         }
     }
 }
@@ -224,6 +279,15 @@ fn areas_of_chart(whole: &Mesh, areas: Areas<'_>, chart: &ChartMesh) -> Vec<u32>
     let middle = |corners: &[u32; 3]| corners.iter().map(|&v| chart.positions[v as usize]).sum::<DVec3>() / 3.0;
     let mut of = |corners| areas.of_triangles.get(bvh.closest(middle(corners), &mut hint).triangle as usize).copied();
     chart.triangles.iter().map(|corners| of(corners).unwrap_or(NONE)).collect()
+}
+
+/// A way to collapse edges.
+#[derive(Clone, Copy)]
+struct Way<'a> {
+    /// As [`SimplifyOptions::stops`](crate::stage::simplify::SimplifyOptions::stops).
+    stops: &'a [f64],
+    /// Areas between which lines stay.
+    areas: Option<Areas<'a>>,
 }
 
 /// What the surface may become.

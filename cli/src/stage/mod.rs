@@ -14,7 +14,8 @@
 //! group        charts -> nested groups of them
 //! pack         labels -> the same, small parts together      (segment, group)
 //! embed        chart -> map onto a regular polygon   (chart)
-//! sample       map -> quadtrees of a grid filling    (chart, embed)
+//! least_squares  squares over offsets of vertices -> those that make them least
+//! sample       map -> quadtrees of a grid filling    (chart, embed, least_squares)
 //! simplify     chart -> levels of an irregular one   (chart, areas)
 //! cluster_vertices  surface -> one of any number of triangles    (simplify)
 //! certify      two triangle sets -> a proven bound on their distance
@@ -32,6 +33,7 @@ pub mod chart;
 pub mod cluster_vertices;
 pub mod embed;
 pub mod group;
+pub mod least_squares;
 pub mod pack;
 pub mod repair;
 pub mod resample;

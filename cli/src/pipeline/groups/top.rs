@@ -7,7 +7,7 @@ use super::super::chart_work::DrawnBlocks;
 use super::super::coarse::CoarseSurface;
 use super::super::exact::power_of_two;
 use super::super::overview::{OVERVIEW_TRIANGLES, coded};
-use super::super::reduce::reduce;
+use super::super::reduce::{Ways, reduce};
 use super::super::scale::{Scale, factor_of};
 use super::parts::closed;
 
@@ -16,6 +16,12 @@ const STEP_PER_BOUND: f64 = 0.25;
 
 /// A coarser block of a top is left out unless it has at most this share of the finer one's triangles.
 const WORTHWHILE: f64 = 0.75;
+
+/// A top that has a block of few triangles gets another instead if its error is at most this share of that.
+const NEARER: f64 = 0.8;
+
+/// And if what it stands for has at least so many triangles: fewer are hardly more than the block itself.
+const WORTH_ANOTHER: usize = 2000;
 
 /// Leaves out coarse blocks with hardly fewer triangles than finer ones: there topology decides, not the error.
 pub(super) fn leave_out(blocks: &mut [Option<BlockRecord>]) {
@@ -45,10 +51,13 @@ pub(in super::super) fn reduce_top(
     let finest = blocks.iter().rposition(Option::is_some).unwrap_or(last);
     let is_small = |block: &&BlockRecord| block.triangle_count as usize <= OVERVIEW_TRIANGLES;
     let small = blocks.iter().flatten().filter(is_small).map(|block| block.error).reduce(f64::min);
-    if (small.is_none() || lacks_parts)
-        // Clustered vertices may join sheets, which have to come apart without an opening.
-        && let Some((reduced, _)) = reduce(surface, OVERVIEW_TRIANGLES, closed)
-        && small.is_none_or(|error| reduced.error < error)
+    let is_made = small.is_some() && !lacks_parts && surface.triangles.len() < WORTH_ANOTHER;
+    let ways = if small.is_none() || lacks_parts { Ways::Nearest } else { Ways::Quick };
+    let most = small.map_or(f64::INFINITY, |small| if lacks_parts { small } else { small * NEARER });
+    // Clustered vertices may join sheets, which have to come apart without an opening.
+    if !is_made
+        && let Some((reduced, _)) = reduce(surface, ways, OVERVIEW_TRIANGLES, closed)
+        && reduced.error < most
     {
         // The finest level takes its place unless a coarser one, by its tolerance, allows as much.
         let finest_step = scale.step() * power_of_two(i32::from(scale.fineness));

@@ -445,9 +445,9 @@ impl<'a> Search<'a> {
 
     /// The triangles of `from` that are not proven to be within the threshold, ascending, as the caller numbered them.
     pub(super) fn exceeding(mut self, work_limit: u64) -> Vec<u32> {
-        let mut found = Vec::new();
+        let (mut found, mut left) = (Vec::new(), work_limit);
         self.visit(0, &mut |search, slot, bound, subtriangle| {
-            if search.exceeds(bound, subtriangle, work_limit) {
+            if search.exceeds(bound, subtriangle, &mut left) {
                 found.push(search.from.original[slot as usize]);
             }
         });
@@ -457,10 +457,10 @@ impl<'a> Search<'a> {
 
     /// Those of some triangles of `from`, by slot, that are not proven to be within the threshold, ascending, as the caller numbered them.
     pub(super) fn exceeding_among(mut self, slots: impl Iterator<Item = u32>, work_limit: u64) -> Vec<u32> {
-        let mut found = Vec::new();
+        let (mut found, mut left) = (Vec::new(), work_limit);
         for slot in slots {
             if let Some((bound, subtriangle)) = self.visit_triangle(slot)
-                && self.exceeds(bound, subtriangle, work_limit)
+                && self.exceeds(bound, subtriangle, &mut left)
             {
                 found.push(self.from.original[slot as usize]);
             }
@@ -469,8 +469,8 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Whether one subtriangle is not proven to be within the threshold.
-    fn exceeds(&mut self, bound: f64, subtriangle: Subtriangle, work_limit: u64) -> bool {
+    /// Whether one subtriangle is not proven to be within the threshold. Takes what that costs from the work that is left.
+    fn exceeds(&mut self, bound: f64, subtriangle: Subtriangle, left: &mut u64) -> bool {
         // Squares on the diagonal are distances of vertices, which no cut can lower.
         if (0..3).any(|i| subtriangle.squares[i][i] > self.threshold) {
             return true;
@@ -478,7 +478,9 @@ impl<'a> Search<'a> {
         self.lower = 0.0;
         self.settled = 0.0;
         self.push(bound, subtriangle);
-        self.empty_queue(work_limit.min(self.work + WORK_PER_TRIANGLE));
+        let before = self.work;
+        self.empty_queue(before + WORK_PER_TRIANGLE.min(*left));
+        *left = left.saturating_sub(self.work - before);
         let exceeds = self.settled.max(self.lower) > self.threshold;
         self.heap.clear();
         self.subtriangles.clear();

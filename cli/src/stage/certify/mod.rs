@@ -50,13 +50,13 @@ pub struct CertifyOptions {
     /// Decision mode, the cheapest: once an upper bound of at most this is proven, the search ends.
     pub target: Option<f64>,
     /// Closest-point queries and cuts after which the bound is returned as it stands: valid, but not as tight as asked
-    /// for. One pass over all triangles is always made.
+    /// for. One pass over all triangles is always made, and there are never many more than 40 for each.
     pub work_limit: u64,
 }
 
 impl Default for CertifyOptions {
     fn default() -> Self {
-        Self { relative_gap: 0.05, floor: 0.0, lower: 0.0, target: None, work_limit: 4_000_000 }
+        Self { relative_gap: 0.05, floor: 0.0, lower: 0.0, target: None, work_limit: u64::MAX }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Fits the positions of a grid's vertices, one position for all levels.
 
+use crate::stage::least_squares::{Symmetric, System};
 use glam::DVec3;
 use lodpack::write::grid::GridSite;
 
@@ -8,7 +9,6 @@ use super::{
     correspond::LevelMatches,
     layout::{ChartLattice, border_positions, grid_sides, grid_states, site_coordinates},
     select::GridPlan,
-    system::{Symmetric, System},
     tree::{SurfacePoint, surface_points},
     triangle,
 };

@@ -18,7 +18,6 @@ mod correspond;
 mod fit;
 mod layout;
 mod select;
-mod system;
 #[cfg(test)]
 mod tests;
 mod tree;

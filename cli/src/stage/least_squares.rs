@@ -5,7 +5,7 @@ use glam::DVec3;
 
 /// A symmetric matrix: xx, yy, zz and yz, zx, xy.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Symmetric {
+pub struct Symmetric {
     diagonal: DVec3,
     off: DVec3,
 }
@@ -22,6 +22,7 @@ impl Symmetric {
         self.off += factor * other.off;
     }
 
+    /// The product with a vector.
     pub fn times(&self, v: DVec3) -> DVec3 {
         let o = self.off;
         self.diagonal * v + DVec3::new(o.z * v.y + o.y * v.z, o.z * v.x + o.x * v.z, o.y * v.x + o.x * v.y)
@@ -43,7 +44,7 @@ impl Symmetric {
 
 /// The normal equations of a sum of squares.
 #[derive(Clone, Debug, Default)]
-pub(super) struct System {
+pub struct System {
     diagonal: Vec<Symmetric>,
     right: Vec<DVec3>,
     /// First edge of each vertex, with the edge count at the end. An edge belongs to its smaller vertex.
