@@ -38,6 +38,8 @@ const FINER: f64 = 0.4;
 const SMALL: usize = 250_000;
 const NEAR: f64 = 0.9;
 const FAR: f64 = 0.75;
+/// How many times as many triangles it may take then.
+const HARDLY_MORE: f64 = 1.01;
 
 /// How often the tangential step is halved where colours jump.
 const LINE_REFINEMENT: u32 = 3;
@@ -76,6 +78,17 @@ struct Attempt {
     error: f64,
 }
 
+impl Attempt {
+    /// Whether it is nearer than another, with hardly more triangles.
+    fn is_better_than(&self, other: &Self) -> bool {
+        let triangles = |attempt: &Self| {
+            let finest = attempt.coded.last().and_then(Option::as_ref);
+            finest.map_or(0.0, |finest| finest.patch.triangles.len() as f64)
+        };
+        self.error < other.error && triangles(self) <= HARDLY_MORE * triangles(other)
+    }
+}
+
 impl ChartWork<'_> {
     /// See [`IrregularFilling::fill`].
     fn fill_irregularly(
@@ -107,7 +120,7 @@ impl ChartWork<'_> {
                     let mut importance = importance.clone();
                     raise(&mut importance, &with_rings(&cut.mesh.triangles, far, 1), cut.original.len());
                     let again = self.attempt(cut, original, &importance, *failures, &mut early);
-                    attempt = again.ok().filter(|again| again.error < attempt.error).unwrap_or(attempt);
+                    attempt = again.ok().filter(|again| again.is_better_than(&attempt)).unwrap_or(attempt);
                 }
                 let Attempt { coded, compared, error } = attempt;
                 let rms = self.rms(cut, &compared);

@@ -34,6 +34,7 @@ mod join;
 mod manifold;
 mod moved_nearer;
 mod options;
+mod other_topology;
 mod overview;
 mod paint;
 mod painted_cut;

@@ -2,7 +2,7 @@
 //! stop to matter, then parts do: of several parts nearby the largest stays, or vertices are clustered, whichever is nearer.
 
 use super::super::manifold::{boundary_loops, manifold};
-use super::super::reduce::clustered;
+use super::super::other_topology::clustered;
 use super::surface::Joined;
 use crate::mesh::union_find::components;
 use crate::mesh::{Mesh, NONE};
