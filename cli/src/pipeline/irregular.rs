@@ -39,7 +39,7 @@ const SMALL: usize = 250_000;
 const NEAR: f64 = 0.9;
 const FAR: f64 = 0.75;
 /// How many times as many triangles it may take then.
-const HARDLY_MORE: f64 = 1.01;
+const HARDLY_MORE: f64 = 1.02;
 
 /// How often the tangential step is halved where colours jump.
 const LINE_REFINEMENT: u32 = 3;

@@ -77,7 +77,7 @@ pub(super) struct Reduced {
 pub(super) enum Ways<'a> {
     /// All that bring it near, also again with more weight where it is farthest off.
     Nearest,
-    /// Edge collapse alone, and again only as often as it takes next to no time: for a surface that has something as small already.
+    /// Edge collapse in one way alone, and again only as often as it takes next to no time: for a surface that has something as small already.
     Quick,
     /// A few, for somebody else to choose from. If areas are given, lines between them stay, too, in as many ways more.
     Each(Option<Areas<'a>>),
@@ -174,7 +174,8 @@ impl Reducing<'_> {
         };
         let of_chart = areas.map(|areas| areas_of_chart(self.whole.mesh, areas, chart));
         let areas = areas.and_then(|areas| Areas::of(of_chart.as_deref()?, Some(areas.jumps)));
-        let all_stops = differing_stops(chart.triangles.len(), self.triangles);
+        let tried = if matches!(ways, Ways::Quick) { &ALL_STOPS[1..2] } else { &ALL_STOPS };
+        let all_stops = differing_stops(tried, chart.triangles.len(), self.triangles);
         let a_round = MEASURING + chart.triangles.len();
         let rounds = |ways: usize| (again / (ways * a_round)).min(MOST_ROUNDS);
         let kept = iter::once(None).chain(areas.map(Some));
@@ -236,11 +237,11 @@ impl Reducing<'_> {
     }
 }
 
-/// The [`ALL_STOPS`] that differ for a surface of some triangles.
-fn differing_stops(of: usize, triangles: usize) -> Vec<Vec<f64>> {
+/// The stops that differ for a surface of some triangles.
+fn differing_stops(tried: &[&[f64]], of: usize, triangles: usize) -> Vec<Vec<f64>> {
     let ratio = of as f64 / triangles.max(1) as f64;
     let mut all: Vec<Vec<f64>> = vec![];
-    for stops in ALL_STOPS {
+    for stops in tried {
         let stops: Vec<f64> = stops.iter().copied().filter(|&times| times < ratio).collect();
         if !all.contains(&stops) {
             all.push(stops);
