@@ -257,7 +257,7 @@ impl Reducing<'_> {
 }
 
 /// The [`ALL_STOPS`] that differ for a surface of some triangles.
-fn differing_stops(of: usize, triangles: usize) -> Vec<Vec<f64>> {
+pub(super) fn differing_stops(of: usize, triangles: usize) -> Vec<Vec<f64>> {
     let ratio = of as f64 / triangles.max(1) as f64;
     let mut all: Vec<Vec<f64>> = vec![];
     for stops in ALL_STOPS {
@@ -270,7 +270,7 @@ fn differing_stops(of: usize, triangles: usize) -> Vec<Vec<f64>> {
 }
 
 /// The areas of a chart's triangles, which are those of the surface that it was made from, but for a few that were divided.
-fn areas_of_chart(whole: &Mesh, areas: Areas<'_>, chart: &ChartMesh) -> Vec<u32> {
+pub(super) fn areas_of_chart(whole: &Mesh, areas: Areas<'_>, chart: &ChartMesh) -> Vec<u32> {
     if chart.triangles == whole.triangles {
         return areas.of_triangles.to_vec();
     }

@@ -1,0 +1,127 @@
+//! Another collapse of a cut, with more weight where the last one shows wrong colours.
+//!
+//! Nearly all that a reduced cut shows wrongly is in few places: a thousandth of the points have half of it. There two parts of the surface lie
+//! close together, or a corner is gone, and the closest point belongs to what looks otherwise. A few triangles more in these places cost the others next
+//! to nothing.
+
+use std::collections::BTreeSet;
+
+use glam::DVec3;
+use lodpack::Lattice;
+
+use super::coarse::{CoarseSurface, collapsed_in_areas};
+use super::finish::{Finished, local_surface};
+use super::reduce::{Reduced, Topology, areas_of_chart, differing_stops};
+use super::shown_colours::Difference;
+use crate::mesh::Mesh;
+use crate::stage::areas::{Areas, Jumps};
+use crate::stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
+use crate::stage::chart::{ChartMesh, FREE};
+
+/// How often a cut is collapsed again at most,
+const MOST_ROUNDS: usize = 12;
+/// and how often in a row if it does not become better.
+const PATIENCE: usize = 4;
+/// The share of the squared difference of colours that the worst points have together.
+const WORST: f64 = 0.3;
+/// Factor on the quadrics of vertices around these, with every round.
+const STEP: f32 = 30.0;
+/// Most weight: beyond it nothing is collapsed there any more.
+const MOST: f32 = 1e6;
+
+/// A cut that is collapsed again and again.
+pub(super) struct Recollapse<'a> {
+    surface: CoarseSurface,
+    chart: ChartMesh,
+    of_chart: TriangleBvh,
+    /// The areas of the chart's triangles, if colours jump between some.
+    areas: Option<(Vec<u32>, &'a Jumps)>,
+    triangles: usize,
+    lattice: &'a Lattice,
+}
+
+impl<'a> Recollapse<'a> {
+    /// Of a cut as [`finished_ways`](super::finish::finished_ways) takes it. None if it is no manifold.
+    pub fn new(
+        positions: &[[f64; 3]],
+        triangles: &[[u32; 3]],
+        error: f64,
+        areas: Option<Areas<'a>>,
+        lattice: &'a Lattice,
+        most_triangles: usize,
+    ) -> Option<Self> {
+        let surface = local_surface(positions, triangles, error, lattice);
+        let mut chart = surface.chart()?;
+        // Nobody borders on it.
+        chart.loops.iter_mut().flatten().for_each(|border| border.level = FREE);
+        let whole = Mesh { positions: surface.positions.clone(), triangles: surface.triangles.clone() };
+        Some(Self {
+            areas: areas.map(|areas| (areas_of_chart(&whole, areas, &chart), areas.jumps)),
+            of_chart: TriangleBvh::new(&chart.positions, &chart.triangles),
+            triangles: most_triangles,
+            surface,
+            chart,
+            lattice,
+        })
+    }
+
+    /// A reduced cut, or a better one that is made in the same way with other weights. `difference` says how far off colours are, and `value` how bad that is.
+    pub fn better(
+        &self,
+        first: Finished,
+        difference: impl Fn(&Finished) -> Option<Difference>,
+        value: impl Fn(&Difference, &Finished) -> f64,
+    ) -> Finished {
+        let has_lines = !first.areas.is_empty();
+        let mut weights = vec![1.0; self.chart.positions.len()];
+        let all_stops = differing_stops(self.chart.triangles.len(), self.triangles);
+        let is_way = |stops: &Vec<f64>| self.collapsed(stops, has_lines, &weights).is_some_and(|way| way == first);
+        let Some(stops) = all_stops.into_iter().find(is_way) else { return first };
+        let Some(mut last) = difference(&first) else { return first };
+        let (mut least, mut best, mut failed) = (value(&last, &first), first, 0);
+        for _ in 0..MOST_ROUNDS {
+            self.raise(&mut weights, &last.worst(WORST));
+            let Some(way) = self.collapsed(&stops, has_lines, &weights) else { break };
+            let Some(of_way) = difference(&way) else { break };
+            let now = value(&of_way, &way);
+            last = of_way;
+            if now < least {
+                (least, best, failed) = (now, way, 0);
+            } else {
+                failed += 1;
+            }
+            if failed == PATIENCE {
+                break;
+            }
+        }
+        best
+    }
+
+    fn collapsed(&self, stops: &[f64], has_lines: bool, weights: &[f32]) -> Option<Finished> {
+        let areas = self.areas.as_ref().filter(|_| has_lines);
+        let areas = areas.and_then(|(of_triangles, jumps)| Areas::of(of_triangles, Some(jumps)));
+        let (mesh, areas) = collapsed_in_areas(&self.chart, areas, self.triangles, stops, Some(weights))?;
+        let Mesh { positions, triangles } = mesh;
+        if triangles.is_empty() || triangles.len() > self.triangles {
+            return None;
+        }
+        let drawn = TriangleBvh::new(&positions, &triangles);
+        let error = self.surface.error_at(two_sided(&self.of_chart, &drawn, &CertifyOptions::default()).upper);
+        let surface = CoarseSurface { positions, triangles, error };
+        Some(Finished::new(Reduced { surface, topology: Topology::Kept, areas }, self.lattice))
+    }
+
+    /// Raises the weights around points, which are world coordinates.
+    fn raise(&self, weights: &mut [f32], points: &[DVec3]) {
+        let (origin, mut hint) = (DVec3::from_array(self.lattice.origin), Hint::default());
+        let mut corners = |point: &DVec3| {
+            let closest = self.of_chart.closest(point - origin, &mut hint);
+            self.chart.triangles[closest.triangle as usize]
+        };
+        let vertices: BTreeSet<u32> = points.iter().flat_map(&mut corners).collect();
+        for vertex in vertices {
+            let weight = &mut weights[vertex as usize];
+            *weight = (*weight * STEP).min(MOST);
+        }
+    }
+}
