@@ -125,3 +125,43 @@ impl<'a> Recollapse<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square of hills, as many along both sides.
+    fn hills(lattice: &Lattice) -> Mesh {
+        let side = 33;
+        let hill = |x: u32, y: u32| (f64::from(x) * 0.8).sin() * (f64::from(y) * 0.8).sin();
+        let on_lattice = |p: [f64; 3]| DVec3::from(lattice.world(lattice.units(p).map(|x| x.round() as i64)));
+        let point = |v: u32| on_lattice([f64::from(v % side), f64::from(v / side), hill(v % side, v / side)]);
+        let cells = (0..side * (side - 1)).filter(|v| v % side + 1 < side);
+        let triangles = cells.flat_map(|v| [[v, v + 1, v + side], [v + 1, v + side + 1, v + side]]).collect();
+        Mesh { positions: (0..side * side).map(point).collect(), triangles }
+    }
+
+    #[test]
+    fn where_colours_are_wrong_there_are_more_triangles_afterwards() {
+        let lattice = Lattice { origin: [100.0, 0.0, 0.0], step_log2: -10 };
+        let Mesh { positions, triangles } = hills(&lattice);
+        let positions: Vec<[f64; 3]> = positions.iter().map(|point| point.to_array()).collect();
+        let recollapse = Recollapse::new(&positions, &triangles, 0.0, None, &lattice, 300).expect("a manifold");
+        let uniform = vec![1.0; positions.len()];
+        let stops = differing_stops(triangles.len(), 300);
+        let first = recollapse.collapsed(&stops[0], false, &uniform).expect("possible");
+        let place = DVec3::new(8.0, 8.0, 0.5);
+        let around = |way: &Finished| {
+            let is_near = |point: &&[f64; 3]| DVec3::from(**point).distance(place) < 5.0;
+            way.positions.iter().filter(is_near).count()
+        };
+        let off = |way: &Finished| 1000.0 - around(way) as f64;
+        let difference = |way: &Finished| Some(Difference::of(vec![(place, off(way)), (DVec3::splat(20.0), 1.0)]));
+        let better = recollapse.better(first.clone(), difference, |difference, _| difference.mean());
+        assert!(around(&better) > around(&first), "{} and {}", around(&better), around(&first));
+        assert!(better.triangles.len() <= 300);
+        // What was made otherwise stays.
+        let other = Finished { error: 1.0 + first.error, ..first };
+        assert_eq!(recollapse.better(other.clone(), difference, |difference, _| difference.mean()), other);
+    }
+}
