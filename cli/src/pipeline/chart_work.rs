@@ -1,7 +1,7 @@
 //! One chart on its way to a root: what all fillings share.
 
 use super::coarse::CoarseSurface;
-use super::groups::top::reduce_top;
+use super::groups::top::{Few, reduce_top};
 use super::overview::OVERVIEW_TRIANGLES;
 use super::shared_arcs::{CutChart, SampleWish, SharedArcs};
 use super::summary::Times;
@@ -242,7 +242,8 @@ impl ChartWork<'_> {
         }
         if let Some(CodedLevel { patch, positions, .. }) = crowded {
             let whole = CoarseSurface { positions, triangles: patch.triangles, error: finest_error };
-            reduce_top(&whole, &mut blocks[..last], self.charted.scale, false, &mut drawn, &mut bounds);
+            let few = if self.charted.jumps_inside(self.chart) { Few::Lines } else { Few::Surface };
+            reduce_top(&whole, &mut blocks[..last], self.charted.scale, few, &mut drawn, &mut bounds);
         }
         raise_coarser(&mut blocks);
         let origin = DVec3::from_array(self.charted.scale.lattice.origin);

@@ -93,18 +93,31 @@ pub(super) fn finished_ways(
     lattice: &Lattice,
     most_triangles: usize,
 ) -> Vec<Finished> {
+    let surface = local_surface(positions, triangles, error, lattice);
+    let finished = |reduced| Finished::new(reduced, lattice);
+    reductions(&surface, ways, most_triangles, Some).into_iter().map(finished).collect()
+}
+
+impl Finished {
+    pub(super) fn new(Reduced { surface, topology, areas }: Reduced, lattice: &Lattice) -> Self {
+        let CoarseSurface { positions, triangles, error } = surface;
+        let origin = DVec3::from_array(lattice.origin);
+        let positions = positions.iter().map(|&p: &DVec3| (origin + p).to_array()).collect();
+        Self { positions, triangles, error, topology, areas }
+    }
+}
+
+/// A cut relative to the lattice's origin.
+pub(super) fn local_surface(
+    positions: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    error: f64,
+    lattice: &Lattice,
+) -> CoarseSurface {
     // Exact, since lattice coordinates are whole and steps are powers of two.
-    let origin = DVec3::from_array(lattice.origin);
     let step = lattice.step();
     let local = |p: &[f64; 3]| DVec3::from_array(lattice.units(*p).map(|x| x.round() * step));
-    let surface =
-        CoarseSurface { positions: positions.iter().map(local).collect(), triangles: triangles.to_vec(), error };
-    let finished = |Reduced { surface, topology, areas }| {
-        let CoarseSurface { positions, triangles, error } = surface;
-        let positions = positions.iter().map(|&p: &DVec3| (origin + p).to_array()).collect();
-        Finished { positions, triangles, error, topology, areas }
-    };
-    reductions(&surface, ways, most_triangles, Some).into_iter().map(finished).collect()
+    CoarseSurface { positions: positions.iter().map(local).collect(), triangles: triangles.to_vec(), error }
 }
 
 #[cfg(test)]

@@ -22,6 +22,7 @@
 mod chart_work;
 mod choose;
 mod coarse;
+mod colour_weights;
 mod cut_areas;
 mod exact;
 mod far_weights;

@@ -9,10 +9,11 @@ use lodpack::index::{ChannelInfo, ChannelKind, TexelBytes};
 use lodpack::{Lattice, Mesh};
 use rayon::prelude::*;
 
+use super::colour_weights::Recollapse;
 use super::cut_areas::areas_of_cut;
 use super::finish::{Finished, finished_ways};
 use super::reduce::Ways;
-use super::shown_colours::difference;
+use super::shown_colours::{Difference, difference};
 use super::texels::exponent_of;
 use crate::mesh::NONE;
 use crate::stage::areas::{Areas, ColourAreas};
@@ -31,7 +32,7 @@ const WORSE: f64 = 1.4;
 /// Where colours jump, texels may be finer than those of the cut, as a power of the root of two: lines lie across them.
 const FINER: u32 = 4;
 /// So that there are no more than about this many.
-const FINE_TEXELS: f64 = 2_097_152.0;
+const FINE_TEXELS: f64 = 4_194_304.0;
 /// A reduced cut may be so many times as far off as the nearest one, if it shows more.
 const FARTHER: f64 = 3.0;
 
@@ -117,6 +118,7 @@ impl<'a> CutPainter<'a> {
         let Mesh { positions, triangles: whole, .. } = &self.cut.mesh;
         let areas = self.areas.as_ref().map(ColourAreas::all);
         let best = self.best(finished_ways(positions, whole, error, Ways::Each(areas), self.lattice, triangles))?;
+        let best = self.again(best, error, triangles);
         let painted = self.painted(&best, self.shown_exponent());
         Some((best, painted))
     }
@@ -125,8 +127,9 @@ impl<'a> CutPainter<'a> {
     fn best(&self, mut ways: Vec<Finished>) -> Option<Finished> {
         let least = ways.iter().map(|way| way.error).fold(f64::INFINITY, f64::min);
         ways.retain(|way| way.error <= FARTHER * least);
-        let colour = self.channels.iter().position(|channel| channel.kind == ChannelKind::Colour);
-        let Some(colour) = colour else { return ways.into_iter().next() };
+        if self.colour().is_none() {
+            return ways.into_iter().next();
+        }
         let mut before = None;
         for texels in COMPARED_TEXELS {
             let exponent = self.exponent.max(self.exponent_for(texels));
@@ -135,10 +138,7 @@ impl<'a> CutPainter<'a> {
             }
             before = Some(exponent);
             let off = |way: &Finished| {
-                let painted = self.painted(way, exponent);
-                let off = painted.and_then(|painted| difference(self.cut, &painted, colour)).unwrap_or(f64::INFINITY);
-                // What is twice as far off must show 1.5 dB more.
-                off * (way.error / least.max(f64::MIN_POSITIVE)).sqrt()
+                self.difference(way, exponent).map_or(f64::INFINITY, |difference| value(&difference, way))
             };
             let off: Vec<f64> = ways.par_iter().map(off).collect();
             let mut compared: Vec<(Finished, f64)> = ways.into_iter().zip(off).collect();
@@ -148,6 +148,27 @@ impl<'a> CutPainter<'a> {
             ways = good.map(|(way, _)| way).collect();
         }
         ways.into_iter().next()
+    }
+
+    /// A reduced cut, or what edge collapse makes of the cut with more weight where that shows wrong colours, if it shows more.
+    fn again(&self, best: Finished, error: f64, triangles: usize) -> Finished {
+        let Mesh { positions, triangles: whole, .. } = &self.cut.mesh;
+        let areas = self.areas.as_ref().map(ColourAreas::all);
+        let exponent = self.exponent.max(self.exponent_for(COMPARED_TEXELS[0]));
+        match self.colour().and_then(|_| Recollapse::new(positions, whole, error, areas, self.lattice, triangles)) {
+            Some(recollapse) => recollapse.better(best, |way| self.difference(way, exponent), value),
+            None => best,
+        }
+    }
+
+    /// The channel of colours.
+    fn colour(&self) -> Option<usize> {
+        self.channels.iter().position(|channel| channel.kind == ChannelKind::Colour)
+    }
+
+    /// How far from those of the cut the colours of a reduced one are with texels of some size.
+    fn difference(&self, way: &Finished, exponent: u32) -> Option<Difference> {
+        difference(self.cut, &self.painted(way, exponent)?, self.colour()?)
     }
 
     /// A reduced cut with images of the channels. None if nothing can be projected.
@@ -173,6 +194,11 @@ impl<'a> CutPainter<'a> {
             textures: vec![texture],
         })
     }
+}
+
+/// How bad a reduced cut is: what is twice as far off must show 1.5 dB more.
+fn value(difference: &Difference, way: &Finished) -> f64 {
+    difference.mean() * way.error.max(f64::MIN_POSITIVE).sqrt()
 }
 
 /// How these channels are stored. None if one of them is of a kind that nothing is known of.

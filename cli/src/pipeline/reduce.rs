@@ -29,7 +29,7 @@ use crate::stage::chart::{ChartMesh, FREE};
 const FARTHER: f64 = 1.2;
 /// Ways to collapse edges, as [`SimplifyOptions::stops`](crate::stage::simplify::SimplifyOptions): all are tried, since which is nearest differs
 /// from surface to surface.
-const ALL_STOPS: [&[f64]; 3] = [&[], &STOPS, &[4.0, 2.0, 1.4]];
+pub(super) const ALL_STOPS: [&[f64]; 3] = [&[], &STOPS, &[4.0, 2.0, 1.4]];
 /// Input triangles that are collapsed again, in all ways together, with more weight where the surface was farthest off; where something of
 /// the size is there already; what measuring a surface costs beside its triangles; and how often one is made in each way at most.
 const COLLAPSED_AGAIN: usize = 900_000;
@@ -238,7 +238,7 @@ impl Reducing<'_> {
 }
 
 /// The stops that differ for a surface of some triangles.
-fn differing_stops(tried: &[&[f64]], of: usize, triangles: usize) -> Vec<Vec<f64>> {
+pub(super) fn differing_stops(tried: &[&[f64]], of: usize, triangles: usize) -> Vec<Vec<f64>> {
     let ratio = of as f64 / triangles.max(1) as f64;
     let mut all: Vec<Vec<f64>> = vec![];
     for stops in tried {
@@ -251,7 +251,7 @@ fn differing_stops(tried: &[&[f64]], of: usize, triangles: usize) -> Vec<Vec<f64
 }
 
 /// The areas of a chart's triangles, which are those of the surface that it was made from, but for a few that were divided.
-fn areas_of_chart(whole: &Mesh, areas: Areas<'_>, chart: &ChartMesh) -> Vec<u32> {
+pub(super) fn areas_of_chart(whole: &Mesh, areas: Areas<'_>, chart: &ChartMesh) -> Vec<u32> {
     if chart.triangles == whole.triangles {
         return areas.of_triangles.to_vec();
     }

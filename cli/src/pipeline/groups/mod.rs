@@ -33,7 +33,7 @@ use super::summary::Times;
 use crate::machine::thread_cpu_time;
 use crate::stage::arc_samples::border_deviation;
 use crate::stage::arcs::HalfArc;
-use crate::stage::areas::Jumps;
+use crate::stage::areas::{Areas, Jumps};
 use crate::stage::certify::{BorderPairing, PairedVertex};
 use crate::stage::chart::{BorderVertex, ChartMesh};
 use crate::stage::group::{Charts, group};
@@ -44,7 +44,7 @@ use net::Net;
 use outline::Borders;
 use parts::{InParts, is_of_small_parts};
 use surface::{Joined, Part, join};
-use top::{leave_out, reduce_top};
+use top::{Few, leave_out, reduce_top};
 
 /// How often corners are kept because a border could not be simplified without them.
 const MAX_ROUNDS: usize = 4;
@@ -355,10 +355,15 @@ impl<'a> Forest<'a> {
             leave_out(&mut blocks);
         }
         if joined.loops.is_empty() && coarsest == 0 {
-            let is_reduced = reduce_top(&below.whole(), &mut blocks, scale, is_thinned, &mut all_drawn, &mut bounds);
+            let few = match (is_thinned, Areas::of(&joined.areas, self.jumps)) {
+                (true, _) => Few::SomeParts,
+                (false, Some(areas)) if areas.have_jumps() => Few::Lines,
+                (false, _) => Few::Surface,
+            };
+            let is_reduced = reduce_top(&below.whole(), &mut blocks, scale, few, &mut all_drawn, &mut bounds);
             // Of very many parts too many may be left, however they are reduced; the members have fewer.
             if !is_reduced && !std::ptr::eq(below, &members) {
-                reduce_top(&members.whole(), &mut blocks, scale, is_thinned, &mut all_drawn, &mut bounds);
+                reduce_top(&members.whole(), &mut blocks, scale, few, &mut all_drawn, &mut bounds);
             }
         }
         raise_coarser(&mut blocks);

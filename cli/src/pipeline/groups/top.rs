@@ -36,14 +36,25 @@ pub(super) fn leave_out(blocks: &mut [Option<BlockRecord>]) {
     }
 }
 
-/// Replaces the coarsest blocks of a top by one of few triangles, if these have more, or are farther off because parts are missing
-/// (`lacks_parts`); one that has no block gets one at its finest level. `surface` is what it stands for, `drawn` what is drawn of it, and `bounds` the box around all of that, relative to the
-/// lattice's origin. Returns whether some block has few triangles now.
+/// What a top has whose triangles are few.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in super::super) enum Few {
+    /// A surface like any other.
+    Surface,
+    /// Lines between colours, which another surface would not have.
+    Lines,
+    /// Too few parts, so that any other surface may be better.
+    SomeParts,
+}
+
+/// Replaces the coarsest blocks of a top by one of few triangles, if these have more or are farther off; one that has no block gets one at
+/// its finest level. `surface` is what it stands for, `drawn` what is drawn of it, and `bounds` the box around all of that, relative to
+/// the lattice's origin. Returns whether some block has few triangles now.
 pub(in super::super) fn reduce_top(
     surface: &CoarseSurface,
     blocks: &mut [Option<BlockRecord>],
     scale: &Scale,
-    lacks_parts: bool,
+    few: Few,
     drawn: &mut DrawnBlocks,
     bounds: &mut [DVec3; 2],
 ) -> bool {
@@ -51,11 +62,14 @@ pub(in super::super) fn reduce_top(
     let finest = blocks.iter().rposition(Option::is_some).unwrap_or(last);
     let is_small = |block: &&BlockRecord| block.triangle_count as usize <= OVERVIEW_TRIANGLES;
     let small = blocks.iter().flatten().filter(is_small).map(|block| block.error).reduce(f64::min);
-    let is_made = small.is_some() && !lacks_parts && surface.triangles.len() < WORTH_ANOTHER;
-    let ways = if small.is_none() || lacks_parts { Ways::Nearest } else { Ways::Quick };
-    let most = small.map_or(f64::INFINITY, |small| if lacks_parts { small } else { small * NEARER });
+    let (ways, most) = match (small, few) {
+        (None, _) => (Ways::Nearest, f64::INFINITY),
+        (Some(error), Few::SomeParts) => (Ways::Nearest, error),
+        (Some(error), _) => (Ways::Quick, error * NEARER),
+    };
+    let is_done = matches!(ways, Ways::Quick) && (few == Few::Lines || surface.triangles.len() < WORTH_ANOTHER);
     // Clustered vertices may join sheets, which have to come apart without an opening.
-    if !is_made
+    if !is_done
         && let Some((reduced, _)) = reduce(surface, ways, OVERVIEW_TRIANGLES, closed)
         && reduced.error < most
     {

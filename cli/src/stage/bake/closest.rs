@@ -23,47 +23,57 @@ const CHUNK: usize = 1024;
 const FEW: usize = 12;
 /// No texel.
 const NOWHERE: u32 = u32::MAX;
+/// Beside the number of a texel: its triangle faces the other way.
+const OPPOSITE: u32 = 1 << 31;
+/// What a point counts whose closest triangle faces the other way. Who looks at one side of a sheet does not see the other one, but who asks what is
+/// shown close to a point does; and where that is all that anything lies closest to, a texel shows nearly what is projected.
+const SHARE_OF_OPPOSITE: f32 = 0.3;
 
-/// Adds to covered texels those points of the source that lie closest to them and that face the same way.
+/// Adds to covered texels those points of the source that lie closest to them. Of each texel says whether there is one that faces the same way.
 pub(super) fn show_closest(
     patch: &BakedPatch<'_>,
     map: &Map,
     drawn: &Drawn,
     source: &mut impl Source,
     sums: &mut Sums<'_>,
-) {
+) -> Vec<bool> {
     let finder = Finder::new(patch, map, drawn);
+    let mut is_seen = vec![false; drawn.depth.len()];
+    // Measured numbers and normals of the other side say nothing here.
+    let sides: &[(u32, f32)] =
+        if sums.storage.is_plain() { &[(0, 1.0), (OPPOSITE, SHARE_OF_OPPOSITE)] } else { &[(0, 1.0)] };
+    let (mut of_side, mut values_of_side) = (vec![], vec![]);
     let origin = patch.origin();
     let sources: Vec<[DVec3; 3]> =
         (0..source.triangle_count()).map(|triangle| source.corners(triangle).map(|corner| corner - origin)).collect();
     let mut values = vec![];
     for (first, some) in (0..).step_by(CHUNK).zip(sources.chunks(CHUNK)) {
         let found: Vec<Found> = some.par_iter().map(|&corners| finder.find(corners)).collect();
-        for (triangle, Found { rows, mut texels, area }) in (first..).zip(found) {
+        for (triangle, Found { rows, texels, area }) in (first..).zip(found) {
             if texels.iter().all(|&texel| texel == NOWHERE) {
                 continue;
             }
-            let weight = (area / texels.len() as f64) as f32;
+            // In texels, as what is projected.
+            let weight = (area / texels.len() as f64 / (finder.size * finder.size)) as f32;
             values.clear();
             source.shade(triangle, &rows, (finder.size * SPACING) as f32, &mut values);
-            keep_found(&mut texels, &mut values, sums.storage.count());
-            sums.add_all(&texels, &values, weight);
+            for &(side, share) in sides {
+                of_side.clear();
+                values_of_side.clear();
+                for (&texel, values) in texels.iter().zip(values.chunks_exact(sums.storage.count())) {
+                    if texel != NOWHERE && texel & OPPOSITE == side {
+                        of_side.push(texel & !OPPOSITE);
+                        values_of_side.extend_from_slice(values);
+                    }
+                }
+                sums.add_all(&of_side, &values_of_side, weight * share);
+                if side == 0 {
+                    of_side.iter().for_each(|&texel| is_seen[texel as usize] = true);
+                }
+            }
         }
     }
-}
-
-/// Drops the values of points that are nowhere.
-fn keep_found(texels: &mut Vec<u32>, values: &mut Vec<f32>, count: usize) {
-    let mut kept = 0;
-    for at in 0..texels.len() {
-        if texels[at] != NOWHERE {
-            texels[kept] = texels[at];
-            values.copy_within(at * count..(at + 1) * count, kept * count);
-            kept += 1;
-        }
-    }
-    texels.truncate(kept);
-    values.truncate(kept * count);
+    is_seen
 }
 
 /// The points of a triangle of the source, and the texels of the patch that are closest to them.
@@ -124,9 +134,8 @@ impl<'a> Finder<'a> {
                 None => self.bvh.around(middle, radius, &mut hint),
             };
             match around.as_ref().and_then(|around| self.bvh.only(around)) {
-                Some(triangle) if !self.faces(triangle, normal) => continue,
                 Some(triangle) if self.is_below(triangle, &corners) => {
-                    self.add_block(&rows, &block, triangle, &mut texels);
+                    self.add_block(&rows, &block, triangle, normal, &mut texels);
                     continue;
                 }
                 Some(_) => {}
@@ -147,24 +156,27 @@ impl<'a> Finder<'a> {
         Found { rows: rows.rows, texels, area: rows.area }
     }
 
-    /// Whether a triangle faces the same way: nobody looks at both sides of a sheet at once.
-    fn faces(&self, triangle: u32, normal: DVec3) -> bool {
-        self.normals.get(triangle as usize).is_some_and(|of_patch| of_patch.dot(normal) > 0.0)
+    /// Which side of a triangle faces the same way.
+    fn side(&self, triangle: u32, normal: DVec3) -> u32 {
+        if self.normals[triangle as usize].dot(normal) > 0.0 { 0 } else { OPPOSITE }
     }
 
     /// The texel of the closest point of a point of a triangle with such a normal.
     fn texel(&self, Closest { point, triangle, .. }: Closest, normal: DVec3) -> u32 {
-        if self.faces(triangle, normal) { self.texel_at(self.projection(triangle).place(point)) } else { NOWHERE }
+        match self.triangles.get(triangle as usize) {
+            Some(_) => self.texel_at(self.projection(triangle).place(point), self.side(triangle, normal)),
+            None => NOWHERE,
+        }
     }
 
     fn projection(&self, triangle: u32) -> &Projection {
         &self.projections[usize::from(self.map.labels[triangle as usize])]
     }
 
-    fn texel_at(&self, place: [f64; 2]) -> u32 {
+    fn texel_at(&self, place: [f64; 2], side: u32) -> u32 {
         let [column, row] = texel_at(place, self.map.size);
         let texel = row as usize * self.map.size[0] as usize + column as usize;
-        if self.drawn.is_covered[texel] { texel as u32 } else { NOWHERE }
+        if self.drawn.is_covered[texel] { texel as u32 | side } else { NOWHERE }
     }
 
     /// Whether points lie straight above a triangle, or below it.
@@ -179,14 +191,15 @@ impl<'a> Finder<'a> {
     }
 
     /// Notes the texels of a block of points, which all lie straight above a triangle or below it: those of a row are as far from one another.
-    fn add_block(&self, rows: &Rows, block: &Block, triangle: u32, texels: &mut [u32]) {
+    fn add_block(&self, rows: &Rows, block: &Block, triangle: u32, of_source: DVec3, texels: &mut [u32]) {
         let (projection, normal) = (self.projection(triangle), self.normals[triangle as usize]);
+        let side = self.side(triangle, of_source);
         let (corner, squared) = (self.corners(triangle)[0], normal.length_squared());
         let place = |point: DVec3| projection.place(point - normal * (normal.dot(point - corner) / squared));
         for (first, [start, next], count) in rows.in_rows(block) {
             let (start, next) = (place(start), place(next));
             for (k, texel) in texels[first..first + count].iter_mut().enumerate() {
-                *texel = self.texel_at([0, 1].map(|axis| start[axis] + k as f64 * (next[axis] - start[axis])));
+                *texel = self.texel_at([0, 1].map(|axis| start[axis] + k as f64 * (next[axis] - start[axis])), side);
             }
         }
     }

@@ -179,8 +179,7 @@ impl<'s> Baker<'s> {
     pub fn bake_closest(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
         let (map, bytes) = self.mapped(patch, exponent)?;
         let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
-        show_closest(patch, &map, &self.drawn, source, &mut sums);
-        let taken: Vec<bool> = (0..self.drawn.depth.len()).map(|texel| sums.has(texel)).collect();
+        let taken = show_closest(patch, &map, &self.drawn, source, &mut sums);
         let sums = gather(patch, &map, (&self.drawn, &taken), source, sums);
         self.kept = finished(sums, patch, &map, &self.drawn);
         // Nobody makes coarser ones of them.

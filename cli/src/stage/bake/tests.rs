@@ -387,3 +387,34 @@ fn texels_show_what_lies_closest_however_far_it_is() {
     let errors = [error(false), error(true)];
     assert!(errors[1] < 4.0 && errors[0] > 2.0 * errors[1], "{errors:?}");
 }
+
+#[test]
+fn the_far_side_of_a_sheet_counts_a_little() {
+    /// Both sides of a square: white above, and black below.
+    struct Sheet;
+    impl Source for Sheet {
+        fn triangle_count(&self) -> usize {
+            4
+        }
+        fn corners(&self, triangle: usize) -> [DVec3; 3] {
+            let [a, b, c, d] = [[0.0, 0.0], [64.0, 0.0], [64.0, 64.0], [0.0, 64.0]].map(|[x, y]| DVec3::new(x, y, 4.0));
+            let low = DVec3::new(0.0, 0.0, -6.0);
+            [[a, b, c], [a, c, d], [a + low, c + low, b + low], [a + low, d + low, c + low]][triangle]
+        }
+        fn shade(&mut self, triangle: usize, points: &[Points], _: f32, values: &mut Vec<f32>) {
+            let white = if triangle < 2 { 1.0 } else { 0.0 };
+            points.iter().flat_map(|points| points.weights()).for_each(|_| values.extend([white; 3]));
+        }
+    }
+    let positions = [[0, 0, 0], [64, 0, 0], [64, 64, 0], [0, 64, 0]];
+    let triangles = [[0, 1, 2], [0, 2, 3]];
+    let patch =
+        BakedPatch { positions: &positions, triangles: &triangles, reach: 6.0, areas: None, finer: 0, is_sharp: false };
+    let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
+    let streams = Baker::new(&storage).bake_closest(&patch, &mut Sheet, 2).expect("it has an image").streams;
+    let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).expect("sound");
+    let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+    let shown = image.interpolated(map.piece(0).unbounded([40.0, 24.0, 0.0]))[0];
+    let wanted = f64::from(srgb_byte(1.0 / 1.3));
+    assert!((shown - wanted).abs() < 3.0, "{shown} {wanted}");
+}
