@@ -360,10 +360,13 @@ impl<'a> Forest<'a> {
                 (false, Some(areas)) if areas.have_jumps() => Few::Lines,
                 (false, _) => Few::Surface,
             };
-            let is_reduced = reduce_top(&below.whole(), &mut blocks, scale, few, &mut all_drawn, &mut bounds);
+            let mut top = reduce_top(&below.whole(), &mut blocks, scale, few, &mut all_drawn, &mut bounds);
             // Of very many parts too many may be left, however they are reduced; the members have fewer.
-            if !is_reduced && !std::ptr::eq(below, &members) {
-                reduce_top(&members.whole(), &mut blocks, scale, few, &mut all_drawn, &mut bounds);
+            if !top.has_few && !std::ptr::eq(below, &members) {
+                top = reduce_top(&members.whole(), &mut blocks, scale, few, &mut all_drawn, &mut bounds);
+            }
+            if let Some((level, surface)) = top.replaced {
+                surfaces.insert(0, NodeSurface::new(level, surface));
             }
         }
         raise_coarser(&mut blocks);

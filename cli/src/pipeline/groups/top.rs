@@ -47,9 +47,17 @@ pub(in super::super) enum Few {
     SomeParts,
 }
 
+/// What became of a top.
+pub(in super::super) struct ReducedTop {
+    /// Whether some block has few triangles.
+    pub has_few: bool,
+    /// The surface of few triangles that has taken the place of the coarsest blocks, and its level.
+    pub replaced: Option<(u8, CoarseSurface)>,
+}
+
 /// Replaces the coarsest blocks of a top by one of few triangles, if these have more or are farther off; one that has no block gets one at
 /// its finest level. `surface` is what it stands for, `drawn` what is drawn of it, and `bounds` the box around all of that, relative to
-/// the lattice's origin. Returns whether some block has few triangles now.
+/// the lattice's origin.
 pub(in super::super) fn reduce_top(
     surface: &CoarseSurface,
     blocks: &mut [Option<BlockRecord>],
@@ -57,8 +65,9 @@ pub(in super::super) fn reduce_top(
     few: Few,
     drawn: &mut DrawnBlocks,
     bounds: &mut [DVec3; 2],
-) -> bool {
-    let Some(last) = blocks.len().checked_sub(1) else { return false };
+) -> ReducedTop {
+    let mut replaced = None;
+    let Some(last) = blocks.len().checked_sub(1) else { return ReducedTop { has_few: false, replaced } };
     let finest = blocks.iter().rposition(Option::is_some).unwrap_or(last);
     let is_small = |block: &&BlockRecord| block.triangle_count as usize <= OVERVIEW_TRIANGLES;
     let small = blocks.iter().flatten().filter(is_small).map(|block| block.error).reduce(f64::min);
@@ -88,14 +97,13 @@ pub(in super::super) fn reduce_top(
                 .for_each(|block| *block = None);
             blocks[..level].fill(None);
             blocks[level] = Some(BlockRecord { error, border_deviation: 0.0, triangle_count, symbols, texels: vec![] });
-            for &point in &patch.positions {
-                let p = scale.local_from_lattice(point);
-                *bounds = [bounds[0].min(p), bounds[1].max(p)];
-            }
+            let positions: Vec<DVec3> = patch.positions.iter().map(|&point| scale.local_from_lattice(point)).collect();
+            *bounds = positions.iter().fold(*bounds, |[low, high], &p| [low.min(p), high.max(p)]);
+            replaced = Some((level as u8, CoarseSurface { positions, triangles: patch.triangles.clone(), error }));
             if let Some(drawn) = drawn.get_mut(level) {
                 *drawn = Some(patch);
             }
         }
     }
-    blocks.iter().flatten().any(|block| is_small(&block))
+    ReducedTop { has_few: blocks.iter().flatten().any(|block| is_small(&block)), replaced }
 }
