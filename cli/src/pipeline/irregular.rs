@@ -115,7 +115,8 @@ impl ChartWork<'_> {
                 Err(wishes) => return Outcome::Wishes(wishes),
             };
             if attempt.error <= limit || keep_all {
-                if !keep_all && self.is_worth_another(attempt.error) {
+                // What has no border is bounded no closer than that.
+                if !keep_all && !attempt.compared.is_closed() && self.is_worth_another(attempt.error) {
                     let far = self.exceeding(&mut attempt.compared, FAR);
                     let mut importance = importance.clone();
                     raise(&mut importance, &with_rings(&cut.mesh.triangles, far, 1), cut.original.len());
