@@ -40,6 +40,11 @@ impl Mesh {
         (b - a).cross(c - a)
     }
 
+    /// Twice the area of each triangle.
+    pub fn doubled_areas(&self) -> Vec<f64> {
+        (0..self.triangles.len() as u32).map(|triangle| self.doubled_area(triangle).length()).collect()
+    }
+
     /// Smallest and largest coordinates of the vertices; an inverted box if there are none.
     pub fn bounds(&self) -> [DVec3; 2] {
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];

@@ -21,7 +21,7 @@ use lodpack::{
 const CERTIFY_GAP: f64 = 0.05;
 /// A finer irregular block is left out unless its error is below this multiple of the coarser one's.
 const WORTHWHILE: f64 = 0.8;
-/// Distances below this share of the tolerance need not be resolved in charts of whole parts.
+/// Distances below this share of the tolerance need not be resolved in charts of several parts.
 const FLOOR_OF_PARTS: f64 = 0.75;
 /// Where a chart is above the tolerance, what exceeds this share of it is too far off: there is always something, then.
 pub(super) const ALMOST: f64 = 0.9;
@@ -77,6 +77,8 @@ pub(super) struct CodedLevel {
     pub patch: Patch,
     /// The patch's vertices as they decode, relative to the lattice's origin.
     pub positions: Vec<DVec3>,
+    /// The chart-local vertex that each of these was, or [`NONE`](crate::mesh::NONE); empty if nobody knows.
+    pub was: Vec<u32>,
     /// The area of each triangle; empty if nothing is known of them.
     pub areas: Vec<u32>,
     pub symbols: SymbolBuffer,
@@ -102,13 +104,13 @@ impl ChartWork<'_> {
         let loops = border_loops(cut, level);
         let points = loops.iter().flatten().chain(&patch.interior);
         let positions = points.map(|&p| self.charted.scale.local_from_lattice(p)).collect();
-        CodedLevel { patch, positions, areas: vec![], symbols }
+        CodedLevel { patch, positions, was: vec![], areas: vec![], symbols }
     }
 
-    /// The input's chart beside a decoded patch.
-    pub fn compared(&mut self, original: &Surface, drawn: &Surface, seam: &BorderPairing) -> Comparison {
+    /// The input's chart beside a decoded level.
+    pub fn compared(&mut self, original: &Surface, cut: &CutChart, level: u8, coded: &CodedLevel) -> Comparison {
         let start = thread_cpu_time();
-        let compared = Comparison::new(original, drawn, seam);
+        let compared = Comparison::new(original, &coded.surface(), &seam(cut, level), coded.was.clone());
         self.times.certify += thread_cpu_time() - start;
         compared
     }
@@ -117,8 +119,9 @@ impl ChartWork<'_> {
     pub fn certify(&mut self, compared: &mut Comparison) -> f64 {
         let start = thread_cpu_time();
         let Scale { error_limit, .. } = *self.charted.scale;
-        // A chart without a border consists of whole parts. One of many is nearly as far off as it may be.
-        let floor = if compared.is_closed() { error_limit * FLOOR_OF_PARTS } else { self.charted.scale.step() * 0.05 };
+        // One of many parts is nearly as far off as it may be.
+        let is_in_parts = compared.part_count() > 1;
+        let floor = if is_in_parts { error_limit * FLOOR_OF_PARTS } else { self.charted.scale.step() * 0.05 };
         let options = CertifyOptions { relative_gap: CERTIFY_GAP, floor, ..CertifyOptions::default() };
         let bound = compared.two_sided(&options).upper;
         self.times.certify += thread_cpu_time() - start;
@@ -208,8 +211,7 @@ impl ChartWork<'_> {
             let error = if level == last {
                 finest_error
             } else {
-                let drawn = coded_level.surface();
-                let mut compared = self.compared(original, &drawn, &seam(cut, level as u8));
+                let mut compared = self.compared(original, cut, level as u8, &coded_level);
                 self.certify(&mut compared)
             };
             let needed = filling.is_nested() || level == last && best_stored > self.charted.scale.tolerance;

@@ -10,13 +10,14 @@ use glam::DVec3;
 use lodpack::Lattice;
 
 use super::coarse::{CoarseSurface, collapsed_in_areas};
+use super::far_weights::raise;
 use super::finish::{Finished, local_surface};
 use super::reduce::{ALL_STOPS, Reduced, Topology, areas_of_chart, differing_stops};
 use super::shown_colours::Difference;
 use crate::mesh::Mesh;
 use crate::stage::areas::{Areas, Jumps};
 use crate::stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
-use crate::stage::chart::{ChartMesh, FREE};
+use crate::stage::chart::ChartMesh;
 
 /// How often a cut is collapsed again at most,
 const MOST_ROUNDS: usize = 12;
@@ -26,8 +27,6 @@ const PATIENCE: usize = 4;
 const WORST: f64 = 0.3;
 /// Factor on the quadrics of vertices around these, with every round.
 const STEP: f32 = 30.0;
-/// Most weight: beyond it nothing is collapsed there any more.
-const MOST: f32 = 1e6;
 
 /// A cut that is collapsed again and again.
 pub(super) struct Recollapse<'a> {
@@ -52,8 +51,7 @@ impl<'a> Recollapse<'a> {
     ) -> Option<Self> {
         let surface = local_surface(positions, triangles, error, lattice);
         let mut chart = surface.chart()?;
-        // Nobody borders on it.
-        chart.loops.iter_mut().flatten().for_each(|border| border.level = FREE);
+        chart.free_border();
         let whole = Mesh { positions: surface.positions.clone(), triangles: surface.triangles.clone() };
         Some(Self {
             areas: areas.map(|areas| (areas_of_chart(&whole, areas, &chart), areas.jumps)),
@@ -120,10 +118,7 @@ impl<'a> Recollapse<'a> {
             self.chart.triangles[closest.triangle as usize]
         };
         let vertices: BTreeSet<u32> = points.iter().flat_map(&mut corners).collect();
-        for vertex in vertices {
-            let weight = &mut weights[vertex as usize];
-            *weight = (*weight * STEP).min(MOST);
-        }
+        raise(weights, &vertices, STEP);
     }
 }
 

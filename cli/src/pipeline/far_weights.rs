@@ -69,10 +69,15 @@ impl<'a> FarWeights<'a> {
         }
         weights.resize(chart.positions.len(), 1.0);
         let vertices: BTreeSet<u32> = triangles.into_iter().flat_map(|t| chart.triangles[t as usize]).collect();
-        for &v in &vertices {
-            weights[v as usize] = (weights[v as usize] * STEP).min(MOST);
-        }
+        raise(weights, &vertices, STEP);
         vertices.len() <= MANY
+    }
+}
+
+/// Raises the weights of some vertices.
+pub(super) fn raise(weights: &mut [f32], vertices: &BTreeSet<u32>, step: f32) {
+    for &v in vertices {
+        weights[v as usize] = (weights[v as usize] * step).min(MOST);
     }
 }
 

@@ -1,7 +1,7 @@
 //! A grid filling: embed the chart, choose cells, fit and code their vertices, certify every level; then again with more cells where
 //! the bound is above the tolerance.
 
-use super::chart_work::{ALMOST, ChartWork, CodedLevel, Outcome, seam};
+use super::chart_work::{ALMOST, ChartWork, CodedLevel, Outcome};
 use super::exact::power_of_two;
 use super::fill::{Challenge, ChartFilling, FillingRow};
 use super::shared_arcs::{CutChart, SampleWish};
@@ -161,8 +161,7 @@ impl ChartWork<'_> {
             let Some(coded) = self.encode_grid(cut, filling) else { return Outcome::Unfit };
             let Some(finest) = coded.iter().rposition(Option::is_some) else { return Outcome::Unfit };
             let Some(finest_level) = &coded[finest] else { return Outcome::Unfit };
-            let drawn = finest_level.surface();
-            let mut compared = self.compared(original, &drawn, &seam(cut, finest as u8));
+            let mut compared = self.compared(original, cut, finest as u8, finest_level);
             let error = self.certify(&mut compared);
             // Where the grid lacks the finest levels, its neighbours may be finer.
             let is_coarser = finest < usize::from(self.charted.scale.finest());

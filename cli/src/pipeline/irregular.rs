@@ -1,7 +1,7 @@
 //! An irregular filling: simplify, code, certify; then again where the bound is above the tolerance.
 
 use super::Scale;
-use super::chart_work::{ALMOST, ChartWork, CodedLevel, Outcome, border_loops, seam};
+use super::chart_work::{ALMOST, ChartWork, CodedLevel, Outcome, border_loops};
 use super::exact::power_of_two;
 use super::fill::{ChartFilling, FillingRow};
 use super::roots::MAX_FAILURES;
@@ -115,8 +115,8 @@ impl ChartWork<'_> {
                 Err(wishes) => return Outcome::Wishes(wishes),
             };
             if attempt.error <= limit || keep_all {
-                // What has no border is bounded no closer than that.
-                if !keep_all && !attempt.compared.is_closed() && self.is_worth_another(attempt.error) {
+                // Several parts are bounded no closer than that.
+                if !keep_all && attempt.compared.part_count() == 1 && self.is_worth_another(attempt.error) {
                     let far = self.exceeding(&mut attempt.compared, FAR);
                     let mut importance = importance.clone();
                     raise(&mut importance, &with_rings(&cut.mesh.triangles, far, 1), cut.original.len());
@@ -170,7 +170,7 @@ impl ChartWork<'_> {
             .collect();
         // The finest level first: it decides whether the chart needs another attempt.
         let Some(Some(finest_level)) = coded.last() else { unreachable!("a missing level has been capped") };
-        let mut compared = self.compared(original, &finest_level.surface(), &seam(cut, self.charted.scale.finest()));
+        let mut compared = self.compared(original, cut, self.charted.scale.finest(), finest_level);
         let error = self.certify_within(&mut compared);
         Ok(Attempt { coded, compared, error })
     }
@@ -217,13 +217,13 @@ impl ChartWork<'_> {
         let refinement = if is_finest { failures.saturating_sub(NEAREST_FAILURES) } else { 0 };
         let refinement = refinement.max(refinement_of_lines(level_patch, self.charted.jumps()));
         let coded = code(self.charted.scale, level, &border_loops(cut, level), level_patch, refinement);
-        let (patch, symbols, areas) = match coded {
+        let Coded { patch, symbols, areas, was } = match coded {
             Ok(coded) => coded,
             // Simplification keeps patches manifold with the given border, and `Scale` keeps them within the lattice.
             Err(error) => unreachable!("a simplified patch is codable: {error}"),
         };
         self.times.encode += thread_cpu_time() - start;
-        CodedLevel { areas, ..self.coded_level(cut, level, patch, symbols) }
+        CodedLevel { areas, was, ..self.coded_level(cut, level, patch, symbols) }
     }
 
     fn all_border_vertices(&self, cut: &CutChart) -> Vec<SampleWish> {
@@ -240,15 +240,24 @@ pub(super) fn refinement_of_lines(level_patch: &LevelPatch, jumps: Option<&Jumps
     if has_lines { LINE_REFINEMENT } else { 0 }
 }
 
-/// Codes a simplified patch with the border `loops`, and with a finer tangential step the more often it is to be halved. Returns the areas
-/// of the patch's triangles, too.
+/// A simplified patch as it is coded.
+pub(super) struct Coded {
+    pub patch: Patch,
+    pub symbols: SymbolBuffer,
+    /// The area of each triangle; empty if nothing is known of them.
+    pub areas: Vec<u32>,
+    /// The chart-local vertex that each vertex was; empty if nobody knows.
+    pub was: Vec<u32>,
+}
+
+/// Codes a simplified patch with the border `loops`, and with a finer tangential step the more often it is to be halved.
 pub(super) fn code(
     scale: &Scale,
     level: u8,
     loops: &[Vec<LatticePoint>],
     level_patch: &LevelPatch,
     refinement: u32,
-) -> Result<(Patch, SymbolBuffer, Vec<u32>), lodpack::write::EncodeError> {
+) -> Result<Coded, lodpack::write::EncodeError> {
     let step = scale.step();
     let interior: Vec<[f64; 3]> = level_patch.interior.iter().map(|&p| (p / step).to_array()).collect();
     let target = PatchTarget { loops, interior: &interior, triangles: &level_patch.triangles };
@@ -259,7 +268,10 @@ pub(super) fn code(
     let mut symbols = SymbolBuffer::default();
     let (patch, order) = encode_refined_patch(&target, quantisation, refinement, &slide, &mut symbols)?;
     let areas = areas_in_order(level_patch, &patch, &order);
-    Ok((patch, symbols, areas))
+    let of_inside = order.iter().filter_map(|&inside| level_patch.interior_was.get(inside as usize));
+    let is_known = level_patch.interior_was.len() == level_patch.interior.len();
+    let was = if is_known { level_patch.border.iter().chain(of_inside).copied().collect() } else { vec![] };
+    Ok(Coded { patch, symbols, areas, was })
 }
 
 /// The areas of a patch's triangles, which are those of a simplified patch in another order. `order` are the interior vertices of that.

@@ -51,7 +51,7 @@ struct Between {
 pub(super) fn moved_nearer(reduced: &Mesh, whole: Whole<'_>) -> Mesh {
     let mut moved = reduced.clone();
     let count = (POINTS * reduced.triangles.len()).max(LEAST_POINTS);
-    let areas = areas_of(whole.mesh);
+    let areas = whole.mesh.doubled_areas();
     for _ in 0..ROUNDS {
         let all = between(&moved, whole, &areas, count);
         let mean = all.iter().map(|between| between.offset.length_squared()).sum::<f64>() / all.len() as f64;
@@ -105,7 +105,7 @@ fn between(moved: &Mesh, whole: Whole<'_>, areas_of_whole: &[f64], count: usize)
         all.push(Between { triangle: closest.triangle, weights, offset: point - closest.point });
     });
     let mut hint = Hint::default();
-    for_each_point(&areas_of(moved), count, |triangle, weights| {
+    for_each_point(&moved.doubled_areas(), count, |triangle, weights| {
         let point = at(moved, triangle as u32, weights);
         let offset = whole.bvh.closest(point, &mut hint).point - point;
         all.push(Between { triangle: triangle as u32, weights, offset });
@@ -132,10 +132,6 @@ fn normal(mesh: &Mesh, triangle: u32) -> DVec3 {
     mesh.doubled_area(triangle).normalize_or_zero()
 }
 
-fn areas_of(mesh: &Mesh) -> Vec<f64> {
-    (0..mesh.triangles.len() as u32).map(|triangle| mesh.doubled_area(triangle).length()).collect()
-}
-
 fn at(mesh: &Mesh, triangle: u32, [u, v, w]: [f64; 3]) -> DVec3 {
     let [a, b, c] = mesh.corners(triangle);
     a * u + b * v + c * w
@@ -152,7 +148,7 @@ mod tests {
     }
 
     fn squares(of: &Mesh, whole: Whole<'_>) -> f64 {
-        let all = between(of, whole, &areas_of(whole.mesh), LEAST_POINTS);
+        let all = between(of, whole, &whole.mesh.doubled_areas(), LEAST_POINTS);
         all.iter().map(|between| between.offset.length_squared()).sum::<f64>() / all.len() as f64
     }
 

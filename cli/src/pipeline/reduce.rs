@@ -23,7 +23,7 @@ use super::spread_points::for_each_point;
 use crate::mesh::{Mesh, NONE};
 use crate::stage::areas::Areas;
 use crate::stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
-use crate::stage::chart::{ChartMesh, FREE};
+use crate::stage::chart::ChartMesh;
 
 /// Of the candidates whose bound is at most this many times the least one, the one with the least mean is taken.
 const FARTHER: f64 = 1.2;
@@ -113,8 +113,7 @@ pub(super) fn reductions(
         reducing.add(Candidate::of(mesh, Topology::Resampled));
     }
     if let Some(mut chart) = chart {
-        // Nobody borders on it.
-        chart.loops.iter_mut().flatten().for_each(|border| border.level = FREE);
+        chart.free_border();
         reducing.collapse(&chart, ways);
     }
     if is_crowded || reducing.measured.is_empty() && !is_quick {
@@ -296,9 +295,8 @@ struct Measured {
 
 /// Mean squared distance of the points of a mesh from a surface, at points spread by area.
 fn one_way(from: &Mesh, to: &TriangleBvh) -> f64 {
-    let areas: Vec<f64> = (0..from.triangles.len() as u32).map(|t| from.doubled_area(t).length()).collect();
     let (mut sum, mut count, mut hint) = (0.0, 0_u32, Hint::default());
-    for_each_point(&areas, COMPARED_POINTS, |triangle, [_, u, v]| {
+    for_each_point(&from.doubled_areas(), COMPARED_POINTS, |triangle, [_, u, v]| {
         let [a, b, c] = from.corners(triangle as u32);
         let distance = to.closest(a + (b - a) * u + (c - a) * v, &mut hint).distance;
         sum += distance * distance;

@@ -37,3 +37,10 @@ pub struct ChartMesh {
     /// is possible (holes, handles); a disk has exactly one loop and Euler characteristic 1.
     pub loops: Vec<Vec<BorderVertex>>,
 }
+
+impl ChartMesh {
+    /// Lets go of the border, where nobody needs it.
+    pub fn free_border(&mut self) {
+        self.loops.iter_mut().flatten().for_each(|border| border.level = FREE);
+    }
+}

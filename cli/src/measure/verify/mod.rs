@@ -148,7 +148,7 @@ fn difference<R: ReadAt>(file: &File<R>, mesh: &Mesh) -> Option<String> {
 }
 
 fn mesh_area(mesh: &Mesh) -> f64 {
-    0.5 * (0..mesh.triangles.len() as u32).map(|t| mesh.doubled_area(t).length()).sum::<f64>()
+    0.5 * mesh.doubled_areas().iter().sum::<f64>()
 }
 
 impl VerifyReport {

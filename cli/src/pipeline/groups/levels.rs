@@ -4,7 +4,7 @@ use glam::DVec3;
 use lodpack::{LatticePoint, decode::Patch, write::SymbolBuffer};
 
 use super::super::Scale;
-use super::super::irregular::{code, refinement_of_lines, with_rings};
+use super::super::irregular::{Coded, code, refinement_of_lines, with_rings};
 use super::super::summary::Times;
 use super::{FEWEST, Joined};
 use crate::machine::thread_cpu_time;
@@ -79,7 +79,7 @@ impl Making<'_> {
         let start = thread_cpu_time();
         let border = joined.border_loops(level);
         let refinement = refinement_of_lines(level_patch, self.jumps);
-        let (patch, symbols, areas) = code(self.scale, level, &border, level_patch, refinement).ok()?;
+        let Coded { patch, symbols, areas, .. } = code(self.scale, level, &border, level_patch, refinement).ok()?;
         times.encode += thread_cpu_time() - start;
         let start = thread_cpu_time();
         let points: Vec<LatticePoint> = border.iter().flatten().chain(&patch.interior).copied().collect();
@@ -91,7 +91,7 @@ impl Making<'_> {
             floor: self.scale.levels[usize::from(level)].threshold * FLOOR,
             ..CertifyOptions::default()
         };
-        let mut compared = Comparison::new(&original, &drawn, &self.below.pairing(level));
+        let mut compared = Comparison::new(&original, &drawn, &self.below.pairing(level), vec![]);
         let mut distance = compared.two_sided(&options).upper;
         if distance > self.too_far(level) && !self.is_of_small_parts {
             // A map may stretch over a fold that closest points do not see.

@@ -172,6 +172,7 @@ fn thinned(patch: &LevelPatch, wanted: usize, least: usize) -> LevelPatch {
 fn with_clusters(mut rest: LevelPatch, small: &Mesh, wanted: usize, least: usize) -> Option<LevelPatch> {
     let most = wanted.saturating_sub(rest.triangles.len()).max(least);
     let clusters = clustered(small, most, closed)?;
+    rest.interior_was.clear();
     let mut numbers = vec![NONE; clusters.positions.len()];
     for corners in clusters.triangles {
         rest.triangles.push(corners.map(|v| {

@@ -121,6 +121,11 @@ pub(super) struct Search<'a> {
     work_limit: u64,
 }
 
+/// A squared distance between points whose coordinates, relative to some point, are at most `reach`, with every rounding error.
+pub(super) fn inflated(square: f64, reach: f64) -> f64 {
+    square.sqrt() * (1.0 + INFLATE) + INFLATE_REACH * reach + INFLATE_TINY
+}
+
 impl<'a> Search<'a> {
     /// A search for the largest distance. Neither surface may be empty.
     pub(super) fn new(from: &'a TriangleBvh, to: &'a TriangleBvh, options: &CertifyOptions) -> Self {
@@ -433,8 +438,7 @@ impl<'a> Search<'a> {
 
     /// An upper bound for a squared distance between two surfaces that holds whatever the rounding.
     pub(super) fn inflate(square: f64, a: &TriangleBvh, b: &TriangleBvh) -> f64 {
-        let reach = a.reach + (a.origin - b.origin).abs().max_element() + b.reach;
-        square.sqrt() * (1.0 + INFLATE) + INFLATE_REACH * reach + INFLATE_TINY
+        inflated(square, a.reach + (a.origin - b.origin).abs().max_element() + b.reach)
     }
 
     fn finish(mut self) -> Bound {

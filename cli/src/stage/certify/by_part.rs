@@ -4,13 +4,14 @@
 //! to the wrong one. Each part on its own is bounded as a chart of its own would be. The largest of the bounds holds for all together:
 //! every point of a part has a point of its partner near it.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
 use super::bvh::{Hint, TriangleBvh};
 use super::drape::Map;
 use super::surface::Surface;
+use super::unchanged::{Corresponding, Unchanged};
 use super::{BorderPairing, Bound, CertifyOptions, exceeding, two_sided};
 use crate::mesh::NONE;
 use crate::mesh::union_find::components;
@@ -23,6 +24,15 @@ struct Part {
     /// The numbers of its triangles and vertices in the surface.
     numbers: Vec<u32>,
     vertices: Vec<u32>,
+}
+
+/// A surface or its part.
+enum Side {
+    Whole(Arc<TriangleBvh>),
+    /// All components with a border, and the numbers of their triangles in the surface.
+    Bordered(Arc<TriangleBvh>, Vec<u32>),
+    /// Its hierarchy is made once somebody asks for it.
+    Closed(Part, OnceLock<Arc<TriangleBvh>>),
 }
 
 /// A surface in parts.
@@ -39,8 +49,8 @@ struct Parts {
 /// drawn level.
 pub struct Comparison {
     pairs: Vec<Pair>,
-    /// Whether there is no border.
-    is_closed: bool,
+    /// Of each vertex of the coarser surface which one of the finer it was; [`NONE`] if none. Empty if nothing is known.
+    was: Vec<u32>,
     /// A distance that occurs between parts, and where.
     lower: (f64, DVec3),
 }
@@ -55,19 +65,14 @@ struct Pair {
     /// How one is laid onto the other.
     map: Option<Map>,
     known: Option<Bound>,
-}
-
-/// A surface or its part.
-struct Side {
-    surface: Arc<TriangleBvh>,
-    /// The numbers of its triangles in the surface, and of its vertices; none if they are the same.
-    triangles: Option<Vec<u32>>,
-    vertices: Option<Vec<u32>>,
+    /// What stays as it is, if that has been all that was asked so far.
+    unchanged: Option<Unchanged>,
 }
 
 impl Comparison {
-    /// `pairing` says how the borders correspond; `fine` should have the smaller triangles.
-    pub fn new(fine: &Surface, coarse: &Surface, pairing: &BorderPairing) -> Self {
+    /// `pairing` says how the borders correspond; `fine` should have the smaller triangles. `was` says of each vertex of the coarser surface
+    /// which one of the finer it was, or [`NONE`]; it is empty if nobody knows.
+    pub fn new(fine: &Surface, coarse: &Surface, pairing: &BorderPairing, was: Vec<u32>) -> Self {
         let is_closed = pairing.is_empty();
         let points = || pairing.iter().flatten();
         let of_coarse = Parts::new(coarse, points().filter_map(|vertex| vertex.coarse));
@@ -78,25 +83,16 @@ impl Comparison {
         let found = of_fine.zip(of_coarse).and_then(|parts| pairs_of([fine, coarse], parts, pairing));
         let (pairs, lower) = found.unzip();
         let whole = || {
-            let [fine, coarse] = [fine, coarse].map(|surface| Side {
-                surface: Arc::clone(surface.bvh()),
-                triangles: None,
-                vertices: None,
-            });
+            let [fine, coarse] = [fine, coarse].map(|surface| Side::Whole(Arc::clone(surface.bvh())));
             // Parts that do not correspond are not laid onto each other as a whole either; a border may help.
             vec![Pair { may_drape: !(is_closed && is_several), ..Pair::new(fine, coarse, pairing.clone()) }]
         };
-        Self { pairs: pairs.unwrap_or_else(whole), is_closed, lower: lower.unwrap_or_default() }
+        Self { pairs: pairs.unwrap_or_else(whole), was, lower: lower.unwrap_or_default() }
     }
 
-    #[cfg(test)]
-    pub(super) fn part_count(&self) -> usize {
+    /// In how many parts the surfaces are compared.
+    pub fn part_count(&self) -> usize {
         self.pairs.len()
-    }
-
-    /// Whether neither surface has a border.
-    pub fn is_closed(&self) -> bool {
-        self.is_closed
     }
 
     /// Bounds the Hausdorff distance like [`super::two_sided`]: in several parts by the largest distance between two that correspond, which
@@ -104,7 +100,7 @@ impl Comparison {
     pub fn two_sided(&mut self, options: &CertifyOptions) -> Bound {
         let mut options = CertifyOptions { lower: options.lower.max(self.lower.0), ..options.clone() };
         let bounds = self.pairs.iter_mut().map(|pair| {
-            let bound = pair.two_sided(&options);
+            let bound = pair.two_sided(&self.was, &options);
             options.lower = options.lower.max(bound.lower);
             bound
         });
@@ -115,17 +111,20 @@ impl Comparison {
     /// Squared distances of every so many vertices of the finer surface from the coarser one, or from the part that corresponds.
     pub fn squares(&self, stride: usize) -> Vec<f64> {
         let mut squares = vec![];
-        for Pair { fine: Side { surface: fine, vertices, .. }, coarse, map, .. } in &self.pairs {
+        for pair in &self.pairs {
+            let is_wanted = |v: u32| pair.fine.vertex(v) as usize % stride == 0;
+            if let (Some(unchanged), Some(parts)) = (&pair.unchanged, pair.corresponding(&self.was)) {
+                unchanged.squares(&parts, is_wanted, &mut squares);
+                continue;
+            }
+            let [fine, coarse] = pair.surfaces();
             let mut hint = Hint::default();
-            for (v, &own) in (0..).zip(&fine.vertex_of).filter(|&(_, &own)| own != NONE) {
-                let number = vertices.as_ref().map_or(v, |numbers| numbers[v] as usize);
-                if number % stride == 0 {
-                    if let Some(map) = map {
-                        hint = Hint::at(map.tile(own));
-                    }
-                    let distance = coarse.surface.closest(fine.positions[own as usize], &mut hint).distance;
-                    squares.push(distance * distance);
+            for (_, &own) in (0..).zip(&fine.vertex_of).filter(|&(v, &own)| own != NONE && is_wanted(v)) {
+                if let Some(map) = &pair.map {
+                    hint = Hint::at(map.tile(own));
                 }
+                let distance = coarse.closest(fine.positions[own as usize], &mut hint).distance;
+                squares.push(distance * distance);
             }
         }
         squares
@@ -143,16 +142,70 @@ impl Comparison {
     }
 }
 
+impl Side {
+    fn closed(part: Part) -> Self {
+        Self::Closed(part, OnceLock::new())
+    }
+
+    fn bvh(&self) -> &Arc<TriangleBvh> {
+        match self {
+            Self::Whole(bvh) | Self::Bordered(bvh, _) => bvh,
+            Self::Closed(part, bvh) => bvh.get_or_init(|| Arc::new(TriangleBvh::new(&part.positions, &part.triangles))),
+        }
+    }
+
+    /// The number of a triangle in the surface.
+    fn triangle(&self, number: u32) -> u32 {
+        match self {
+            Self::Whole(_) => number,
+            Self::Bordered(_, numbers) | Self::Closed(Part { numbers, .. }, _) => numbers[number as usize],
+        }
+    }
+
+    /// The number of a vertex in the surface.
+    fn vertex(&self, number: u32) -> u32 {
+        match self {
+            Self::Whole(_) | Self::Bordered(..) => number,
+            Self::Closed(part, _) => part.vertices[number as usize],
+        }
+    }
+}
+
 impl Pair {
     fn new(fine: Side, coarse: Side, pairing: BorderPairing) -> Self {
-        Self { fine, coarse, pairing, may_drape: true, map: None, known: None }
+        Self { fine, coarse, pairing, may_drape: true, map: None, known: None, unchanged: None }
+    }
+
+    fn surfaces(&self) -> [&Arc<TriangleBvh>; 2] {
+        [&self.fine, &self.coarse].map(Side::bvh)
+    }
+
+    /// Two parts without a border, and how their vertices correspond; none if nothing is known of that.
+    fn corresponding(&self, was: &[u32]) -> Option<Corresponding<'_>> {
+        let (Side::Closed(fine, _), Side::Closed(coarse, _)) = (&self.fine, &self.coarse) else { return None };
+        if was.is_empty() {
+            return None;
+        }
+        // Vertices of a part are numbered by their first use, so that their order tells nothing.
+        let mut numbers: Vec<(u32, u32)> = fine.vertices.iter().copied().zip(0..).collect();
+        numbers.sort_unstable();
+        let local = |&vertex: &u32| {
+            let found = numbers.binary_search_by_key(&was[vertex as usize], |&(surface, _)| surface);
+            found.map_or(NONE, |index| numbers[index].1)
+        };
+        Some(Corresponding {
+            fine: Surface::new(&fine.positions, &fine.triangles),
+            coarse: Surface::new(&coarse.positions, &coarse.triangles),
+            was: coarse.vertices.iter().map(local).collect(),
+        })
     }
 
     /// Asks the map between the two, if there is one; none if there is not.
     fn on_map<T>(&mut self, ask: impl FnOnce(&mut Map) -> Option<T>) -> Option<T> {
-        let (fine, coarse) = (&self.fine.surface, &self.coarse.surface);
-        if std::mem::take(&mut self.may_drape) && !fine.is_empty() && !coarse.is_empty() {
-            self.map = Map::new(fine, coarse, &self.pairing);
+        if std::mem::take(&mut self.may_drape) {
+            let [fine, coarse] = self.surfaces();
+            let is_empty = fine.is_empty() || coarse.is_empty();
+            self.map = if is_empty { None } else { Map::new(fine, coarse, &self.pairing) };
         }
         let answer = ask(self.map.as_mut()?);
         if answer.is_none() {
@@ -161,16 +214,27 @@ impl Pair {
         answer
     }
 
-    fn two_sided(&mut self, options: &CertifyOptions) -> Bound {
+    fn two_sided(&mut self, was: &[u32], options: &CertifyOptions) -> Bound {
         let CertifyOptions { relative_gap, floor, lower, target, .. } = *options;
+        let enough = floor.max(target.unwrap_or(0.0));
         if let Some(known) = self.known {
-            let needed = (1.0 + relative_gap) * lower.max(known.lower);
-            if known.upper <= needed.max(floor).max(target.unwrap_or(0.0)) {
+            if known.upper <= enough.max((1.0 + relative_gap) * lower.max(known.lower)) {
                 return known;
             }
+        } else if let Some(parts) = self.corresponding(was)
+            && let Some((unchanged, bound)) = Unchanged::new(&parts, options)
+            && bound.upper <= enough.max((1.0 + relative_gap) * lower)
+        {
+            self.unchanged = Some(unchanged);
+            self.known = Some(bound);
+            return bound;
         }
+        self.unchanged = None;
         let draped = self.on_map(|map| map.two_sided(options));
-        let mut bound = draped.unwrap_or_else(|| two_sided(&self.fine.surface, &self.coarse.surface, options));
+        let mut bound = draped.unwrap_or_else(|| {
+            let [fine, coarse] = self.surfaces();
+            two_sided(fine, coarse, options)
+        });
         if let Some(known) = self.known {
             bound.upper = bound.upper.min(known.upper);
         }
@@ -180,7 +244,7 @@ impl Pair {
 
     fn exceeding(&mut self, target: f64, work_limit: u64) -> Vec<u32> {
         let draped = self.on_map(|map| map.exceeding(target, work_limit));
-        let (fine, coarse) = (&*self.fine.surface, &*self.coarse.surface);
+        let [fine, coarse] = self.surfaces();
         let both = || [exceeding(fine, coarse, target, work_limit), exceeding(coarse, fine, target, work_limit)];
         let [mut found, beyond] = draped.unwrap_or_else(both);
         let mut slot_of = vec![0; if beyond.is_empty() { 0 } else { coarse.triangle_count() }];
@@ -196,10 +260,8 @@ impl Pair {
             }
         }
         found.retain(|&t| (t as usize) < fine.triangle_count());
-        match &self.fine.triangles {
-            Some(numbers) => found.into_iter().map(|t| numbers[t as usize]).collect(),
-            None => found,
-        }
+        found.iter_mut().for_each(|t| *t = self.fine.triangle(*t));
+        found
     }
 }
 
@@ -216,27 +278,20 @@ fn pairs_of(
     let partners = partners(&of_fine.closed, &of_coarse.closed)?;
     let mut pairs = vec![];
     if !of_fine.bordered.is_empty() {
-        let [fine, coarse] = [(surfaces[0], &of_fine), (surfaces[1], &of_coarse)].map(|(surface, parts)| Side {
-            surface: Arc::new(TriangleBvh::new(surface.positions, &parts.bordered)),
-            triangles: Some(parts.numbers.clone()),
-            vertices: None,
-        });
+        let bvh = |surface: &Surface, parts: &Parts| Arc::new(TriangleBvh::new(surface.positions, &parts.bordered));
+        let [fine, coarse] = [bvh(surfaces[0], &of_fine), bvh(surfaces[1], &of_coarse)];
+        let [fine, coarse] = [Side::Bordered(fine, of_fine.numbers), Side::Bordered(coarse, of_coarse.numbers)];
         pairs.push(Pair::new(fine, coarse, pairing.clone()));
     }
-    let side = |part: &Part| Side {
-        surface: Arc::new(TriangleBvh::new(&part.positions, &part.triangles)),
-        triangles: Some(part.numbers.clone()),
-        vertices: Some(part.vertices.clone()),
-    };
     let mut lower = (0.0, DVec3::ZERO);
-    for (fine, partner) in of_fine.closed.iter().zip(partners) {
-        let coarse = &of_coarse.closed[partner];
-        let beyond = fine.beyond(coarse);
+    let mut others: Vec<Option<Part>> = of_coarse.closed.into_iter().map(Some).collect();
+    for (fine, partner) in of_fine.closed.into_iter().zip(partners) {
+        let coarse = others[partner].take()?;
+        let beyond = fine.beyond(&coarse);
         if beyond.0 > lower.0 {
             lower = beyond;
         }
-        let [fine, coarse] = [fine, coarse].map(side);
-        pairs.push(Pair::new(fine, coarse, vec![]));
+        pairs.push(Pair::new(Side::closed(fine), Side::closed(coarse), vec![]));
     }
     Some((pairs, lower))
 }
@@ -367,7 +422,7 @@ mod tests {
         let options = CertifyOptions { relative_gap: 1e-3, ..CertifyOptions::default() };
         let (still, moved) = (boxes(40, |_| 0.0), boxes(40, |i| if i == 17 { 0.125 } else { 0.0 }));
         let [still, moved] = [&still, &moved].map(surface);
-        let mut pairs = Comparison::new(&still, &moved, &vec![]);
+        let mut pairs = Comparison::new(&still, &moved, &vec![], vec![]);
         assert_eq!(pairs.part_count(), 40);
         let bound = pairs.two_sided(&options);
         assert!(bound.upper >= 0.125 && bound.upper <= 0.126, "{bound:?}");
@@ -377,19 +432,19 @@ mod tests {
         // Others, or one part: a matter of the whole.
         let fewer = boxes(39, |_| 0.0);
         let fewer = surface(&fewer);
-        let mut whole = Comparison::new(&still, &fewer, &vec![]);
+        let mut whole = Comparison::new(&still, &fewer, &vec![], vec![]);
         assert_eq!(whole.part_count(), 1);
         let bound = whole.two_sided(&options);
         assert!((1.0..1.01).contains(&bound.upper), "{bound:?}");
         let (one, other) = (boxes(1, |_| 0.0), boxes(1, |_| 0.1));
-        assert_eq!(Comparison::new(&surface(&one), &surface(&other), &vec![]).part_count(), 1);
+        assert_eq!(Comparison::new(&surface(&one), &surface(&other), &vec![], vec![]).part_count(), 1);
     }
 
     #[test]
     fn what_is_known_of_a_part_is_not_asked_again() {
         let (still, moved) = (boxes(40, |_| 0.0), boxes(40, |i| if i == 17 { 0.125 } else { 0.01 }));
         let [still, moved] = [&still, &moved].map(surface);
-        let mut pairs = Comparison::new(&still, &moved, &vec![]);
+        let mut pairs = Comparison::new(&still, &moved, &vec![], vec![]);
         let rough = pairs.two_sided(&CertifyOptions { floor: 0.2, ..CertifyOptions::default() });
         assert!((0.125..=0.2).contains(&rough.upper), "{rough:?}");
         let tight = CertifyOptions { target: Some(0.13), relative_gap: 1e-3, ..CertifyOptions::default() };

@@ -14,8 +14,8 @@
 //! * `closest`: distance to one triangle. `bvh`: [`TriangleBvh`], closest-point queries. `subtriangle`: a subtriangle
 //!   and its cut.
 //! * `bound`: the search. `drape`: where the borders of two surfaces correspond, a map from the finer surface onto the
-//!   coarser settles nearly everything beforehand. `by_part`: [`Comparison`], part by part where there are several; `surface`: what it
-//!   compares. `plates`: flat sides that are triangulated otherwise.
+//!   coarser settles nearly everything beforehand. `by_part`: [`Comparison`], part by part where there are several; `unchanged`: parts
+//!   of which most stays as it is; `surface`: what is compared. `plates`: flat sides that are triangulated otherwise.
 
 mod bound;
 mod bvh;
@@ -27,6 +27,7 @@ mod subtriangle;
 mod surface;
 #[cfg(test)]
 mod tests;
+mod unchanged;
 
 use bound::Search;
 use glam::DVec3;

@@ -69,6 +69,8 @@ pub struct LevelPatch {
     pub border_loops: Vec<u32>,
     /// Positions of the interior vertices, in input units.
     pub interior: Vec<DVec3>,
+    /// The chart-local vertex that each interior vertex was, which may have moved since; empty if nobody knows.
+    pub interior_was: Vec<u32>,
     /// For each interior vertex, the squared distance to the planes merged into it, as a function of the *offset from
     /// that vertex* in input units. With it, a codec can slide a quantised vertex along a line to the best position.
     pub interior_quadrics: Vec<Quadric>,
@@ -241,6 +243,7 @@ fn level_patch(
             index[v as usize] = (patch.border.len() + patch.interior.len()) as u32;
             let p = collapser.positions[v as usize];
             patch.interior.push(unit_cube.centre + p * unit_cube.unit);
+            patch.interior_was.push(v);
             patch.interior_quadrics.push(collapser.quadrics[v as usize].centred(p, unit_cube.unit));
         }
     }

@@ -40,7 +40,7 @@ fn check_along(fine: &Mesh, coarse: &Mesh, pairing: &BorderPairing, relative_gap
 /// The bound of two surfaces that are laid onto each other where that is possible.
 fn along(fine: &Mesh, coarse: &Mesh, pairing: &BorderPairing, options: &CertifyOptions) -> Bound {
     let [fine, coarse] = [fine, coarse].map(|mesh| Surface::new(&mesh.positions, &mesh.triangles));
-    Comparison::new(&fine, &coarse, pairing).two_sided(options)
+    Comparison::new(&fine, &coarse, pairing, vec![]).two_sided(options)
 }
 
 /// The bound of two surfaces of which one is laid onto the other.
@@ -468,7 +468,7 @@ fn try_at_random(numbers: std::ops::RangeInclusive<u64>) -> Tally {
         // Between parts that correspond there may be more than to whatever is nearest.
         let is_by_part = {
             let [fine, coarse] = [&fine.mesh, &coarse.mesh].map(|mesh| Surface::new(&mesh.positions, &mesh.triangles));
-            Comparison::new(&fine, &coarse, &pairing).part_count() > 1
+            Comparison::new(&fine, &coarse, &pairing, vec![]).part_count() > 1
         };
         assert!(is_by_part || bound.lower <= exact.upper + 1e-11, "{what} {bound:?} {exact:?}");
         let tight = (bound.lower * (1.0 + relative_gap)).max(target.unwrap_or(0.0)).max(floor);
