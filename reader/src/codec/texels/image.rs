@@ -93,7 +93,7 @@ pub(super) fn check(size: [u32; 2], components: u8) -> Result<()> {
     Ok(())
 }
 
-/// Codes colours of three or four components with a step of quantisation; the fourth component is not transformed. Texels that are not
+/// Codes colours of three or four components with a step of quantisation, or with a finer one where most of an image is even; the fourth component is not transformed. Texels that are not
 /// used may have any value afterwards.
 #[cfg(feature = "write")]
 pub fn encode_image(image: &Image<u8>, is_used: &[bool], step: u8) -> Vec<u8> {
@@ -103,7 +103,6 @@ pub fn encode_image(image: &Image<u8>, is_used: &[bool], step: u8) -> Vec<u8> {
     if used.all(|(texel, _)| texel == first) {
         return [&[0], &first[..components]].concat();
     }
-    let mut bytes = vec![step.max(1)];
-    bytes.extend(colours::encode(image, is_used, step.max(1)));
-    bytes
+    let (step, bytes) = colours::encode(image, is_used, step.max(1));
+    [&[step], bytes.as_slice()].concat()
 }
