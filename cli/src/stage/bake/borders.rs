@@ -6,6 +6,7 @@
 
 use glam::DVec3;
 use lodpack::decode::texels::Map;
+use lodpack::write::{Seen, SeenPoint};
 
 use super::gather::barycentric;
 use super::pieces::neighbours;
@@ -125,6 +126,18 @@ pub(super) fn use_borders(patch: &BakedPatch<'_>, map: &Map, is_used: &mut [bool
         let texels = [Some(this), beyond].into_iter().flatten().flat_map(|side| side.place.texels(width));
         texels.filter(|(_, share)| *share > 0.0).for_each(|(texel, _)| is_used[texel] = true);
     });
+}
+
+/// What is seen of the texels of a map: those that its patch covers, and its borders.
+pub(super) fn seen<'a>(patch: &BakedPatch<'_>, map: &Map, is_covered: &'a [bool]) -> Seen<'a> {
+    let mut points = vec![];
+    for_each_point(patch, map, |this, beyond| {
+        points.extend([Some(this), beyond].into_iter().flatten().map(|side| SeenPoint {
+            texel: [side.place.texel % map.size[0], side.place.texel / map.size[0]],
+            share: [side.place.right, side.place.down],
+        }));
+    });
+    Seen::new(is_covered, map.size, points)
 }
 
 /// Texels whose colours without opacity are changed.

@@ -30,7 +30,7 @@ use lodpack::{
 use crate::mesh::NONE;
 use crate::stage::areas::Areas;
 pub use borders::Nearest;
-use borders::{Shown, use_borders};
+use borders::{Shown, seen, use_borders};
 use closest::show_closest;
 use fill::finished;
 pub use gather::barycentric;
@@ -244,7 +244,8 @@ impl<'s> Baker<'s> {
             }
             None => shown.even(patch, map),
         }
-        streams.extend(storage.encode(map, values, &drawn.is_used, steps, image));
+        let seen = seen(patch, map, is_covered);
+        streams.extend(storage.encode(map, values, &drawn.is_used, &seen, steps, image));
         streams
     }
 

@@ -2,7 +2,7 @@
 
 use super::binary::{BitDecoder, Chance, NumberChances};
 #[cfg(feature = "write")]
-use super::{binary::BitEncoder, transform::forward};
+use super::{binary::BitEncoder, seen::Seen, transform::forward};
 use super::{
     image::Image,
     transform::{AREA, MOST, ORDER, SIDE, inverse},
@@ -243,25 +243,29 @@ static PLACE_OF: [u8; AREA] = {
 
 /// Colours with a step of quantisation, or with a finer one where that is worth its bytes; and which one it is.
 #[cfg(feature = "write")]
-pub(super) fn encode(image: &Image<u8>, is_used: &[bool], step: u8) -> (u8, Vec<u8>) {
+pub(super) fn encode(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, step: u8) -> (u8, Vec<u8>) {
     let mut errors = Errors::default();
-    let bytes = encode_with(image, is_used, step, &mut errors);
+    let bytes = encode_with(image, is_used, seen, step, &mut errors);
     match errors.better_step(step, usize::from(image.components), bytes.len()) {
-        Some(better) => (better, encode_with(image, is_used, better, &mut Errors::default())),
+        Some(better) => (better, encode_with(image, is_used, seen, better, &mut Errors::default())),
         None => (step, bytes),
     }
 }
 
 #[cfg(feature = "write")]
-fn encode_with(image: &Image<u8>, is_used: &[bool], step: u8, errors: &mut Errors) -> Vec<u8> {
+fn encode_with(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, step: u8, errors: &mut Errors) -> Vec<u8> {
     let count = usize::from(image.components);
     let mut bits = BitEncoder::new();
     let (mut chances, mut blocks) = (Box::<Chances>::default(), Blocks::new(image.size));
+    let mut next = 0;
     for block_row in 0..blocks.rows {
         for column in 0..blocks.columns {
+            let number = (block_row * blocks.columns + column) as u32;
+            let first = [column * SIDE, block_row * SIDE];
+            let seen = seen.and_then(|seen| seen.block(number, first, image.size, &mut next));
             let (left, above) = blocks.neighbours(column);
             let known = usize::from(left.is_coded) + usize::from(above.is_coded);
-            let planes = planes(image, is_used, [column * SIDE, block_row * SIDE]);
+            let planes = planes(image, is_used, first);
             bits.bit(&mut chances.skip[known], planes.is_none());
             let Some(planes) = planes else {
                 blocks.set(column, Known::default());
@@ -272,14 +276,22 @@ fn encode_with(image: &Image<u8>, is_used: &[bool], step: u8, errors: &mut Error
             for (component, plane) in planes.iter().enumerate().take(count) {
                 let of_plane = &mut chances.planes[usize::from(is_difference(component, count))];
                 let class = activity(left, above, component);
-                let (coefficients, inverse) = (forward(plane), 1.0 / step_of(component, count, step) as f32);
+                let (mut coefficients, step) = (forward(plane), step_of(component, count, step) as f32);
+                let inverse = 1.0 / step;
+                constants[component] = coefficients[0];
+                errors.others += weight_of(component, count) * others_off(&coefficients, inverse);
                 let limit = MOST as f32 * inverse;
+                if let Some(seen) = &seen {
+                    let level = |c: f32| (c.abs() * inverse + ROUNDING).floor().copysign(c);
+                    let mut levels = coefficients.map(level);
+                    levels[0] = (coefficients[0] * inverse).round();
+                    seen.improve(&coefficients, step, &mut levels);
+                    coefficients = levels.map(|level| level * step);
+                }
                 let constant = (coefficients[0] * inverse).round().clamp(-limit, limit) as i32;
                 bits.signed(&mut of_plane.constant[class], constant - expected(left, above, component));
                 this.constant[component] = constant;
                 this.count[component] = encode_others(&mut bits, of_plane, class, &coefficients, inverse);
-                constants[component] = coefficients[0];
-                errors.others += weight_of(component, count) * others_off(&coefficients, inverse);
             }
             errors.constants.push((constants, this.count == [0; 4]));
             blocks.set(column, this);

@@ -9,13 +9,13 @@ use std::sync::OnceLock;
 use super::transform::{AREA, SIDE, forward};
 
 /// What the square of an error counts at a point of a border, beside that of a texel.
-const OF_POINTS: f32 = 4.0;
+static OF_POINTS: std::sync::LazyLock<f32> = std::sync::LazyLock::new(|| std::env::var("LP_W").map_or(4.0, |x| x.parse().unwrap()));
 /// And at a texel beside a piece: finer borders may reach beyond those that are known.
 const BESIDE: f32 = 0.1;
 /// What a level costs that is farther from zero by one, in squares of a step: as much as levels are rounded towards zero for.
 const OF_LEVEL: f32 = 0.2;
 /// The most levels that change in a block.
-const MOST_CHANGES: usize = 16;
+static MOST_CHANGES: std::sync::LazyLock<usize> = std::sync::LazyLock::new(|| std::env::var("LP_N").map_or(16, |x| x.parse().unwrap()));
 
 /// A point between four texels.
 #[derive(Clone, Copy, Debug)]
@@ -112,7 +112,7 @@ impl<'a> SeenBlock<'a> {
         for (at, basis) in bases().iter().enumerate() {
             let of_texels: f32 = basis.iter().zip(&weights).map(|(b, weight)| weight * b * b).sum();
             let of_points: f32 = points.iter().map(|(_, part)| part.of(basis)).map(|sum| sum * sum).sum();
-            this.curvature[at] = of_texels + OF_POINTS * of_points;
+            this.curvature[at] = of_texels + *OF_POINTS * of_points;
         }
         this
     }
@@ -121,7 +121,7 @@ impl<'a> SeenBlock<'a> {
     fn slope(&self, errors: &[f32; AREA]) -> [f32; AREA] {
         let mut weighted: [f32; AREA] = std::array::from_fn(|at| self.weights[at] * errors[at]);
         for (_, part) in self.points {
-            let sum = OF_POINTS * part.of(errors);
+            let sum = *OF_POINTS * part.of(errors);
             for (&texel, share) in part.texels.iter().zip(part.shares) {
                 weighted[usize::from(texel)] += share * sum;
             }
@@ -136,7 +136,7 @@ impl<'a> SeenBlock<'a> {
             let off = level * step - coefficient;
             (0..AREA).for_each(|at| errors[at] += off * basis[at]);
         }
-        for _ in 0..MOST_CHANGES {
+        for _ in 0..*MOST_CHANGES {
             let slope = self.slope(&errors);
             let gain = |at: usize| {
                 let sign = if slope[at] > 0.0 { -1.0 } else { 1.0 };
