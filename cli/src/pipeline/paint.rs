@@ -192,7 +192,15 @@ impl<'a> Painting<'a> {
                 (usual, baker.bake(&BakedPatch { finer, is_sharp, ..patch }, (&mut source, &nearest), finest))
             } else {
                 let exponent = coarser(usual, usize::from(scale.finest()) - level);
-                (exponent, baker.bake_coarser(&patch, std::iter::once(&painted.surfels), Some((&mut source, &nearest)), exponent))
+                (
+                    exponent,
+                    baker.bake_coarser(
+                        &patch,
+                        std::iter::once(&painted.surfels),
+                        Some((&mut source, &nearest)),
+                        exponent,
+                    ),
+                )
             };
             painted.take(&mut streams[level], baked, exponent, level);
         }

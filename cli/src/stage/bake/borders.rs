@@ -175,7 +175,12 @@ impl Shown<'_> {
                 let weights = barycentric(source.corners(triangle), side.point + patch.origin());
                 let sum: f64 = weights.iter().sum();
                 values.clear();
-                source.shade(triangle, &[Points::one(weights.map(|weight| weight / sum))], footprint as f32, &mut values);
+                source.shade(
+                    triangle,
+                    &[Points::one(weights.map(|weight| weight / sum))],
+                    footprint as f32,
+                    &mut values,
+                );
                 for (wanted, &first) in wanted.iter_mut().zip(&colours) {
                     wanted.push((side.place, [values[first], values[first + 1], values[first + 2]]));
                 }

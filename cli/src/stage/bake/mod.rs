@@ -191,7 +191,10 @@ impl<'s> Baker<'s> {
         let sums = gather(patch, &map, (&self.drawn, &taken), source, sums);
         self.kept = finished(sums, patch, &map, &self.drawn);
         // Nobody makes coarser ones of them.
-        Some(Baked { streams: self.streams(patch, &map, bytes, None::<(&mut S, &Nearest)>), surfels: Surfels::default() })
+        Some(Baked {
+            streams: self.streams(patch, &map, bytes, None::<(&mut S, &Nearest)>),
+            surfels: Surfels::default(),
+        })
     }
 
     /// As [`Baker::bake`], from the texels of finer patches.

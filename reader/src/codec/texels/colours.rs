@@ -562,6 +562,24 @@ mod tests {
     }
 
     #[test]
+    fn an_even_image_has_a_step_that_shows_it() {
+        // Nearly one colour, of which the usual step would show another blue.
+        let mut image = Image::filled([256, 256], &[26, 26, 28]);
+        (0..60).for_each(|k| image.data[k * 37] = 27);
+        let used = vec![true; 256 * 256];
+        for step in [9, 12, 15] {
+            let bytes = encode_image(&image, &used, step);
+            assert!((step.div_ceil(2)..=step).contains(&bytes[0]), "{}", bytes[0]);
+            let back = Image::decode_colours(&bytes, image.size, 3).unwrap();
+            let error = error(&image, &back, &used);
+            assert!(error < 1.0, "{step} {}: {error}", bytes[0]);
+        }
+        // One that is not even keeps its step.
+        let image = picture([256, 256], 3);
+        assert_eq!(encode_image(&image, &used, 9)[0], 9);
+    }
+
+    #[test]
     fn what_is_not_used_costs_little() {
         let image = picture([128, 128], 3);
         let all = vec![true; 128 * 128];

@@ -1,21 +1,21 @@
 //! What is seen of an image beside the pieces of its map: borders alone.
 //!
 //! Texels beside a piece show nothing but a share of its border, where another image begins, and a step of colour between both is seen as a line.
-//! So the levels of their blocks are not those nearest to each coefficient: of all that are about as near, they are those that show borders best, whatever becomes of
-//! texels that nobody sees.
+//! So the levels of their blocks are not those nearest to each coefficient: of all that are about as near, they are those that show borders
+//! best, whatever becomes of texels that nobody sees.
 
 use std::sync::OnceLock;
 
 use super::transform::{AREA, SIDE, forward};
 
 /// What the square of an error counts at a point of a border, beside that of a texel.
-static OF_POINTS: std::sync::LazyLock<f32> = std::sync::LazyLock::new(|| std::env::var("LP_W").map_or(4.0, |x| x.parse().unwrap()));
+const OF_POINTS: f32 = 4.0;
 /// And at a texel beside a piece: finer borders may reach beyond those that are known.
 const BESIDE: f32 = 0.1;
 /// What a level costs that is farther from zero by one, in squares of a step: as much as levels are rounded towards zero for.
 const OF_LEVEL: f32 = 0.2;
 /// The most levels that change in a block.
-static MOST_CHANGES: std::sync::LazyLock<usize> = std::sync::LazyLock::new(|| std::env::var("LP_N").map_or(16, |x| x.parse().unwrap()));
+const MOST_CHANGES: usize = 16;
 
 /// A point between four texels.
 #[derive(Clone, Copy, Debug)]
@@ -76,9 +76,15 @@ impl<'a> Seen<'a> {
         Self { is_covered, points: parts }
     }
 
-    /// What is seen of a block, of which the first texel is the given one; none if no border crosses it. Blocks are asked for in ascending order, `next` is
-    /// where the points of this one begin.
-    pub(super) fn block(&self, block: u32, [left, top]: [usize; 2], size: [u32; 2], next: &mut usize) -> Option<SeenBlock<'_>> {
+    /// What is seen of a block, of which the first texel is given; none if no border crosses it. Blocks are asked for in ascending order, and
+    /// `next` is where the points of this one begin.
+    pub(super) fn block(
+        &self,
+        block: u32,
+        [left, top]: [usize; 2],
+        size: [u32; 2],
+        next: &mut usize,
+    ) -> Option<SeenBlock<'_>> {
         let first = *next;
         let count = self.points[first..].iter().take_while(|(other, _)| *other == block).count();
         *next += count;
@@ -112,7 +118,7 @@ impl<'a> SeenBlock<'a> {
         for (at, basis) in bases().iter().enumerate() {
             let of_texels: f32 = basis.iter().zip(&weights).map(|(b, weight)| weight * b * b).sum();
             let of_points: f32 = points.iter().map(|(_, part)| part.of(basis)).map(|sum| sum * sum).sum();
-            this.curvature[at] = of_texels + *OF_POINTS * of_points;
+            this.curvature[at] = of_texels + OF_POINTS * of_points;
         }
         this
     }
@@ -121,7 +127,7 @@ impl<'a> SeenBlock<'a> {
     fn slope(&self, errors: &[f32; AREA]) -> [f32; AREA] {
         let mut weighted: [f32; AREA] = std::array::from_fn(|at| self.weights[at] * errors[at]);
         for (_, part) in self.points {
-            let sum = *OF_POINTS * part.of(errors);
+            let sum = OF_POINTS * part.of(errors);
             for (&texel, share) in part.texels.iter().zip(part.shares) {
                 weighted[usize::from(texel)] += share * sum;
             }
@@ -136,7 +142,7 @@ impl<'a> SeenBlock<'a> {
             let off = level * step - coefficient;
             (0..AREA).for_each(|at| errors[at] += off * basis[at]);
         }
-        for _ in 0..*MOST_CHANGES {
+        for _ in 0..MOST_CHANGES {
             let slope = self.slope(&errors);
             let gain = |at: usize| {
                 let sign = if slope[at] > 0.0 { -1.0 } else { 1.0 };
@@ -184,4 +190,50 @@ fn bases() -> &'static [[f32; AREA]; AREA] {
         }
         bases
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Image, encode_image, encode_seen_image};
+    use super::*;
+
+    #[test]
+    fn borders_are_shown_better_where_texels_beside_them_are_free() {
+        let size = [64, 64];
+        let value = |x: u32, y: u32| ((x * x * 7 + y * 13 + x * y * 5) % 97) as u8 * 2;
+        let data = (0..64 * 64).flat_map(|at| [value(at % 64, at / 64), 90, 200]).collect();
+        let image = Image { size, components: 3, data };
+        // A piece ends between the columns 20 and 21; beside it one column is used.
+        let covered: Vec<bool> = (0..64 * 64).map(|at| at % 64 <= 20).collect();
+        let used: Vec<bool> = (0..64 * 64).map(|at| at % 64 <= 21).collect();
+        let points: Vec<SeenPoint> =
+            (0..126).map(|k| SeenPoint { texel: [20, k / 2], share: [0.5, 0.25 + 0.5 * (k % 2) as f32] }).collect();
+        let border = |image: &Image<u8>, y: u32| {
+            let texel = |x: u32, y: u32| f64::from(image.texel(x, y)[0]);
+            0.25 * (texel(20, y) + texel(21, y) + texel(20, y + 1) + texel(21, y + 1))
+        };
+        let error = |bytes: &[u8]| {
+            let back = Image::decode_colours(bytes, size, 3).unwrap();
+            let squares: f64 = (0..63).map(|y| (border(&back, y) - border(&image, y)).powi(2)).sum();
+            (squares / 63.0).sqrt()
+        };
+        let step = 20;
+        let before = encode_image(&image, &used, step);
+        let after = encode_seen_image(&image, &used, &Seen::new(&covered, size, points), step);
+        assert!(error(&after) < 0.6 * error(&before), "{} {}", error(&after), error(&before));
+        assert!(after.len() < before.len() + before.len() / 10, "{} {}", after.len(), before.len());
+    }
+
+    #[test]
+    fn points_between_blocks_belong_to_each_for_its_texels() {
+        let covered = vec![true; 256];
+        let point = SeenPoint { texel: [7, 7], share: [0.25, 0.5] };
+        let seen = Seen::new(&covered, [16, 16], [point]);
+        let shares: Vec<(u32, u8, f32)> =
+            seen.points.iter().map(|(block, part)| (*block, part.texels[0], part.shares[0])).collect();
+        assert_eq!(shares, [(0, 63, 0.375), (1, 56, 0.125), (2, 7, 0.375), (3, 0, 0.125)]);
+        // Nothing is beyond the last texel.
+        let last = SeenPoint { texel: [15, 15], share: [0.5, 0.5] };
+        assert_eq!(Seen::new(&covered, [16, 16], [last]).points.len(), 1);
+    }
 }
