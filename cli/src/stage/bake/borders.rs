@@ -193,26 +193,6 @@ impl Shown<'_> {
         }
     }
 
-    /// Makes both sides of borders within the patch show the same: the mean of what they show.
-    pub fn even(&mut self, patch: &BakedPatch<'_>, map: &Map) {
-        let colours = self.storage.opaque_colours();
-        if colours.is_empty() {
-            return;
-        }
-        let mut pairs: Vec<[Place; 2]> = vec![];
-        for_each_point(patch, map, |this, beyond| pairs.extend(beyond.map(|beyond| [this.place, beyond.place])));
-        for first in colours {
-            for _ in 0..SWEEPS {
-                for &[one, other] in &pairs {
-                    let [a, b] = [one, other].map(|place| self.shown(place, first));
-                    let mean = std::array::from_fn(|k| 0.5 * (a[k] + b[k]));
-                    self.show(one, mean, first);
-                    self.show(other, mean, first);
-                }
-            }
-        }
-    }
-
     /// The colour at a place.
     fn shown(&self, place: Place, first: usize) -> [f32; 3] {
         let stride = self.storage.stride();

@@ -239,13 +239,9 @@ impl<'s> Baker<'s> {
             steps.opaque_colours *= STEPS_WHERE_SHARP;
         }
         let (is_covered, width) = (drawn.is_covered.as_slice(), map.size[0] as usize);
-        let mut shown = Shown { storage, values, is_covered, width };
-        match source {
-            Some(source) => {
-                let size = map.pieces.first().map_or(1.0, |piece| piece.frame().1);
-                shown.as_source(patch, map, source, size);
-            }
-            None => shown.even(patch, map),
+        if let Some(source) = source {
+            let size = map.pieces.first().map_or(1.0, |piece| piece.frame().1);
+            Shown { storage, values, is_covered, width }.as_source(patch, map, source, size);
         }
         let seen = seen(patch, map, is_covered);
         streams.extend(storage.encode(map, values, &drawn.is_used, &seen, steps, image));
