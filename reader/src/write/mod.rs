@@ -57,7 +57,10 @@ pub use crate::codec::{
         LevelSteps, Quantisation, Slide, grid,
         irregular::{EncodeError, PatchTarget, encode_patch, encode_refined_patch},
     },
-    texels::{PieceShape, encode_image, encode_map, encode_normals, encode_values, texel_size},
+    texels::{
+        PieceShape, Seen, SeenPoint, encode_image, encode_map, encode_normals, encode_seen_image, encode_values,
+        texel_size,
+    },
 };
 pub use crate::format::{
     error_code::{storable_error, stored_error},

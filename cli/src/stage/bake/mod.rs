@@ -6,6 +6,7 @@
 //! were quantised ([`Surfels`]): each point of the input is looked at once, and nothing is lost twice.
 
 mod blocks;
+mod borders;
 mod closest;
 mod fill;
 mod gather;
@@ -28,6 +29,8 @@ use lodpack::{
 
 use crate::mesh::NONE;
 use crate::stage::areas::Areas;
+pub use borders::Nearest;
+use borders::{Shown, seen, use_borders};
 use closest::show_closest;
 use fill::finished;
 pub use gather::barycentric;
@@ -167,45 +170,66 @@ impl<'s> Baker<'s> {
     }
 
     /// The images of a patch, with texels of 2^(exponent / 2) lattice units. None if nothing can be projected.
-    pub fn bake(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
+    pub fn bake<S: Source>(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        (source, nearest): (&mut S, &Nearest),
+        exponent: u32,
+    ) -> Option<Baked> {
         let (map, bytes) = self.mapped(patch, exponent)?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         let sums = gather(patch, &map, (&self.drawn, &[]), source, sums);
         self.kept = finished(sums, patch, &map, &self.drawn);
-        Some(self.baked(patch, &map, bytes))
+        Some(self.baked(patch, &map, bytes, Some((source, nearest))))
     }
 
     /// As [`Baker::bake`], of a patch that may be far from a source which has nothing but what it shows: texels show what lies closest to them.
-    pub fn bake_closest(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
+    pub fn bake_closest<S: Source>(&mut self, patch: &BakedPatch<'_>, source: &mut S, exponent: u32) -> Option<Baked> {
         let (map, bytes) = self.mapped(patch, exponent)?;
         let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         let taken = show_closest(patch, &map, &self.drawn, source, &mut sums);
         let sums = gather(patch, &map, (&self.drawn, &taken), source, sums);
         self.kept = finished(sums, patch, &map, &self.drawn);
         // Nobody makes coarser ones of them.
-        Some(Baked { streams: self.streams(patch, &map, bytes), surfels: Surfels::default() })
+        Some(Baked {
+            streams: self.streams(patch, &map, bytes, None::<(&mut S, &Nearest)>),
+            surfels: Surfels::default(),
+        })
     }
 
     /// As [`Baker::bake`], from the texels of finer patches.
-    pub fn bake_coarser<'a>(
+    pub fn bake_coarser<'a, S: Source>(
         &mut self,
         patch: &BakedPatch<'_>,
         finer: impl Iterator<Item = &'a Surfels> + Clone,
+        source: Option<(&mut S, &Nearest)>,
         exponent: u32,
     ) -> Option<Baked> {
         let (map, bytes) = self.mapped(patch, exponent)?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         self.kept = gather_surfels(patch, &map, &self.drawn, finer, sums);
-        Some(self.baked(patch, &map, bytes))
+        Some(self.baked(patch, &map, bytes, source))
     }
 
-    fn baked(&mut self, patch: &BakedPatch<'_>, map: &Map, bytes: Vec<u8>) -> Baked {
+    fn baked<S: Source>(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        map: &Map,
+        bytes: Vec<u8>,
+        source: Option<(&mut S, &Nearest)>,
+    ) -> Baked {
         let surfels = Surfels::new(patch, map, &self.drawn, &self.kept.sums, self.storage);
-        Baked { streams: self.streams(patch, map, bytes), surfels }
+        Baked { streams: self.streams(patch, map, bytes, source), surfels }
     }
 
     /// The map and the image of each channel.
-    fn streams(&mut self, patch: &BakedPatch<'_>, map: &Map, bytes: Vec<u8>) -> Vec<Vec<u8>> {
+    fn streams<S: Source>(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        map: &Map,
+        bytes: Vec<u8>,
+        source: Option<(&mut S, &Nearest)>,
+    ) -> Vec<Vec<u8>> {
         let Self { storage, drawn, kept: Kept { sums: values, .. }, image } = self;
         let mut streams = vec![bytes];
         let others = texel_size(patch.finer);
@@ -214,7 +238,13 @@ impl<'s> Baker<'s> {
             sharpen(map, &drawn.is_covered, values, storage);
             steps.opaque_colours *= STEPS_WHERE_SHARP;
         }
-        streams.extend(storage.encode(map, values, &drawn.is_used, steps, image));
+        let (is_covered, width) = (drawn.is_covered.as_slice(), map.size[0] as usize);
+        if let Some(source) = source {
+            let size = map.pieces.first().map_or(1.0, |piece| piece.frame().1);
+            Shown { storage, values, is_covered, width }.as_source(patch, map, source, size);
+        }
+        let seen = seen(patch, map, is_covered);
+        streams.extend(storage.encode(map, values, &drawn.is_used, &seen, steps, image));
         streams
     }
 
@@ -238,6 +268,7 @@ impl<'s> Baker<'s> {
                 continue;
             }
             self.drawn.complete(patch, &map);
+            use_borders(patch, &map, &mut self.drawn.is_used);
             return Some((map, bytes));
         }
         None

@@ -62,7 +62,7 @@ fn axis_of(direction: DVec3) -> [i8; 3] {
 }
 
 /// The triangles beside each triangle, [`NONE`] for none.
-fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
+pub(super) fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let mut open: HashMap<[u32; 2], (u32, usize)> = HashMap::new();
     let mut result = vec![[NONE; 3]; triangles.len()];
     for (number, &[a, b, c]) in (0..).zip(triangles) {

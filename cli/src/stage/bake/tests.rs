@@ -3,6 +3,14 @@ use crate::mesh::srgb::srgb_byte;
 use crate::stage::areas::Jumps;
 use lodpack::decode::texels::{Image, Map};
 
+/// Bakes with what is closest in the source itself.
+fn bake(baker: &mut Baker<'_>, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
+    let nearest = Nearest::new(source);
+    baker.bake(patch, (source, &nearest), exponent)
+}
+
+const NO_SOURCE: Option<(&mut Sphere, &Nearest)> = None;
+
 /// A sphere in lattice units, whose colour is a smooth function of the place.
 fn sphere(rings: u32, radius: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let (mut positions, mut triangles) = (vec![], vec![]);
@@ -70,7 +78,7 @@ fn a_coarse_sphere_shows_the_colours_of_a_fine_one() {
     };
     let storage =
         Storage::new(vec![Stored::Colour { components: 3, step: 4 }, Stored::Scalar { low: -1000.0, step: 0.5 }]);
-    let baked = Baker::new(&storage).bake(&patch, &mut source, 8).unwrap();
+    let baked = bake(&mut Baker::new(&storage), &patch, &mut source, 8).unwrap();
     let [map, colours, heights] = &baked.streams[..] else { panic!("a map, colours and heights") };
     let map = Map::decode(map, &positions, &triangles, MAX_TEXELS).unwrap();
     let image = Image::decode_colours(colours, map.size, 3).unwrap();
@@ -100,6 +108,24 @@ fn a_coarse_sphere_shows_the_colours_of_a_fine_one() {
     }
     let error = (squares / f64::from(count)).sqrt();
     assert!(error < 2.0, "{error}");
+
+    // Pieces show the same where they meet.
+    let mut apart = vec![];
+    for (number, (corners, beside)) in triangles.iter().zip(pieces::neighbours(&triangles)).enumerate() {
+        for (edge, &other) in beside.iter().enumerate().filter(|(_, other)| **other != NONE) {
+            if map.labels[number] == map.labels[other as usize] {
+                continue;
+            }
+            let [a, b] = [edge, (edge + 1) % 3].map(|k| DVec3::from(positions[corners[k] as usize].map(|x| x as f64)));
+            for point in [0.2, 0.5, 0.8].map(|share| a.lerp(b, share).to_array()) {
+                let shown = [number, other as usize].map(|t| image.interpolated(map.piece(t).unbounded(point)));
+                apart.push((0..3).map(|k| (shown[0][k] - shown[1][k]).abs()).fold(0.0, f64::max));
+            }
+        }
+    }
+    apart.sort_by(f64::total_cmp);
+    let quantile = |share: f64| apart[(apart.len() as f64 * share) as usize];
+    assert!(quantile(0.5) < 1.5 && quantile(0.95) < 4.0, "{} {}", quantile(0.5), quantile(0.95));
 }
 
 #[test]
@@ -125,7 +151,7 @@ fn patches_without_area_and_without_a_source_have_an_image_or_none() {
             finer: 0,
             is_sharp: false,
         };
-        if let Some(baked) = Baker::new(&storage).bake(&patch, &mut Nothing, 0) {
+        if let Some(baked) = bake(&mut Baker::new(&storage), &patch, &mut Nothing, 0) {
             let map = Map::decode(&baked.streams[0], &positions, &[[0, 1, 2]], MAX_TEXELS).unwrap();
             Image::decode_colours(&baked.streams[1], map.size, 4).unwrap();
         }
@@ -190,7 +216,7 @@ fn a_piece_shows_nothing_of_the_piece_that_lies_beside_it_in_the_image() {
     // One side is known as far as it goes, the other one beyond its borders.
     for [left, right] in [[1.0, 1.5], [1.5, 1.0]] {
         let mut source = Numbered(vec![(scaled(0, left), 100.0), (scaled(1, right), 900.0)]);
-        let baked = Baker::new(&numbers()).bake(&patch, &mut source, 4).unwrap();
+        let baked = bake(&mut Baker::new(&numbers()), &patch, &mut source, 4).unwrap();
         assert_eq!(numbers_shown(&positions, &triangles, &baked), [[100; 2], [900; 2]]);
     }
 }
@@ -203,7 +229,7 @@ fn a_piece_of_which_nothing_is_known_shows_what_lies_beside_it_on_the_surface() 
         let corners = triangles[side].map(|v| positions[v as usize].map(|x| x as f64));
         let finer =
             BakedPatch { positions: &positions, triangles: &one, reach: 5.0, areas: None, finer: 0, is_sharp: false };
-        let finer = Baker::new(&numbers()).bake(&finer, &mut Numbered(vec![(corners, 700.0)]), 2).unwrap();
+        let finer = bake(&mut Baker::new(&numbers()), &finer, &mut Numbered(vec![(corners, 700.0)]), 2).unwrap();
         let patch = BakedPatch {
             positions: &positions,
             triangles: &triangles,
@@ -212,7 +238,7 @@ fn a_piece_of_which_nothing_is_known_shows_what_lies_beside_it_on_the_surface() 
             finer: 0,
             is_sharp: false,
         };
-        let baked = Baker::new(&numbers()).bake_coarser(&patch, std::iter::once(&finer.surfels), 4).unwrap();
+        let baked = Baker::new(&numbers()).bake_coarser(&patch, std::iter::once(&finer.surfels), NO_SOURCE, 4).unwrap();
         assert_eq!(numbers_shown(&positions, &triangles, &baked), [[700; 2]; 2]);
     }
 }
@@ -232,7 +258,7 @@ fn points_of_the_source_are_shown_where_the_patch_is_closest_to_them() {
     let mut source = Numbered(strips.collect());
     let patch =
         BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas: None, finer: 0, is_sharp: false };
-    let baked = Baker::new(&numbers()).bake(&patch, &mut source, 0).unwrap();
+    let baked = bake(&mut Baker::new(&numbers()), &patch, &mut source, 0).unwrap();
     let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
     let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
     for (border, y) in (1..10_u16).flat_map(|border| (5..55).map(move |y| (border, y))) {
@@ -261,8 +287,8 @@ fn a_texel_has_the_label_of_most_of_it_and_none_between() {
     let patch =
         BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0, areas: None, finer: 0, is_sharp: false };
     let storage = Storage::new(vec![Stored::Label { low: 3.0 }]);
-    let fine = Baker::new(&storage).bake(&patch, &mut Numbered(source), 2).unwrap();
-    let coarse = Baker::new(&storage).bake_coarser(&patch, std::iter::once(&fine.surfels), 7).unwrap();
+    let fine = bake(&mut Baker::new(&storage), &patch, &mut Numbered(source), 2).unwrap();
+    let coarse = Baker::new(&storage).bake_coarser(&patch, std::iter::once(&fine.surfels), NO_SOURCE, 7).unwrap();
     for (baked, size) in [(&fine, 2.0), (&coarse, 11.4)] {
         let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
         let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
@@ -312,8 +338,8 @@ fn nothing_is_blurred_over_a_line_at_which_colours_jump() {
     let areas = Areas::of(&[1, 1, 2, 2], Some(&jumps));
     let patch =
         BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas, finer: 0, is_sharp: false };
-    let fine = Baker::new(&numbers()).bake(&patch, &mut source, 6).unwrap();
-    let coarse = Baker::new(&numbers()).bake_coarser(&patch, std::iter::once(&fine.surfels), 8).unwrap();
+    let fine = bake(&mut Baker::new(&numbers()), &patch, &mut source, 6).unwrap();
+    let coarse = Baker::new(&numbers()).bake_coarser(&patch, std::iter::once(&fine.surfels), NO_SOURCE, 8).unwrap();
     for baked in [fine, coarse] {
         let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
         let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
@@ -368,7 +394,7 @@ fn texels_show_what_lies_closest_however_far_it_is() {
     let mut error = |is_closest: bool| {
         let baked = match is_closest {
             true => baker.bake_closest(&patch, &mut source, 2),
-            false => baker.bake(&patch, &mut source, 2),
+            false => bake(&mut baker, &patch, &mut source, 2),
         };
         let streams = baked.expect("it has an image").streams;
         let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).expect("sound");

@@ -1,7 +1,7 @@
 //! What points of a surface carry, and means of it over texels.
 
 use lodpack::decode::texels::{Image, Map};
-use lodpack::write::{encode_image, encode_normals, encode_values};
+use lodpack::write::{Seen, encode_image, encode_normals, encode_seen_image, encode_values};
 
 use super::lanes::{LANES, whole};
 use crate::mesh::srgb::srgb_byte;
@@ -201,6 +201,7 @@ impl Storage {
         map: &Map,
         values: &[f32],
         is_used: &[bool],
+        seen: &Seen<'_>,
         steps: Steps,
         memory: &mut Vec<u8>,
     ) -> Vec<Vec<u8>> {
@@ -212,13 +213,16 @@ impl Storage {
                 Stored::Colour { step, .. } if self.is_plain => {
                     let step = steps.of_opaque_colours(step);
                     let image = plain_colours(values, map.size, std::mem::take(memory));
-                    let bytes = encode_image(&image, is_used, step);
+                    let bytes = encode_seen_image(&image, is_used, seen, step);
                     *memory = image.data;
                     bytes
                 }
+                Stored::Colour { components: 3, step } => {
+                    let image = colours(texels, map.size, 3);
+                    encode_seen_image(&image, is_used, seen, steps.of_opaque_colours(step))
+                }
                 Stored::Colour { components, step } => {
-                    let step = if components == 3 { steps.of_opaque_colours(step) } else { steps.of_others(step) };
-                    encode_image(&colours(texels, map.size, components), is_used, step)
+                    encode_image(&colours(texels, map.size, components), is_used, steps.of_others(step))
                 }
                 Stored::Normal { step } => {
                     let step = steps.of_others(step);

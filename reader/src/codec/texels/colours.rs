@@ -2,7 +2,7 @@
 
 use super::binary::{BitDecoder, Chance, NumberChances};
 #[cfg(feature = "write")]
-use super::{binary::BitEncoder, transform::forward};
+use super::{binary::BitEncoder, seen::Seen, transform::forward};
 use super::{
     image::Image,
     transform::{AREA, MOST, ORDER, SIDE, inverse},
@@ -241,36 +241,153 @@ static PLACE_OF: [u8; AREA] = {
     places
 };
 
+/// Colours with a step of quantisation, or with a finer one where that is worth its bytes; and which one it is.
 #[cfg(feature = "write")]
-pub(super) fn encode(image: &Image<u8>, is_used: &[bool], step: u8) -> Vec<u8> {
+pub(super) fn encode(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, step: u8) -> (u8, Vec<u8>) {
+    let mut errors = Errors::default();
+    let bytes = encode_with(image, is_used, seen, step, &mut errors);
+    match errors.better_step(step, usize::from(image.components), bytes.len()) {
+        Some(better) => (better, encode_with(image, is_used, seen, better, &mut Errors::default())),
+        None => (step, bytes),
+    }
+}
+
+#[cfg(feature = "write")]
+fn encode_with(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, step: u8, errors: &mut Errors) -> Vec<u8> {
     let count = usize::from(image.components);
     let mut bits = BitEncoder::new();
     let (mut chances, mut blocks) = (Box::<Chances>::default(), Blocks::new(image.size));
+    let mut next = 0;
     for block_row in 0..blocks.rows {
         for column in 0..blocks.columns {
+            let number = (block_row * blocks.columns + column) as u32;
+            let first = [column * SIDE, block_row * SIDE];
+            let seen = seen.and_then(|seen| seen.block(number, first, image.size, &mut next));
             let (left, above) = blocks.neighbours(column);
             let known = usize::from(left.is_coded) + usize::from(above.is_coded);
-            let planes = planes(image, is_used, [column * SIDE, block_row * SIDE]);
+            let planes = planes(image, is_used, first);
             bits.bit(&mut chances.skip[known], planes.is_none());
             let Some(planes) = planes else {
                 blocks.set(column, Known::default());
                 continue;
             };
             let mut this = Known { is_coded: true, ..Known::default() };
+            let mut constants = [0.0; 4];
             for (component, plane) in planes.iter().enumerate().take(count) {
                 let of_plane = &mut chances.planes[usize::from(is_difference(component, count))];
                 let class = activity(left, above, component);
-                let (coefficients, inverse) = (forward(plane), 1.0 / step_of(component, count, step) as f32);
+                let (mut coefficients, step) = (forward(plane), step_of(component, count, step) as f32);
+                let inverse = 1.0 / step;
+                constants[component] = coefficients[0];
+                errors.others += weight_of(component, count) * others_off(&coefficients, inverse);
                 let limit = MOST as f32 * inverse;
+                if let Some(seen) = &seen {
+                    let level = |c: f32| (c.abs() * inverse + ROUNDING).floor().copysign(c);
+                    let mut levels = coefficients.map(level);
+                    levels[0] = (coefficients[0] * inverse).round();
+                    seen.improve(&coefficients, step, &mut levels);
+                    coefficients = levels.map(|level| level * step);
+                }
                 let constant = (coefficients[0] * inverse).round().clamp(-limit, limit) as i32;
                 bits.signed(&mut of_plane.constant[class], constant - expected(left, above, component));
                 this.constant[component] = constant;
                 this.count[component] = encode_others(&mut bits, of_plane, class, &coefficients, inverse);
             }
+            errors.constants.push((constants, this.count == [0; 4]));
             blocks.set(column, this);
         }
     }
     bits.finish()
+}
+
+/// What an image loses. An even block is off by the same everywhere: its mean may lie anywhere between two steps. Where most of an image is even, a
+/// slightly finer step may show it much better.
+#[cfg(feature = "write")]
+#[derive(Default)]
+struct Errors {
+    /// The means of all blocks, as coefficients, and whether they have nothing else.
+    constants: Vec<([f32; 4], bool)>,
+    /// The sum of squares of what all other coefficients are off by.
+    others: f32,
+}
+
+/// What a bit is worth, in squares of a step: between a step and half of it lies a bit for each coefficient, whose square error is a twelfth of the
+/// square of the step, or a quarter of that.
+#[cfg(feature = "write")]
+const WORTH: f32 = 0.15;
+
+#[cfg(feature = "write")]
+impl Errors {
+    /// A finer step than that with which an image has so many bytes, if most of what it loses is in its means, and the bytes are worth it.
+    fn better_step(&self, step: u8, components: usize, bytes: usize) -> Option<u8> {
+        if self.of_constants(step, components) <= self.others {
+            return None;
+        }
+        let bits = WORTH * f32::from(step) * f32::from(step) * 8.0 * bytes as f32;
+        let cost = |finer: u8| self.of_constants(finer, components) + bits * f32::from(step) / f32::from(finer);
+        let costs = (step.div_ceil(2)..=step).rev().map(|finer| (cost(finer), finer));
+        costs.min_by(|(one, _), (other, _)| one.total_cmp(other)).map(|(_, finer)| finer).filter(|&finer| finer < step)
+    }
+
+    /// The sum of squares of what the means are off by.
+    fn of_constants(&self, step: u8, components: usize) -> f32 {
+        let steps: [f32; 4] = std::array::from_fn(|component| step_of(component, components, step) as f32);
+        let of_block = |(block, is_even): &([f32; 4], bool)| {
+            let quantised: [f32; 4] = std::array::from_fn(|k| (block[k] / steps[k]).round() * steps[k]);
+            if *is_even && components == 3 {
+                // As it is decoded, in whole numbers.
+                let wanted = colour_of(block.map(|constant| constant / SIDE as f32));
+                let mut shown = [0; 3];
+                store(&mut shown, |plane| {
+                    let mut coefficients = [0; AREA];
+                    coefficients[0] = (quantised[plane] as i32).clamp(-MOST, MOST);
+                    inverse(&coefficients)[0]
+                });
+                let off = |k: usize| wanted[k] - f32::from(shown[k]);
+                AREA as f32 * (0..3).map(|k| off(k) * off(k)).sum::<f32>()
+            } else {
+                let off = |k: usize| block[k] - quantised[k];
+                (0..components).map(|k| weight_of(k, components) * off(k) * off(k)).sum()
+            }
+        };
+        self.constants.iter().map(of_block).sum()
+    }
+}
+
+/// The colour of a brightness and two differences.
+#[cfg(feature = "write")]
+fn colour_of([brightness, blueness, redness, _]: [f32; 4]) -> [f32; 3] {
+    let green = brightness + 128.0 - (88.0 * blueness + 183.0 * redness) / 256.0;
+    [brightness + 128.0 + redness * (359.0 / 256.0), green, brightness + 128.0 + blueness * (454.0 / 256.0)]
+}
+
+/// By what the square of an error of a component counts in those of all components of a colour.
+#[cfg(feature = "write")]
+fn weight_of(component: usize, components: usize) -> f32 {
+    match (component, components >= 3) {
+        (0, true) => 3.0,
+        (1, true) => 3.26,
+        (2, true) => 2.48,
+        _ => 1.0,
+    }
+}
+
+/// The sum of squares of what all coefficients but the first are off by.
+#[cfg(feature = "write")]
+fn others_off(coefficients: &[f32; AREA], inverse: f32) -> f32 {
+    let step = 1.0 / inverse;
+    let mut sums = [0.0; SIDE];
+    for row in coefficients.as_chunks::<SIDE>().0 {
+        for (sum, c) in sums.iter_mut().zip(row) {
+            let size = c.abs();
+            let rounded = size * inverse + ROUNDING - 0.5 + WHOLE - WHOLE;
+            let off = size - step * rounded;
+            *sum += off * off;
+        }
+    }
+    let first = coefficients[0].abs();
+    let off = first - step * (first * inverse + ROUNDING - 0.5 + WHOLE - WHOLE);
+    sums.iter().sum::<f32>() - off * off
 }
 
 /// Codes all coefficients but the first. Levels are multiples of the step, with `inverse`.
@@ -442,6 +559,24 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn an_even_image_has_a_step_that_shows_it() {
+        // Nearly one colour, of which the usual step would show another blue.
+        let mut image = Image::filled([256, 256], &[26, 26, 28]);
+        (0..60).for_each(|k| image.data[k * 37] = 27);
+        let used = vec![true; 256 * 256];
+        for step in [9, 12, 15] {
+            let bytes = encode_image(&image, &used, step);
+            assert!((step.div_ceil(2)..=step).contains(&bytes[0]), "{}", bytes[0]);
+            let back = Image::decode_colours(&bytes, image.size, 3).unwrap();
+            let error = error(&image, &back, &used);
+            assert!(error < 1.0, "{step} {}: {error}", bytes[0]);
+        }
+        // One that is not even keeps its step.
+        let image = picture([256, 256], 3);
+        assert_eq!(encode_image(&image, &used, 9)[0], 9);
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! Images over maps, and the way in which each is coded.
 
+#[cfg(feature = "write")]
+use super::seen::Seen;
 use super::{colours, map::LONGEST, values};
 use crate::error::{Error, Result};
 
@@ -93,17 +95,27 @@ pub(super) fn check(size: [u32; 2], components: u8) -> Result<()> {
     Ok(())
 }
 
-/// Codes colours of three or four components with a step of quantisation; the fourth component is not transformed. Texels that are not
+/// Codes colours of three or four components with a step of quantisation, or with a finer one where most of an image is even; the fourth component is not transformed. Texels that are not
 /// used may have any value afterwards.
 #[cfg(feature = "write")]
 pub fn encode_image(image: &Image<u8>, is_used: &[bool], step: u8) -> Vec<u8> {
+    encode(image, is_used, None, step)
+}
+
+/// As [`encode_image`], of an image of which borders are known. Texels that are used, but not covered by a piece, are right where borders are seen.
+#[cfg(feature = "write")]
+pub fn encode_seen_image(image: &Image<u8>, is_used: &[bool], seen: &Seen<'_>, step: u8) -> Vec<u8> {
+    encode(image, is_used, Some(seen), step)
+}
+
+#[cfg(feature = "write")]
+fn encode(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, step: u8) -> Vec<u8> {
     let components = usize::from(image.components);
     let mut used = image.data.chunks_exact(components).zip(is_used).filter(|&(_, &used)| used);
     let first = used.next().map_or([0; 4].as_slice(), |(texel, _)| texel);
     if used.all(|(texel, _)| texel == first) {
         return [&[0], &first[..components]].concat();
     }
-    let mut bytes = vec![step.max(1)];
-    bytes.extend(colours::encode(image, is_used, step.max(1)));
-    bytes
+    let (step, bytes) = colours::encode(image, is_used, seen, step.max(1));
+    [&[step], bytes.as_slice()].concat()
 }

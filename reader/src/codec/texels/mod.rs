@@ -10,16 +10,20 @@ mod colours;
 mod image;
 mod map;
 mod normals;
+#[cfg(feature = "write")]
+mod seen;
 mod transform;
 mod values;
 
 pub use image::Image;
 #[cfg(feature = "write")]
-pub use image::encode_image;
+pub use image::{encode_image, encode_seen_image};
 pub use map::{Map, Piece};
 #[cfg(feature = "write")]
 pub use map::{PieceShape, encode_map, texel_size};
 #[cfg(feature = "write")]
 pub use normals::encode_normals;
+#[cfg(feature = "write")]
+pub use seen::{Seen, SeenPoint};
 #[cfg(feature = "write")]
 pub use values::encode_values;
