@@ -112,7 +112,7 @@ impl Comparison {
     pub fn squares(&self, stride: usize) -> Vec<f64> {
         let mut squares = vec![];
         for pair in &self.pairs {
-            let is_wanted = |v: u32| pair.fine.vertex(v) as usize % stride == 0;
+            let is_wanted = |v: u32| (pair.fine.vertex(v) as usize).is_multiple_of(stride);
             if let (Some(unchanged), Some(parts)) = (&pair.unchanged, pair.corresponding(&self.was)) {
                 unchanged.squares(&parts, is_wanted, &mut squares);
                 continue;

@@ -8,6 +8,8 @@
 mod binary;
 mod colours;
 mod image;
+#[cfg(feature = "write")]
+mod loss;
 mod map;
 mod normals;
 #[cfg(feature = "write")]
