@@ -267,7 +267,7 @@ fn encode_with(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, ste
         for column in 0..blocks.columns {
             let number = (block_row * blocks.columns + column) as u32;
             let first = [column * SIDE, block_row * SIDE];
-            let seen = seen.and_then(|seen| seen.block(number, first, image.size, &mut next));
+            let mut seen = seen.and_then(|seen| seen.block(number, first, image.size, &mut next));
             let (left, above) = blocks.neighbours(column);
             let known = usize::from(left.is_coded) + usize::from(above.is_coded);
             let planes = planes(image, is_used, first);
@@ -286,8 +286,8 @@ fn encode_with(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, ste
                 constants[component] = coefficients[0];
                 errors.others += weight_of(component, count) * others_off(&coefficients, inverse);
                 let limit = MOST as f32 * inverse;
-                if let Some(seen) = &seen {
-                    let level = |c: f32| (c.abs() * inverse + ROUNDING).floor().copysign(c);
+                if let Some(seen) = &mut seen {
+                    let level = |c: f32| ((c.abs() * inverse + ROUNDING) as i32 as f32).copysign(c);
                     let mut levels = coefficients.map(level);
                     levels[0] = (coefficients[0] * inverse).round();
                     seen.improve(&coefficients, step, &mut levels);

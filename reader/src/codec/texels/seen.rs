@@ -108,19 +108,26 @@ impl<'a> Seen<'a> {
 pub(super) struct SeenBlock<'a> {
     weights: [f32; AREA],
     points: &'a [(u32, PartOfPoint)],
-    /// By how much the square of an error of each coefficient counts.
+    /// By how much the square of an error of each coefficient counts in texels.
+    of_texels: [f32; AREA],
+    /// And with points; not a number until somebody asks, since few do.
     curvature: [f32; AREA],
 }
 
 impl<'a> SeenBlock<'a> {
     fn new(weights: [f32; AREA], points: &'a [(u32, PartOfPoint)]) -> Self {
-        let mut this = Self { weights, points, curvature: [0.0; AREA] };
-        for (at, basis) in bases().iter().enumerate() {
-            let of_texels: f32 = basis.iter().zip(&weights).map(|(b, weight)| weight * b * b).sum();
-            let of_points: f32 = points.iter().map(|(_, part)| part.of(basis)).map(|sum| sum * sum).sum();
-            this.curvature[at] = of_texels + OF_POINTS * of_points;
+        let of_texels = |basis: &[f32; AREA]| basis.iter().zip(&weights).map(|(b, weight)| weight * b * b).sum();
+        Self { weights, points, of_texels: bases().each_ref().map(of_texels), curvature: [f32::NAN; AREA] }
+    }
+
+    fn curvature(&mut self, at: usize) -> f32 {
+        let known = &mut self.curvature[at];
+        if known.is_nan() {
+            let basis = &bases()[at];
+            let of_points: f32 = self.points.iter().map(|(_, part)| part.of(basis)).map(|sum| sum * sum).sum();
+            *known = self.of_texels[at] + OF_POINTS * of_points;
         }
-        this
+        *known
     }
 
     /// How much more is lost for each coefficient that grows, if texels are off by so much; half of it.
@@ -136,7 +143,7 @@ impl<'a> SeenBlock<'a> {
     }
 
     /// Multiples of a step that show a block best, of those near its coefficients, in the order of [`forward`]. `levels` are those nearest to them.
-    pub fn improve(&self, coefficients: &[f32; AREA], step: f32, levels: &mut [f32; AREA]) {
+    pub fn improve(&mut self, coefficients: &[f32; AREA], step: f32, levels: &mut [f32; AREA]) {
         let mut errors = [0.0; AREA];
         for ((basis, level), coefficient) in bases().iter().zip(levels.iter()).zip(coefficients) {
             let off = level * step - coefficient;
@@ -144,21 +151,20 @@ impl<'a> SeenBlock<'a> {
         }
         for _ in 0..MOST_CHANGES {
             let slope = self.slope(&errors);
-            let gain = |at: usize| {
+            let mut best = (0, 0.0, 0.0);
+            for at in 0..AREA {
                 let sign = if slope[at] > 0.0 { -1.0 } else { 1.0 };
                 let farther = (levels[at] + sign).abs() - levels[at].abs();
                 // The mean costs as much wherever it lies.
                 let of_level = if at == 0 { 0.0 } else { OF_LEVEL * farther };
-                (2.0 * step * slope[at].abs() - step * step * (self.curvature[at] + of_level), sign)
-            };
-            let mut best = (0, (0.0, 0.0));
-            for at in 0..AREA {
-                let (gain, sign) = gain(at);
-                if gain > best.1.0 {
-                    best = (at, (gain, sign));
+                let gain = |curvature: f32| 2.0 * step * slope[at].abs() - step * step * (curvature + of_level);
+                // Points only make it less.
+                if gain(self.of_texels[at]) > best.1 {
+                    let gain = gain(self.curvature(at));
+                    best = if gain > best.1 { (at, gain, sign) } else { best };
                 }
             }
-            let (at, (gain, sign)) = best;
+            let (at, gain, sign) = best;
             if gain <= 0.01 * step * step {
                 break;
             }
@@ -173,7 +179,8 @@ impl PartOfPoint {
     /// What it shows of values of a block.
     #[inline]
     fn of(&self, values: &[f32; AREA]) -> f32 {
-        self.texels.iter().zip(self.shares).map(|(&texel, share)| share * values[usize::from(texel)]).sum()
+        let part = |k: usize| self.shares[k] * values[usize::from(self.texels[k])];
+        part(0) + part(1) + part(2) + part(3)
     }
 }
 
