@@ -113,8 +113,8 @@ impl Comparison {
         let mut squares = vec![];
         for pair in &self.pairs {
             let is_wanted = |v: u32| (pair.fine.vertex(v) as usize).is_multiple_of(stride);
-            if let (Some(unchanged), Some(parts)) = (&pair.unchanged, pair.corresponding(&self.was)) {
-                unchanged.squares(&parts, is_wanted, &mut squares);
+            if let (Some(unchanged), Some(parts)) = (&pair.unchanged, pair.closed()) {
+                unchanged.squares(parts.map(Part::surface), is_wanted, &mut squares);
                 continue;
             }
             let [fine, coarse] = pair.surfaces();
@@ -180,12 +180,15 @@ impl Pair {
         [&self.fine, &self.coarse].map(Side::bvh)
     }
 
+    /// Two parts without a border.
+    fn closed(&self) -> Option<[&Part; 2]> {
+        let (Side::Closed(fine, _), Side::Closed(coarse, _)) = (&self.fine, &self.coarse) else { return None };
+        Some([fine, coarse])
+    }
+
     /// Two parts without a border, and how their vertices correspond; none if nothing is known of that.
     fn corresponding(&self, was: &[u32]) -> Option<Corresponding<'_>> {
-        let (Side::Closed(fine, _), Side::Closed(coarse, _)) = (&self.fine, &self.coarse) else { return None };
-        if was.is_empty() {
-            return None;
-        }
+        let [fine, coarse] = self.closed().filter(|_| !was.is_empty())?;
         // Vertices of a part are numbered by their first use, so that their order tells nothing.
         let mut numbers: Vec<(u32, u32)> = fine.vertices.iter().copied().zip(0..).collect();
         numbers.sort_unstable();
@@ -194,8 +197,8 @@ impl Pair {
             found.map_or(NONE, |index| numbers[index].1)
         };
         Some(Corresponding {
-            fine: Surface::new(&fine.positions, &fine.triangles),
-            coarse: Surface::new(&coarse.positions, &coarse.triangles),
+            fine: fine.surface(),
+            coarse: coarse.surface(),
             was: coarse.vertices.iter().map(local).collect(),
         })
     }
@@ -297,6 +300,10 @@ fn pairs_of(
 }
 
 impl Part {
+    fn surface(&self) -> Surface<'_> {
+        Surface::new(&self.positions, &self.triangles)
+    }
+
     /// A distance that occurs between two parts, and where: by how much the box of one reaches beyond that of the other.
     fn beyond(&self, other: &Self) -> (f64, DVec3) {
         let mut most = (0.0, DVec3::ZERO);

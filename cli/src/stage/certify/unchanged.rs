@@ -92,8 +92,12 @@ impl Unchanged {
 
     /// Adds squared distances of some vertices of the finer part from the coarser one: from the triangles around the vertex that it is
     /// drawn as, or from those that are new.
-    pub(super) fn squares(&self, parts: &Corresponding<'_>, is_wanted: impl Fn(u32) -> bool, squares: &mut Vec<f64>) {
-        let Corresponding { fine, coarse, .. } = parts;
+    pub(super) fn squares(
+        &self,
+        [fine, coarse]: [Surface<'_>; 2],
+        is_wanted: impl Fn(u32) -> bool,
+        squares: &mut Vec<f64>,
+    ) {
         let mut nearest = vec![f64::INFINITY; fine.positions.len()];
         for &corners in coarse.triangles {
             let wanted = corners.map(|v| Some(self.is[v as usize]).filter(|&is| is != NONE && is_wanted(is)));
@@ -162,7 +166,7 @@ mod tests {
         let parts = Corresponding { fine: surface(&fine), coarse: surface(&coarse), was };
         let (unchanged, bound) = Unchanged::new(&parts, &options(floor)).expect("hardly anything has changed");
         let mut squares = vec![];
-        unchanged.squares(&parts, |v| v % 2 == 1, &mut squares);
+        unchanged.squares([&fine, &coarse].map(surface), |v| v % 2 == 1, &mut squares);
         assert_eq!(squares.len(), fine.positions.len() / 2);
         let whole = two_sided(parts.fine.bvh(), parts.coarse.bvh(), &options(0.0));
         assert!(bound.upper >= whole.lower, "{bound:?} {whole:?}");
