@@ -1,13 +1,17 @@
 //! Parts of which most is drawn as it is, up to the rounding of coordinates: in a scene of small parts that is nearly all.
 //!
 //! A triangle whose vertices are those of a drawn one moves by at most as much as these do, and so does every point of the drawn one. What
-//! is left of both parts is bounded by itself: that holds whatever is near it, since it leaves out only what might be nearer.
+//! is triangulated otherwise lies where it was, before its vertices moved ([`Flat`]). What is left of both parts is bounded by itself: that
+//! holds whatever is near it, since it leaves out only what might be nearer.
+
+use std::cell::OnceCell;
 
 use glam::DVec3;
 
 use super::bound::inflated;
 use super::bvh::{Hint, TriangleBvh};
 use super::closest::PreparedTriangle;
+use super::flat::Flat;
 use super::surface::Surface;
 use super::{Bound, CertifyOptions, two_sided};
 use crate::mesh::NONE;
@@ -41,8 +45,8 @@ impl Corresponding<'_> {
 pub(super) struct Unchanged {
     /// Of each vertex of the coarser part which one of the finer it is; [`NONE`] if none.
     is: Vec<u32>,
-    /// The triangles of the coarser part that are not among the finer one's; none if all are.
-    changed: Option<TriangleBvh>,
+    /// The triangles of the coarser part that are not among the finer one's.
+    changed: Vec<[u32; 3]>,
 }
 
 impl Unchanged {
@@ -61,31 +65,43 @@ impl Unchanged {
             fine.triangles.iter().map(|&corners| from_least(corners)).zip(0..).collect();
         known.sort_unstable();
         let mut is_drawn = vec![false; known.len()];
-        let mut others = vec![];
+        let mut changed = vec![];
         for corners in coarse.triangles {
             let own = corners.map(|v| is[v as usize]);
             let found = known.binary_search_by_key(&from_least(own), |&(corners, _)| corners);
             match found.ok().filter(|_| !own.contains(&NONE)) {
                 Some(index) => is_drawn[known[index].1] = true,
-                None => others.push(*corners),
+                None => changed.push(*corners),
             }
-        }
-        if others.len() as f64 > most {
-            return None;
         }
         let left: Vec<[u32; 3]> =
             fine.triangles.iter().zip(&is_drawn).filter(|(_, is)| !**is).map(|(&t, _)| t).collect();
+        // Where the vertices of what changed were before they moved; new ones are where they are.
+        let count = fine.positions.len() as u32;
+        let was = |v: u32| if is[v as usize] == NONE { count + v } else { is[v as usize] };
+        let place = |v: u32| match v.checked_sub(count) {
+            Some(new) => coarse.positions[new as usize],
+            None => fine.positions[v as usize],
+        };
+        let moved = moved.sqrt();
+        let before: Vec<[u32; 3]> = changed.iter().map(|corners| corners.map(was)).collect();
+        let flat = Flat::new([&left, &before], place, enough - moved);
+        let rest = |triangles: &[[u32; 3]], is_flat: &[bool]| -> Vec<[u32; 3]> {
+            triangles.iter().zip(is_flat).filter(|(_, is_flat)| !**is_flat).map(|(&corners, _)| corners).collect()
+        };
+        let [left, others] = [rest(&left, &flat.is_flat[0]), rest(&changed, &flat.is_flat[1])];
+        if others.len() as f64 > most {
+            return None;
+        }
         let reach = |positions: &[DVec3]| positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
-        let of_same = inflated(moved, reach(fine.positions) + reach(coarse.positions));
+        let of_same = inflated(moved + flat.height, reach(fine.positions) + reach(coarse.positions));
         let mut bound = Bound { lower: 0.0, upper: of_same, worst: DVec3::ZERO, work: 0 };
-        let mut changed = None;
         if !left.is_empty() || !others.is_empty() {
             let [left, others] =
                 [(fine, &left), (coarse, &others)].map(|(all, some)| TriangleBvh::new(all.positions, some));
             let of_rest = two_sided(&left, &others, options);
             // What is left of one part may be nearer to what is not left of the other, so this distance need not occur.
             bound = Bound { upper: of_rest.upper.max(of_same), work: of_rest.work, ..bound };
-            changed = Some(others);
         }
         Some((Self { is, changed }, bound))
     }
@@ -109,12 +125,11 @@ impl Unchanged {
                 nearest[vertex] = nearest[vertex].min(triangle.distance_squared(fine.positions[vertex]));
             }
         }
-        let mut hint = Hint::default();
+        let (changed, mut hint) = (OnceCell::new(), Hint::default());
         for (v, &position) in (0..).zip(fine.positions).filter(|&(v, _)| is_wanted(v)) {
             let mut square = nearest[v as usize];
-            if square.is_infinite()
-                && let Some(changed) = &self.changed
-            {
+            if square.is_infinite() && !self.changed.is_empty() {
+                let changed = changed.get_or_init(|| TriangleBvh::new(coarse.positions, &self.changed));
                 let distance = changed.closest(position, &mut hint).distance;
                 square = distance * distance;
             }
@@ -161,7 +176,7 @@ mod tests {
         (fine, coarse, (0..=last).rev().collect())
     }
 
-    fn bound(by: f64, floor: f64) -> (Option<TriangleBvh>, Bound, f64) {
+    fn bound(by: f64, floor: f64) -> (Vec<[u32; 3]>, Bound, f64) {
         let (fine, coarse, was) = moved(by);
         let parts = Corresponding { fine: surface(&fine), coarse: surface(&coarse), was };
         let (unchanged, bound) = Unchanged::new(&parts, &options(floor)).expect("hardly anything has changed");
@@ -176,15 +191,15 @@ mod tests {
     #[test]
     fn what_moves_by_little_is_bounded_by_its_vertices() {
         let (changed, still, far) = bound(0.0, 0.1);
-        assert!(changed.is_none() && still.upper < 1e-12 && far < 1e-12, "{still:?}");
+        assert!(changed.is_empty() && still.upper < 1e-12 && far < 1e-12, "{still:?}");
         let (changed, near, _) = bound(0.05, 0.1);
-        assert!(changed.is_none() && (0.05..0.050_001).contains(&near.upper), "{near:?}");
+        assert!(changed.is_empty() && (0.05..0.050_001).contains(&near.upper), "{near:?}");
     }
 
     #[test]
     fn what_moves_far_is_compared_without_the_rest() {
         let (changed, far, _) = bound(0.2, 0.1);
-        assert!(changed.is_some_and(|changed| (3..=8).contains(&changed.triangle_count())));
+        assert!((3..=8).contains(&changed.len()));
         assert!((0.1..0.22).contains(&far.upper), "{far:?}");
     }
 
