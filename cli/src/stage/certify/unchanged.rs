@@ -19,6 +19,9 @@ use crate::mesh::NONE;
 /// If more than this share of the drawn triangles are others, a map of all is faster.
 const MOST_CHANGED: f64 = 0.1;
 
+/// Of so many vertices at most it is asked where else they were.
+const MOST_OTHERS: usize = 16;
+
 /// Two parts without a border, and how their vertices correspond.
 pub(super) struct Corresponding<'a> {
     pub fine: Surface<'a>,
@@ -31,13 +34,31 @@ impl Corresponding<'_> {
     /// Of each vertex of the coarser part which one of the finer it is, at a squared distance of at most `enough`, and the largest of these.
     fn same_vertices(&self, enough: f64) -> (Vec<u32>, f64) {
         let mut moved = 0.0f64;
-        let is = |(&was, &position): (&u32, &DVec3)| {
-            let square = self.fine.positions.get(was as usize).map_or(f64::INFINITY, |p| p.distance_squared(position));
+        let mut is_at = |was: u32, position: &DVec3| {
+            let square = self.fine.positions.get(was as usize).map_or(f64::INFINITY, |p| p.distance_squared(*position));
             let is_same = square <= enough;
             moved = if is_same { moved.max(square) } else { moved };
-            if is_same { was } else { NONE }
+            is_same
         };
-        (self.was.iter().zip(self.coarse.positions).map(is).collect(), moved)
+        let known = self.was.iter().zip(self.coarse.positions);
+        let mut is: Vec<u32> = known.map(|(&was, position)| if is_at(was, position) { was } else { NONE }).collect();
+        // Of two vertices that became one, it may lie where the other one was.
+        let others: Vec<usize> = (0..is.len()).filter(|&v| is[v] == NONE).take(MOST_OTHERS + 1).collect();
+        if (1..=MOST_OTHERS).contains(&others.len()) {
+            let mut is_gone = vec![true; self.fine.positions.len()];
+            is.iter().filter(|&&was| was != NONE).for_each(|&was| is_gone[was as usize] = false);
+            for v in others {
+                let position = &self.coarse.positions[v];
+                let gone = (0..).zip(&is_gone).filter(|(_, is_gone)| **is_gone).map(|(was, _)| was);
+                let distance = |was: u32| self.fine.positions[was as usize].distance_squared(*position);
+                let nearest = gone.min_by(|&one, &other| distance(one).total_cmp(&distance(other)));
+                if let Some(was) = nearest.filter(|&was| is_at(was, position)) {
+                    is[v] = was;
+                    is_gone[was as usize] = false;
+                }
+            }
+        }
+        (is, moved)
     }
 }
 
