@@ -117,11 +117,11 @@ fn height(members: &[&Facing], place: impl Fn(u32) -> DVec3) -> Option<f64> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    /// A fan around the middle of a polygon with so many corners, all but two of which are on a circle; the middle is the last vertex.
-    fn fan(count: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    /// A fan around the middle of a polygon with so many corners on a circle; the middle is the last vertex.
+    pub fn cap(count: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         // Without sines, which differ between machines.
         let corner = |k: u32| {
             let t = 2.0 * f64::from(k) / f64::from(count) - 1.0;
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn caps_lie_where_they_were() {
-        let (positions, fan) = fan(24);
+        let (positions, fan) = cap(24);
         for apex in [0, 5] {
             let flat = Flat::new([&fan, &around(apex, 24)], |v| positions[v as usize], 1e-3);
             assert!(flat.is_flat.iter().flatten().all(|&is_flat| is_flat) && flat.height < 1e-12, "{flat:?}");
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn what_is_not_flat_enough_or_covers_less_is_left() {
-        let (mut positions, fan) = fan(24);
+        let (mut positions, fan) = cap(24);
         let none_is = |positions: &[DVec3], other: &[[u32; 3]], enough: f64| {
             let flat = Flat::new([&fan, other], |v| positions[v as usize], enough);
             flat.is_flat.iter().flatten().all(|&is_flat| !is_flat)
@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn both_sides_of_a_prism_are_regions_of_their_own() {
-        let (positions, bottom) = fan(24);
+        let (positions, bottom) = cap(24);
         let place = |v: u32| positions[v as usize % 25] + DVec3::Z * f64::from(v / 25) * 3.0;
         let both = |cap: &[[u32; 3]]| -> Vec<[u32; 3]> {
             let top = cap.iter().map(|corners| corners.map(|v| v + 25));

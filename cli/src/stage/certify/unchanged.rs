@@ -115,7 +115,8 @@ impl Unchanged {
             return None;
         }
         let reach = |positions: &[DVec3]| positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
-        let of_same = inflated(moved + flat.height, reach(fine.positions) + reach(coarse.positions));
+        let far = moved + flat.height;
+        let of_same = inflated(far * far, reach(fine.positions) + reach(coarse.positions));
         let mut bound = Bound { lower: 0.0, upper: of_same, worst: DVec3::ZERO, work: 0 };
         if !left.is_empty() || !others.is_empty() {
             let [left, others] =
@@ -174,6 +175,7 @@ fn from_least([a, b, c]: [u32; 3]) -> [u32; 3] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::flat::tests::cap;
     use super::*;
     use crate::mesh::Mesh;
     use crate::stage::arcs::tests::sphere;
@@ -222,6 +224,43 @@ mod tests {
         let (changed, far, _) = bound(0.2, 0.1);
         assert!((3..=8).contains(&changed.len()));
         assert!((0.1..0.22).contains(&far.upper), "{far:?}");
+    }
+
+    /// A prism with 24 sides whose caps are fans around their middles, and one whose caps are fans around a corner: that is where the middles have
+    /// gone. Corners of the latter are moved by so much.
+    fn prisms(by: f64) -> (Mesh, Mesh, Vec<u32>) {
+        let (bottom, fan) = cap(24);
+        let two =
+            |points: &[DVec3]| [0.0, 3.0].iter().flat_map(|&z| points.iter().map(move |p| *p + DVec3::Z * z)).collect();
+        let closed = |cap: &[[u32; 3]], next: u32| {
+            let sides =
+                (0..24).flat_map(|k| [[k, (k + 1) % 24, k + next], [(k + 1) % 24, (k + 1) % 24 + next, k + next]]);
+            let caps = cap.iter().flat_map(|&[a, b, c]| [[a, c, b], [a + next, b + next, c + next]]);
+            sides.chain(caps).collect::<Vec<[u32; 3]>>()
+        };
+        let fine = Mesh { positions: two(&bottom), triangles: closed(&fan, 25), ..Mesh::default() };
+        let around: Vec<[u32; 3]> = (1..23).map(|k| [0, k, k + 1]).collect();
+        let mut coarse = Mesh { positions: two(&bottom[..24]), triangles: closed(&around, 24), ..Mesh::default() };
+        coarse.positions.iter_mut().enumerate().for_each(|(v, p)| *p += DVec3::AXES[v % 3] * by);
+        // Of a middle and the corner that it went to, the vertex is known as the middle.
+        let was = (0..48).map(|v| if v % 24 == 0 { v / 24 * 25 + 24 } else { v / 24 * 25 + v % 24 }).collect();
+        (fine, coarse, was)
+    }
+
+    #[test]
+    fn caps_that_are_triangulated_otherwise_move_with_their_vertices() {
+        let (fine, coarse, was) = prisms(0.01);
+        let parts = Corresponding { fine: surface(&fine), coarse: surface(&coarse), was };
+        let (unchanged, bound) = Unchanged::new(&parts, &options(0.02)).expect("all is flat or as it was");
+        assert_eq!(unchanged.changed.len(), 44);
+        assert!((0.01..0.010_001).contains(&bound.upper), "{bound:?}");
+        let whole = two_sided(parts.fine.bvh(), parts.coarse.bvh(), &options(0.0));
+        assert!(bound.upper >= whole.lower, "{bound:?} {whole:?}");
+        let mut squares = vec![];
+        unchanged.squares([&fine, &coarse].map(surface), |_| true, &mut squares);
+        assert!(squares.len() == 50 && squares.iter().all(|square| square.sqrt() <= 0.01 + 1e-12), "{squares:?}");
+        // Where less is allowed, much has changed.
+        assert!(Unchanged::new(&parts, &options(0.005)).is_none());
     }
 
     #[test]
