@@ -238,9 +238,9 @@ mod tests {
             let caps = cap.iter().flat_map(|&[a, b, c]| [[a, c, b], [a + next, b + next, c + next]]);
             sides.chain(caps).collect::<Vec<[u32; 3]>>()
         };
-        let fine = Mesh { positions: two(&bottom), triangles: closed(&fan, 25), ..Mesh::default() };
+        let fine = Mesh { positions: two(&bottom), triangles: closed(&fan, 25) };
         let around: Vec<[u32; 3]> = (1..23).map(|k| [0, k, k + 1]).collect();
-        let mut coarse = Mesh { positions: two(&bottom[..24]), triangles: closed(&around, 24), ..Mesh::default() };
+        let mut coarse = Mesh { positions: two(&bottom[..24]), triangles: closed(&around, 24) };
         coarse.positions.iter_mut().enumerate().for_each(|(v, p)| *p += DVec3::AXES[v % 3] * by);
         // Of a middle and the corner that it went to, the vertex is known as the middle.
         let was = (0..48).map(|v| if v % 24 == 0 { v / 24 * 25 + 24 } else { v / 24 * 25 + v % 24 }).collect();
