@@ -121,7 +121,7 @@ impl ChartWork<'_> {
         let Scale { error_limit, .. } = *self.charted.scale;
         // One of many parts is nearly as far off as it may be.
         let is_in_parts = compared.part_count() > 1;
-        let floor = if is_in_parts { error_limit * FLOOR_OF_PARTS } else { self.charted.scale.step() * 0.05 };
+        let floor = if is_in_parts { error_limit * std::env::var("FLOORP").ok().and_then(|v| v.parse().ok()).unwrap_or(FLOOR_OF_PARTS) } else { self.charted.scale.step() * 0.05 };
         let options = CertifyOptions { relative_gap: CERTIFY_GAP, floor, ..CertifyOptions::default() };
         let bound = compared.two_sided(&options).upper;
         self.times.certify += thread_cpu_time() - start;

@@ -6,6 +6,7 @@ use std::collections::BinaryHeap;
 use glam::DVec3;
 
 use super::bvh::{Child, TriangleBvh};
+use super::plates::Plates;
 use super::subtriangle::Subtriangle;
 use super::{Bound, CertifyOptions};
 use crate::mesh::NONE;
@@ -38,6 +39,9 @@ const SEEDS: usize = 128;
 
 /// Cuts made in a subtriangle from the queue before the rest of it returns to the queue.
 const LOCAL_CUTS: usize = 64;
+
+/// Plates are at most this share of the threshold thick.
+const PLATE: f64 = 0.5;
 
 /// A query ends at any triangle within this share of the (squared) threshold.
 const NEAR: f64 = 0.25;
@@ -106,6 +110,8 @@ pub(super) struct Search<'a> {
     subtriangles: Vec<Subtriangle>,
     free: Vec<u32>,
     heap: BinaryHeap<Waiting>,
+    /// The plates of `to`, once somebody has asked for them.
+    plates: Option<Plates>,
     /// Parts of the current subtriangle.
     stack: Vec<(f64, Subtriangle)>,
     /// Closest slot of the last query.
@@ -154,6 +160,7 @@ impl<'a> Search<'a> {
             subtriangles: Vec::new(),
             free: Vec::new(),
             heap: BinaryHeap::new(),
+            plates: None,
             stack: Vec::new(),
             last: 0,
             work: 0,
@@ -364,6 +371,9 @@ impl<'a> Search<'a> {
                     return;
                 }
             }
+            if self.settle_on_plate(slot, &subtriangle.corners) {
+                return;
+            }
         }
         let cut = subtriangle.cut(self.to, self.threshold);
         let mut found = None;
@@ -378,6 +388,13 @@ impl<'a> Search<'a> {
                 open.push((bound, part));
             }
         }
+    }
+
+    /// Settles a triangle that lies along the plate of a slot.
+    fn settle_on_plate(&mut self, slot: u32, corners: &[DVec3; 3]) -> bool {
+        let (to, thickness) = (self.to, PLATE * self.threshold.sqrt());
+        let bound = self.plates.get_or_insert_with(|| Plates::new(to, thickness)).bound(slot, corners);
+        bound.is_some_and(|bound| self.settle(bound))
     }
 
     /// Cuts the subtriangles in the queue, worst first, until all are settled or the work is used up.

@@ -15,7 +15,7 @@
 //!   and its cut.
 //! * `bound`: the search. `drape`: where the borders of two surfaces correspond, a map from the finer surface onto the
 //!   coarser settles nearly everything beforehand. `by_part`: [`Comparison`], part by part where there are several; `unchanged`: parts
-//!   of which most stays as it is, `flat`: or is triangulated otherwise; `surface`: what is compared.
+//!   of which most stays as it is, `flat`: or is triangulated otherwise; `surface`: what is compared. `plates`: flat sides of which that is not known.
 
 mod bound;
 mod bvh;
@@ -23,6 +23,7 @@ mod by_part;
 mod closest;
 mod drape;
 mod flat;
+mod plates;
 mod subtriangle;
 mod surface;
 #[cfg(test)]
