@@ -262,12 +262,9 @@ fn encode_with(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, ste
     let count = usize::from(image.components);
     let mut bits = BitEncoder::new();
     let (mut chances, mut blocks) = (Box::<Chances>::default(), Blocks::new(image.size));
-    let mut next = 0;
     for block_row in 0..blocks.rows {
         for column in 0..blocks.columns {
-            let number = (block_row * blocks.columns + column) as u32;
             let first = [column * SIDE, block_row * SIDE];
-            let mut seen = seen.and_then(|seen| seen.block(number, first, image.size, &mut next));
             let (left, above) = blocks.neighbours(column);
             let known = usize::from(left.is_coded) + usize::from(above.is_coded);
             let planes = planes(image, is_used, first);
@@ -276,6 +273,7 @@ fn encode_with(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, ste
                 blocks.set(column, Known::default());
                 continue;
             };
+            let mut seen = seen.and_then(|seen| seen.block(block_row * blocks.columns + column, first));
             let mut this = Known { is_coded: true, ..Known::default() };
             let mut constants = [0.0; 4];
             for (component, plane) in planes.iter().enumerate().take(count) {
@@ -290,7 +288,7 @@ fn encode_with(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, ste
                     let level = |c: f32| ((c.abs() * inverse + ROUNDING) as i32 as f32).copysign(c);
                     let mut levels = coefficients.map(level);
                     levels[0] = (coefficients[0] * inverse).round();
-                    seen.improve(&coefficients, step, &mut levels);
+                    seen.improve(plane, step, &mut levels);
                     coefficients = levels.map(|level| level * step);
                 }
                 let constant = (coefficients[0] * inverse).round().clamp(-limit, limit) as i32;

@@ -19,6 +19,17 @@ const COSINES: [[i32; SIDE]; SIDE] = [
     [400, -1138, 1703, -2009, 2009, -1703, 1138, -400],
 ];
 
+/// The same as fractions.
+#[cfg(feature = "write")]
+pub(super) static COSINES_OF: [[f32; SIDE]; SIDE] = {
+    let (mut result, mut at) = ([[0.0; SIDE]; SIDE], 0);
+    while at < AREA {
+        result[at / SIDE][at % SIDE] = COSINES[at / SIDE][at % SIDE] as f32 / 4096.0;
+        at += 1;
+    }
+    result
+};
+
 /// The order of coefficients in a block: along diagonals, so that low frequencies come first.
 pub(super) const ORDER: [u8; AREA] = [
     0, 1, 8, 16, 9, 2, 3, 10, 17, 24, 32, 25, 18, 11, 4, 5, 12, 19, 26, 33, 40, 48, 41, 34, 27, 20, 13, 6, 7, 14, 21,
