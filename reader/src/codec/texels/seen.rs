@@ -120,8 +120,11 @@ impl SeenBlock {
     fn column(&mut self, at: usize) -> &[f32; AREA] {
         let known = self.columns.iter().position(|(other, _)| *other == at);
         let number = known.unwrap_or_else(|| {
-            let (across, down) = (COSINES_OF[at / SIDE], COSINES_OF[at % SIDE]);
-            let basis = std::array::from_fn(|texel| down[texel / SIDE] * across[texel % SIDE]);
+            let (across, down) = (&COSINES_OF[at / SIDE], &COSINES_OF[at % SIDE]);
+            let mut basis = [0.0; AREA];
+            for (row, down) in basis.as_chunks_mut::<SIDE>().0.iter_mut().zip(down) {
+                *row = across.map(|across| down * across);
+            }
             self.columns.push((at, forward(&self.form.times(&basis))));
             self.columns.len() - 1
         });
