@@ -140,3 +140,52 @@ static SQUARES: Squares = {
     }
     Squares { own, beside }
 };
+
+#[cfg(test)]
+mod tests {
+    use super::super::transform::forward;
+    use super::*;
+
+    /// A form, what the squares of texels count in it, and the texels of each of its points with their shares.
+    fn form() -> (Form, [f32; AREA], Vec<Vec<(usize, f32)>>) {
+        let weights = std::array::from_fn(|at| if at % 8 + at / 16 < 6 { 1.0 } else { 0.1 });
+        let (mut form, mut points) = (Form::new(&weights), vec![]);
+        // Some lie between texels of the block and those around it.
+        for (x, y, right, down) in
+            [(3, 4, 0.3, 0.6), (3, 4, 0.9, 0.1), (0, 2, 0.5, 0.5), (8, 0, 0.2, 0.7), (5, 8, 0.4, 0.3)]
+        {
+            form.add([x, y], [right, down], 4.0);
+            let all = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(beside, below)| {
+                let share = |far: usize, share: f32| if far == 1 { share } else { 1.0 - share };
+                (x + beside, y + below, share(beside, right) * share(below, down))
+            });
+            let within = all.into_iter().filter(|(x, y, _)| (1..=SIDE).contains(x) && (1..=SIDE).contains(y));
+            points.push(within.map(|(x, y, share)| ((y - 1) * SIDE + x - 1, share)).collect());
+        }
+        (form, weights, points)
+    }
+
+    #[test]
+    fn products_are_those_of_all_points() {
+        let (form, weights, points) = form();
+        let errors: [f32; AREA] = std::array::from_fn(|at| ((at * 37 + at * at * 11) % 19) as f32 - 9.0);
+        let mut expected: [f32; AREA] = std::array::from_fn(|at| weights[at] * errors[at]);
+        for point in &points {
+            let sum: f32 = point.iter().map(|&(at, share)| share * errors[at]).sum();
+            point.iter().for_each(|&(at, share)| expected[at] += 4.0 * share * sum);
+        }
+        let found = form.times(&errors);
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-4), "{found:?} {expected:?}");
+    }
+
+    #[test]
+    fn what_a_coefficient_counts_is_its_own_slope() {
+        let (form, ..) = form();
+        let curvature = form.curvature();
+        for at in 0..AREA {
+            let basis = std::array::from_fn(|t| COSINES_OF[at / SIDE][t % SIDE] * COSINES_OF[at % SIDE][t / SIDE]);
+            let own = forward(&form.times(&basis))[at];
+            assert!((own - curvature[at]).abs() < 1e-4, "{at}: {own} {}", curvature[at]);
+        }
+    }
+}
