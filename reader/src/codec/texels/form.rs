@@ -146,8 +146,11 @@ mod tests {
     use super::super::transform::forward;
     use super::*;
 
+    /// Texels with their shares of a point.
+    type Shares = Vec<(usize, f32)>;
+
     /// A form, what the squares of texels count in it, and the texels of each of its points with their shares.
-    fn form() -> (Form, [f32; AREA], Vec<Vec<(usize, f32)>>) {
+    fn form() -> (Form, [f32; AREA], Vec<Shares>) {
         let weights = std::array::from_fn(|at| if at % 8 + at / 16 < 6 { 1.0 } else { 0.1 });
         let (mut form, mut points) = (Form::new(&weights), vec![]);
         // Some lie between texels of the block and those around it.
