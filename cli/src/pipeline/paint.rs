@@ -16,7 +16,7 @@ use crate::mesh::NONE;
 use crate::mesh::appearance::{Appearance, ScalarRange};
 use crate::mesh::attributes::RegionAttributes;
 use crate::stage::areas::{Areas, Jumps};
-use crate::stage::bake::{Baked, BakedPatch, Baker, MAX_TEXELS, Nearest, Storage, Surfels, baking_bytes};
+use crate::stage::bake::{Baked, BakedPatch, Baker, Located, MAX_TEXELS, Storage, Surfels, baking_bytes};
 use crate::stage::shade::Shader;
 use crate::storage::memory::{Pool, texel_memory};
 
@@ -182,25 +182,17 @@ impl<'a> Painting<'a> {
         let texels = (area * across * across * SPREAD).min(MAX_TEXELS as f64);
         let _held = studio.baking.hold(baking_bytes(texels as u64, self.storage));
         let mut baker = self.baker();
-        let nearest = Nearest::new(&source);
+        let mut source = Located::new(source);
         let finest = exponent_of(1.0 / (across * scale.step()));
         let (usual, is_sharp) = (finest + finer, !appearance.images.is_empty());
         for (level, block, drawn) in self.blocks(chart) {
             let patch = drawn.baked(block.error / scale.step(), charted.jumps());
             // The finest block is drawn at all finer levels, too.
             let (exponent, baked) = if painted.surfels.is_empty() {
-                (usual, baker.bake(&BakedPatch { finer, is_sharp, ..patch }, (&mut source, &nearest), finest))
+                (usual, baker.bake(&BakedPatch { finer, is_sharp, ..patch }, &mut source, finest))
             } else {
                 let exponent = coarser(usual, usize::from(scale.finest()) - level);
-                (
-                    exponent,
-                    baker.bake_coarser(
-                        &patch,
-                        std::iter::once(&painted.surfels),
-                        Some((&mut source, &nearest)),
-                        exponent,
-                    ),
-                )
+                (exponent, baker.bake_coarser(&patch, std::iter::once(&painted.surfels), Some(&mut source), exponent))
             };
             painted.take(&mut streams[level], baked, exponent, level);
         }
@@ -210,7 +202,7 @@ impl<'a> Painting<'a> {
 
     /// Gives the blocks of a group texels, from those of its members.
     fn paint_group(&self, group: u32, members: &[Painted]) -> (Painted, Streams) {
-        const NO_SOURCE: Option<(&mut InputSource<'_>, &Nearest)> = None;
+        const NO_SOURCE: Option<&mut Located<InputSource<'_>>> = None;
         let PaintedRegion { charted, studio, .. } = *self.region;
         let (scale, jumps) = (charted.scale, charted.jumps());
         let mut painted = Painted::default();

@@ -17,7 +17,7 @@ use super::shown_colours::{Difference, difference};
 use super::texels::exponent_of;
 use crate::mesh::NONE;
 use crate::stage::areas::{Areas, ColourAreas};
-use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Source, Storage, Stored};
+use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Purpose, Source, Storage, Stored};
 
 /// The step of quantisation of images that are not stored.
 const STEP: u8 = 1;
@@ -119,7 +119,7 @@ impl<'a> CutPainter<'a> {
         let areas = self.areas.as_ref().map(ColourAreas::all);
         let best = self.best(finished_ways(positions, whole, error, Ways::Each(areas), self.lattice, triangles))?;
         let best = self.again(best, error, triangles);
-        let painted = self.painted(&best, self.shown_exponent());
+        let painted = self.painted(&best, self.shown_exponent(), Purpose::Shown);
         Some((best, painted))
     }
 
@@ -168,14 +168,14 @@ impl<'a> CutPainter<'a> {
 
     /// How far from those of the cut the colours of a reduced one are with texels of some size.
     fn difference(&self, way: &Finished, exponent: u32) -> Option<Difference> {
-        difference(self.cut, &self.painted(way, exponent)?, self.colour()?)
+        difference(self.cut, &self.painted(way, exponent, Purpose::Compared)?, self.colour()?)
     }
 
     /// A reduced cut with images of the channels. None if nothing can be projected.
-    fn painted(&self, finished: &Finished, exponent: u32) -> Option<TexturedMesh> {
+    fn painted(&self, finished: &Finished, exponent: u32, purpose: Purpose) -> Option<TexturedMesh> {
         let target = self.target(finished);
         let mut source = CutSource::new(self);
-        let baked = Baker::new(&self.storage).bake_closest(&target.patch(), &mut source, exponent)?;
+        let baked = Baker::new(&self.storage).bake_closest(&target.patch(), &mut source, exponent, purpose)?;
         let mut streams = baked.streams.into_iter();
         let bytes = TexelBytes { level: 0, map: streams.next()?, images: streams.collect() };
         let whole = Patch { triangles: finished.triangles.clone(), ..Patch::default() };

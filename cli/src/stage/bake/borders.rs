@@ -1,23 +1,18 @@
-//! Colours along the borders of pieces: the texels on both sides are made to show the same there.
-//!
-//! A reader interpolates between four texels, and on a border some of them lie beside the patch. What these show is seen nowhere but along the
-//! border, so they may have any value. They get those with which the border shows what the source has at it, and so do those of the piece beyond
-//! it, in this patch or in its neighbour.
+//! Borders of the pieces of a map: texels beside a piece are seen there, and nowhere else.
+
+use std::cell::OnceCell;
 
 use glam::DVec3;
 use lodpack::decode::texels::Map;
 use lodpack::write::{Seen, SeenPoint};
 
-use super::gather::barycentric;
 use super::pieces::neighbours;
 use super::projection::{Projection, projections};
-use super::strangers::Strangers;
-use super::values::Storage;
-use super::{BakedPatch, Points, Source};
+use super::{BakedPatch, Source};
 use crate::mesh::NONE;
-use crate::stage::certify::{Near, TriangleBvh};
+use crate::stage::certify::TriangleBvh;
 
-/// Points for each texel along a border.
+/// Points for each texel along a border. Where colours are wanted, half as many.
 const FINENESS: f64 = 2.0;
 /// The most points of an edge.
 const MOST_POINTS: f64 = 65_536.0;
@@ -25,37 +20,36 @@ const MOST_POINTS: f64 = 65_536.0;
 const INWARDS: f64 = 0.05;
 /// And at most this share of the triangle.
 const MOST_INWARDS: f64 = 0.3;
-/// How often each point is made right: points share texels.
-const SWEEPS: usize = 5;
-/// How much covered texels change, beside those that nothing else is seen of.
-const COVERED: f32 = 0.15;
 
-/// The triangles of a source, to find those that are closest to points.
-pub struct Nearest(TriangleBvh);
-
-impl Nearest {
-    /// Of all triangles.
-    pub fn new(source: &impl Source) -> Self {
-        let count = source.triangle_count() as u32;
-        let positions: Vec<DVec3> = (0..count as usize).flat_map(|triangle| source.corners(triangle)).collect();
-        let triangles: Vec<[u32; 3]> = (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-        Self(TriangleBvh::new(&positions, &triangles))
-    }
+/// A source whose triangles can be found by place, if anybody asks.
+pub struct Located<S> {
+    /// What is looked at.
+    pub source: S,
+    bvh: OnceCell<TriangleBvh>,
 }
 
-/// A point of a border, as a piece beside it shows it.
-#[derive(Clone, Copy)]
-struct Side {
-    piece: u16,
-    point: DVec3,
-    /// A point of the triangle close to it.
-    inside: DVec3,
-    place: Place,
+impl<S: Source> Located<S> {
+    /// Of a source that does not change.
+    pub fn new(source: S) -> Self {
+        Self { source, bvh: OnceCell::new() }
+    }
+
+    /// The source, and what finds its triangles.
+    pub(super) fn parts(&mut self) -> (&mut S, &TriangleBvh) {
+        let Self { source, bvh } = self;
+        let bvh = bvh.get_or_init(|| {
+            let count = source.triangle_count() as u32;
+            let positions: Vec<DVec3> = (0..count as usize).flat_map(|triangle| source.corners(triangle)).collect();
+            let triangles: Vec<[u32; 3]> = (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+            TriangleBvh::new(&positions, &triangles)
+        });
+        (source, bvh)
+    }
 }
 
 /// A place between four texels.
 #[derive(Clone, Copy)]
-struct Place {
+pub(super) struct Place {
     /// The first of them; the others are beside and below it.
     texel: u32,
     right: f32,
@@ -75,7 +69,7 @@ impl Place {
 
     /// The four texels with their shares.
     #[inline]
-    fn texels(&self, width: usize) -> [(usize, f32); 4] {
+    pub fn texels(&self, width: usize) -> [(usize, f32); 4] {
         let (first, [left, up]) = (self.texel as usize, [1.0 - self.right, 1.0 - self.down]);
         [
             (first, left * up),
@@ -86,134 +80,139 @@ impl Place {
     }
 }
 
-/// Calls a function for points along all edges of a patch beyond which there is another piece, or nothing; with what shows it there.
-fn for_each_point(patch: &BakedPatch<'_>, map: &Map, mut visit: impl FnMut(Side, Option<Side>)) {
-    let (projections, width) = (projections(patch, map), map.size[0] as usize);
-    let Some(size) = projections.first().map(|projection| projection.size) else { return };
-    let middle = |triangle: u32| {
-        patch.triangles[triangle as usize].iter().map(|&corner| patch.position(corner)).sum::<DVec3>() / 3.0
-    };
-    for ((number, corners), beside) in (0..).zip(patch.triangles).zip(neighbours(patch.triangles)) {
-        for (edge, &other) in beside.iter().enumerate() {
-            let other = Some(other).filter(|&other| other != NONE);
-            let piece = |triangle: u32| map.labels[triangle as usize];
-            // Each edge once.
-            if other.is_some_and(|other| other < number || piece(other) == piece(number)) {
-                continue;
-            }
-            let ends = [edge, (edge + 1) % 3].map(|k| patch.position(corners[k]));
-            let count = (ends[0].distance(ends[1]) / size * FINENESS).ceil().clamp(1.0, MOST_POINTS) as u32;
-            let triangles = [Some(number), other].map(|triangle| triangle.map(|t| (piece(t), middle(t))));
-            for k in 0..=count {
-                let point = ends[0].lerp(ends[1], f64::from(k) / f64::from(count));
-                let side = |(piece, middle): (u16, DVec3)| {
-                    let share = (INWARDS * size / point.distance(middle)).min(MOST_INWARDS);
-                    let place = Place::new(&projections[usize::from(piece)], point, width);
-                    Side { piece, point, inside: point.lerp(middle, share), place }
-                };
-                if let [Some(this), beyond] = triangles.map(|triangle| triangle.map(side)) {
-                    visit(this, beyond);
-                }
-            }
-        }
-    }
+/// An edge of a patch beyond which there is another piece, or nothing.
+pub(super) struct Edge {
+    /// Relative to the patch's origin.
+    ends: [DVec3; 2],
+    /// How many steps lead from one end to the other, an even number.
+    steps: u32,
+    /// The triangles on both sides; [`NONE`] for nothing beyond.
+    pub triangles: [u32; 2],
+    /// What lies on each side.
+    sides: [Side; 2],
 }
 
-/// Notes all texels that borders are seen with, which triangles that are smaller than texels need not cover.
-pub(super) fn use_borders(patch: &BakedPatch<'_>, map: &Map, is_used: &mut [bool]) {
-    let width = map.size[0] as usize;
-    for_each_point(patch, map, |this, beyond| {
-        let texels = [Some(this), beyond].into_iter().flatten().flat_map(|side| side.place.texels(width));
-        texels.filter(|(_, share)| *share > 0.0).for_each(|(texel, _)| is_used[texel] = true);
-    });
+/// What lies on a side of an edge.
+#[derive(Clone, Copy, Default)]
+struct Side {
+    piece: u16,
+    /// The middle of the triangle.
+    middle: DVec3,
+    /// Where its places begin.
+    first: u32,
 }
 
-/// What is seen of the texels of a map: those that its patch covers, and its borders.
-pub(super) fn seen<'a>(patch: &BakedPatch<'_>, map: &Map, is_covered: &'a [bool]) -> Seen<'a> {
-    let mut points = vec![];
-    for_each_point(patch, map, |this, beyond| {
-        points.extend([Some(this), beyond].into_iter().flatten().map(|side| SeenPoint {
-            texel: [side.place.texel % map.size[0], side.place.texel / map.size[0]],
-            share: [side.place.right, side.place.down],
-        }));
-    });
-    Seen::new(is_covered, map.size, points)
-}
-
-/// Texels whose colours without opacity are changed.
-pub(super) struct Shown<'a> {
-    pub storage: &'a Storage,
-    pub values: &'a mut [f32],
-    pub is_covered: &'a [bool],
+/// The edges along which the pieces of a map end.
+#[derive(Default)]
+pub(super) struct Borders {
+    edges: Vec<Edge>,
+    /// Of each edge and each of its sides, of all points along it.
+    places: Vec<Place>,
+    /// The size of a texel.
+    pub size: f64,
     /// Texels in a row.
     pub width: usize,
 }
 
-impl Shown<'_> {
-    /// Makes each side of each border show what a source does, of which values are means over a footprint.
-    pub fn as_source(
-        &mut self,
-        patch: &BakedPatch<'_>,
-        map: &Map,
-        (source, nearest): (&mut impl Source, &Nearest),
-        footprint: f64,
-    ) {
-        let colours = self.storage.opaque_colours();
-        if colours.is_empty() || nearest.0.is_empty() {
-            return;
-        }
-        let strangers = Strangers::new(patch, map, &source.areas_beyond());
-        let (mut near, mut values) = ([Near::default(); 2], vec![]);
-        // Of each colour what each place should show.
-        let mut wanted: Vec<Vec<(Place, [f32; 3])>> = vec![vec![]; colours.len()];
-        for_each_point(patch, map, |this, beyond| {
-            for (side, near) in [Some(this), beyond].into_iter().flatten().zip(&mut near) {
-                let triangle = nearest.0.closest_near(side.inside + patch.origin(), near).triangle as usize;
-                if strangers.has(usize::from(side.piece), source.area(triangle)) {
+/// A side of an edge.
+#[derive(Clone, Copy)]
+pub(super) struct EdgeSide<'a> {
+    borders: &'a Borders,
+    edge: &'a Edge,
+    side: &'a Side,
+}
+
+impl Borders {
+    /// Those of a patch.
+    pub fn new(patch: &BakedPatch<'_>, map: &Map) -> Self {
+        let (projections, width) = (projections(patch, map), map.size[0] as usize);
+        let size = projections.first().map_or(1.0, |projection| projection.size);
+        let (mut edges, mut places) = (vec![], vec![]);
+        let middle = |triangle: u32| {
+            patch.triangles[triangle as usize].iter().map(|&corner| patch.position(corner)).sum::<DVec3>() / 3.0
+        };
+        let piece = |triangle: u32| map.labels[triangle as usize];
+        for ((number, corners), beside) in (0..).zip(patch.triangles).zip(neighbours(patch.triangles)) {
+            for (edge, &other) in beside.iter().enumerate() {
+                // Each edge once.
+                if other != NONE && (other < number || piece(other) == piece(number)) {
                     continue;
                 }
-                let weights = barycentric(source.corners(triangle), side.point + patch.origin());
-                let sum: f64 = weights.iter().sum();
-                values.clear();
-                source.shade(
-                    triangle,
-                    &[Points::one(weights.map(|weight| weight / sum))],
-                    footprint as f32,
-                    &mut values,
-                );
-                for (wanted, &first) in wanted.iter_mut().zip(&colours) {
-                    wanted.push((side.place, [values[first], values[first + 1], values[first + 2]]));
+                let ends = [edge, (edge + 1) % 3].map(|k| patch.position(corners[k]));
+                let steps = (ends[0].distance(ends[1]) / size * FINENESS).ceil().clamp(1.0, MOST_POINTS) as u32;
+                let steps = steps.next_multiple_of(2);
+                let mut edge = Edge { ends, steps, triangles: [number, other], sides: [Side::default(); 2] };
+                for k in 0..edge.count() {
+                    let triangle = edge.triangles[k];
+                    let (piece, first) = (piece(triangle), places.len() as u32);
+                    let of_point = |step| Place::new(&projections[usize::from(piece)], edge.point(step), width);
+                    places.extend((0..=steps).map(of_point));
+                    edge.sides[k] = Side { piece, middle: middle(triangle), first };
                 }
+                edges.push(edge);
             }
+        }
+        Self { edges, places, size, width }
+    }
+
+    /// Notes all texels that borders are seen with, which triangles that are smaller than texels need not cover.
+    pub fn add_used(&self, is_used: &mut [bool]) {
+        let texels = self.places.iter().flat_map(|place| place.texels(self.width));
+        texels.filter(|(_, share)| *share > 0.0).for_each(|(texel, _)| is_used[texel] = true);
+    }
+
+    /// What is seen of the texels of a map: those that its patch covers, and its borders.
+    pub fn seen<'a>(&self, map: &Map, is_covered: &'a [bool]) -> Seen<'a> {
+        let points = self.places.iter().map(|place| SeenPoint {
+            texel: [place.texel % map.size[0], place.texel / map.size[0]],
+            share: [place.right, place.down],
         });
-        for (wanted, &first) in wanted.iter().zip(&colours) {
-            for _ in 0..SWEEPS {
-                wanted.iter().for_each(|&(place, colour)| self.show(place, colour, first));
-            }
-        }
+        Seen::new(is_covered, map.size, points)
     }
 
-    /// The colour at a place.
-    fn shown(&self, place: Place, first: usize) -> [f32; 3] {
-        let stride = self.storage.stride();
-        let mut sums = [0.0; 3];
-        for (texel, share) in place.texels(self.width) {
-            let colour = &self.values[texel * stride + first..][..3];
-            (0..3).for_each(|k| sums[k] += share * colour[k]);
-        }
-        sums
+    pub fn edges(&self) -> &[Edge] {
+        &self.edges
     }
 
-    /// Changes texels so that a place shows a colour, as far as they stay between 0 and 1.
-    fn show(&mut self, place: Place, wanted: [f32; 3], first: usize) {
-        let (stride, texels) = (self.storage.stride(), place.texels(self.width));
-        let shown = self.shown(place, first);
-        let gains = texels.map(|(texel, share)| if self.is_covered[texel] { COVERED * share } else { share });
-        let sum: f32 = gains.iter().zip(texels).map(|(gain, (_, share))| gain * share).sum();
-        let steps: [f32; 3] = std::array::from_fn(|k| (wanted[k] - shown[k]) / sum);
-        for ((texel, _), gain) in texels.into_iter().zip(gains).filter(|(_, gain)| *gain > 0.0) {
-            let colour = &mut self.values[texel * stride + first..][..3];
-            (0..3).for_each(|k| colour[k] = (colour[k] + gain * steps[k]).clamp(0.0, 1.0));
-        }
+    /// The sides of an edge.
+    pub fn sides<'a>(&'a self, edge: &'a Edge) -> impl Iterator<Item = EdgeSide<'a>> {
+        edge.sides[..edge.count()].iter().map(move |side| EdgeSide { borders: self, edge, side })
+    }
+}
+
+impl Edge {
+    /// How many sides it has.
+    fn count(&self) -> usize {
+        if self.triangles[1] == NONE { 1 } else { 2 }
+    }
+
+    fn point(&self, step: u32) -> DVec3 {
+        self.ends[0].lerp(self.ends[1], f64::from(step) / f64::from(self.steps))
+    }
+
+    /// The points at which colours are wanted, relative to the patch's origin.
+    pub fn points(&self) -> impl Iterator<Item = DVec3> {
+        (0..=self.steps).step_by(2).map(|step| self.point(step))
+    }
+}
+
+impl<'a> EdgeSide<'a> {
+    pub fn piece(&self) -> usize {
+        usize::from(self.side.piece)
+    }
+
+    /// The places of [`Edge::points`].
+    pub fn places(&self) -> impl Iterator<Item = Place> + use<'a> {
+        let first = self.side.first as usize;
+        self.borders.places[first..=first + self.edge.steps as usize].iter().step_by(2).copied()
+    }
+
+    /// Those points, and for each one that lies a little inside of the side.
+    pub fn insides(&self) -> impl Iterator<Item = [DVec3; 2]> {
+        let (middle, inwards) = (self.side.middle, INWARDS * self.borders.size);
+        self.edge.points().map(move |point| {
+            let share = (inwards / point.distance(middle)).min(MOST_INWARDS);
+            [point, point.lerp(middle, share)]
+        })
     }
 }

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
+use super::lanes::set;
 use super::projection::projections;
 use super::raster::{Drawn, texel_at};
 use super::values::{Kept, Sums};
@@ -45,14 +46,16 @@ impl Filling<'_> {
     /// Gives texels the mean of their neighbours in the piece, ring by ring. Says whether all texels have values now.
     fn fill_pieces(&mut self) -> bool {
         let width = self.map.size[0] as usize;
-        let (mut means, mut is_complete) = (vec![], true);
+        let (mut means, mut is_open, mut is_complete) = (vec![], vec![], true);
         for piece in &self.map.pieces {
             let [[left, top], [right, bottom]] = piece.range().map(|corner| corner.map(|x| x as usize));
             let mut open: Vec<usize> = vec![];
             for first in (top..=bottom).map(|y| y * width + left) {
                 let row = first..first + right - left + 1;
-                let texels = self.is_used[row.clone()].iter().zip(&self.known[row]).enumerate();
-                open.extend(texels.filter(|(_, (is_used, known))| **is_used & !**known).map(|(x, _)| first + x));
+                is_open.clear();
+                is_open
+                    .extend(self.is_used[row.clone()].iter().zip(&self.known[row]).map(|(used, known)| used & !known));
+                open.extend(set(&is_open).map(|x| first + x));
             }
             while !open.is_empty() {
                 let mut found = vec![];

@@ -88,6 +88,16 @@ impl<'a> Window<'a> {
     }
 }
 
+/// Where flags are set. Most are not, and are passed over together.
+pub(super) fn set(flags: &[bool]) -> impl Iterator<Item = usize> {
+    fn of_some(first: usize, some: &[bool]) -> impl Iterator<Item = usize> {
+        some.iter().enumerate().filter(|(_, flag)| **flag).map(move |(at, _)| first + at)
+    }
+    let (lanes, rest) = flags.as_chunks::<LANES>();
+    let with_any = lanes.iter().enumerate().filter(|(_, lane)| **lane != [false; LANES]);
+    with_any.flat_map(|(number, lane)| of_some(number * LANES, lane)).chain(of_some(lanes.len() * LANES, rest))
+}
+
 /// The least of numbers that are none of them NaN.
 #[inline(always)]
 pub(super) fn least(mut lane: Lane) -> f32 {
@@ -119,6 +129,13 @@ const SHIFT: f32 = (1 << 23) as f32;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn flags_are_found_where_they_are_set() {
+        let flags: Vec<bool> = (0..100).map(|at| at % 37 == 5 || at == 99).collect();
+        assert!(set(&flags).eq([5, 42, 79, 99]));
+        assert_eq!(set(&[]).count(), 0);
+    }
 
     #[test]
     fn whole_parts_are_those_of_conversions() {

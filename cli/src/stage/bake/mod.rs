@@ -16,6 +16,7 @@ mod pieces;
 mod projection;
 mod raster;
 mod sharpen;
+mod shown;
 mod strangers;
 mod surfels;
 mod values;
@@ -29,8 +30,8 @@ use lodpack::{
 
 use crate::mesh::NONE;
 use crate::stage::areas::Areas;
-pub use borders::Nearest;
-use borders::{Shown, seen, use_borders};
+use borders::Borders;
+pub use borders::Located;
 use closest::show_closest;
 use fill::finished;
 pub use gather::barycentric;
@@ -39,6 +40,7 @@ pub use images::Images;
 use pieces::{Pieces, divide};
 use raster::Drawn;
 use sharpen::sharpen;
+use shown::{Shown, Wanted};
 pub use surfels::Surfels;
 use surfels::gather_surfels;
 use values::{Kept, Steps, Sums};
@@ -134,6 +136,15 @@ impl Points {
     }
 }
 
+/// What the images of a reduced cut are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// To compare the cut with others.
+    Compared,
+    /// To be seen: both sides of borders are made to show the same.
+    Shown,
+}
+
 /// What a block stores of its images.
 #[derive(Clone, Debug, Default)]
 pub struct Baked {
@@ -170,31 +181,35 @@ impl<'s> Baker<'s> {
     }
 
     /// The images of a patch, with texels of 2^(exponent / 2) lattice units. None if nothing can be projected.
-    pub fn bake<S: Source>(
-        &mut self,
-        patch: &BakedPatch<'_>,
-        (source, nearest): (&mut S, &Nearest),
-        exponent: u32,
-    ) -> Option<Baked> {
-        let (map, bytes) = self.mapped(patch, exponent)?;
+    pub fn bake<S: Source>(&mut self, patch: &BakedPatch<'_>, source: &mut Located<S>, exponent: u32) -> Option<Baked> {
+        let mapped = self.mapped(patch, exponent)?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
-        let sums = gather(patch, &map, (&self.drawn, &[]), source, sums);
-        self.kept = finished(sums, patch, &map, &self.drawn);
-        Some(self.baked(patch, &map, bytes, Some((source, nearest))))
+        let sums = gather(patch, &mapped.map, (&self.drawn, &[]), &mut source.source, sums);
+        self.kept = finished(sums, patch, &mapped.map, &self.drawn);
+        let surfels = self.surfels(patch, &mapped.map);
+        let streams = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
+        Some(Baked { streams, surfels })
     }
 
     /// As [`Baker::bake`], of a patch that may be far from a source which has nothing but what it shows: texels show what lies closest to them.
-    pub fn bake_closest<S: Source>(&mut self, patch: &BakedPatch<'_>, source: &mut S, exponent: u32) -> Option<Baked> {
-        let (map, bytes) = self.mapped(patch, exponent)?;
+    pub fn bake_closest(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        source: &mut impl Source,
+        exponent: u32,
+        purpose: Purpose,
+    ) -> Option<Baked> {
+        let mapped = self.mapped(patch, exponent)?;
         let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
-        let taken = show_closest(patch, &map, &self.drawn, source, &mut sums);
-        let sums = gather(patch, &map, (&self.drawn, &taken), source, sums);
-        self.kept = finished(sums, patch, &map, &self.drawn);
+        let taken = show_closest(patch, &mapped.map, &self.drawn, source, &mut sums);
+        let sums = gather(patch, &mapped.map, (&self.drawn, &taken), source, sums);
+        self.kept = finished(sums, patch, &mapped.map, &self.drawn);
+        let streams = self.streams(patch, mapped, |_, shown| match purpose {
+            Purpose::Compared => Wanted::default(),
+            Purpose::Shown => shown.means(patch),
+        });
         // Nobody makes coarser ones of them.
-        Some(Baked {
-            streams: self.streams(patch, &map, bytes, None::<(&mut S, &Nearest)>),
-            surfels: Surfels::default(),
-        })
+        Some(Baked { streams, surfels: Surfels::default() })
     }
 
     /// As [`Baker::bake`], from the texels of finer patches.
@@ -202,54 +217,54 @@ impl<'s> Baker<'s> {
         &mut self,
         patch: &BakedPatch<'_>,
         finer: impl Iterator<Item = &'a Surfels> + Clone,
-        source: Option<(&mut S, &Nearest)>,
+        source: Option<&mut Located<S>>,
         exponent: u32,
     ) -> Option<Baked> {
-        let (map, bytes) = self.mapped(patch, exponent)?;
+        let mapped = self.mapped(patch, exponent)?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
-        self.kept = gather_surfels(patch, &map, &self.drawn, finer, sums);
-        Some(self.baked(patch, &map, bytes, source))
+        self.kept = gather_surfels(patch, &mapped.map, &self.drawn, finer, sums);
+        let surfels = self.surfels(patch, &mapped.map);
+        let streams = self.streams(patch, mapped, |map, shown| match source {
+            Some(source) => shown.of_source(patch, map, source),
+            None => shown.means(patch),
+        });
+        Some(Baked { streams, surfels })
     }
 
-    fn baked<S: Source>(
-        &mut self,
-        patch: &BakedPatch<'_>,
-        map: &Map,
-        bytes: Vec<u8>,
-        source: Option<(&mut S, &Nearest)>,
-    ) -> Baked {
-        let surfels = Surfels::new(patch, map, &self.drawn, &self.kept.sums, self.storage);
-        Baked { streams: self.streams(patch, map, bytes, source), surfels }
+    fn surfels(&self, patch: &BakedPatch<'_>, map: &Map) -> Surfels {
+        Surfels::new(patch, map, &self.drawn, &self.kept.sums, self.storage)
     }
 
-    /// The map and the image of each channel.
-    fn streams<S: Source>(
+    /// The map and the image of each channel. `wanted` says what borders should show, if colours have no opacity.
+    fn streams(
         &mut self,
         patch: &BakedPatch<'_>,
-        map: &Map,
-        bytes: Vec<u8>,
-        source: Option<(&mut S, &Nearest)>,
+        Mapped { map, bytes, borders }: Mapped,
+        wanted: impl FnOnce(&Map, &Shown<'_>) -> Wanted,
     ) -> Vec<Vec<u8>> {
         let Self { storage, drawn, kept: Kept { sums: values, .. }, image } = self;
         let mut streams = vec![bytes];
         let others = texel_size(patch.finer);
         let mut steps = Steps { opaque_colours: others, others };
         if patch.is_sharp {
-            sharpen(map, &drawn.is_covered, values, storage);
+            sharpen(&map, &drawn.is_covered, values, storage);
             steps.opaque_colours *= STEPS_WHERE_SHARP;
         }
-        let (is_covered, width) = (drawn.is_covered.as_slice(), map.size[0] as usize);
-        if let Some(source) = source {
-            let size = map.pieces.first().map_or(1.0, |piece| piece.frame().1);
-            Shown { storage, values, is_covered, width }.as_source(patch, map, source, size);
-        }
-        let seen = seen(patch, map, is_covered);
-        streams.extend(storage.encode(map, values, &drawn.is_used, &seen, steps, image));
+        let is_covered = drawn.is_covered.as_slice();
+        let seen = if storage.opaque_colours().is_empty() {
+            Borders::default().seen(&map, is_covered)
+        } else {
+            let mut shown = Shown { storage, values, is_covered, borders: &borders };
+            let wanted = wanted(&map, &shown);
+            shown.show_all(&wanted);
+            borders.seen(&map, is_covered)
+        };
+        streams.extend(storage.encode(&map, values, &drawn.is_used, &seen, steps, image));
         streams
     }
 
     /// Finds a map whose pieces do not overlap themselves by much, and draws the patch on it.
-    fn mapped(&mut self, patch: &BakedPatch<'_>, mut exponent: u32) -> Option<(Map, Vec<u8>)> {
+    fn mapped(&mut self, patch: &BakedPatch<'_>, mut exponent: u32) -> Option<Mapped> {
         let BakedPatch { positions, triangles, .. } = *patch;
         let mut pieces = divide(patch);
         for round in 0.. {
@@ -268,11 +283,20 @@ impl<'s> Baker<'s> {
                 continue;
             }
             self.drawn.complete(patch, &map);
-            use_borders(patch, &map, &mut self.drawn.is_used);
-            return Some((map, bytes));
+            let borders = Borders::new(patch, &map);
+            borders.add_used(&mut self.drawn.is_used);
+            return Some(Mapped { map, bytes, borders });
         }
         None
     }
+}
+
+/// A map, and the borders of its pieces.
+struct Mapped {
+    map: Map,
+    /// As it is stored.
+    bytes: Vec<u8>,
+    borders: Borders,
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::Vec3A;
 use lodpack::decode::texels::Map;
 
+use super::lanes::set;
 use super::projection::projections;
 use super::{BakedPatch, Points};
 use crate::mesh::NONE;
@@ -107,49 +108,40 @@ impl Drawn {
     /// Texels beside the patch get the depth of their neighbours, twice: once for interpolation, once where finer borders reach.
     fn widen(&mut self, map: &Map) {
         let width = map.size[0] as usize;
-        let (mut rows, mut open): (Vec<Vec<bool>>, Vec<[usize; 2]>) = (vec![], vec![]);
+        let (mut rows, mut has, mut is_open): (Vec<Vec<bool>>, _, _) = (vec![], vec![], vec![]);
         let mut beside: Vec<(usize, f32, [f32; 2])> = vec![];
         for piece in &map.pieces {
             let [[left, top], [right, bottom]] = piece.range().map(|corner| corner.map(|x| x as usize));
             let around = |x: usize, low: usize, high: usize| x.saturating_sub(1).max(low)..=(x + 1).min(high);
-            // Of each texel whether it or one beside it in its row has a depth.
             rows.resize_with(bottom - top + 1, Vec::new);
-            for (row, y) in rows.iter_mut().zip(top..=bottom) {
-                row.clear();
-                row.extend(self.depth[y * width + left..=y * width + right].iter().map(|depth| !depth.is_nan()));
-                widen_row(row);
-            }
-            open.clear();
-            for y in top..=bottom {
-                let depths = &self.depth[y * width + left..=y * width + right];
-                let of_row = (left..).zip(depths).filter(|(_, depth)| depth.is_nan()).map(|(x, _)| [x, y]);
-                open.extend(of_row.filter(|[x, _]| around(y, top, bottom).any(|y| rows[y - top][x - left])));
-            }
-            for ring in 0..2 {
-                for &[x, y] in &open {
-                    let (mut sum, mut slopes, mut count) = (0.0, [0.0; 2], 0.0);
-                    let columns = around(x, left, right);
-                    for other in around(y, top, bottom).flat_map(|y| columns.clone().map(move |x| y * width + x)) {
-                        if !self.depth[other].is_nan() {
-                            (sum, count) = (sum + self.depth[other], count + 1.0);
-                            (0..2).for_each(|k| slopes[k] += self.slope[other][k]);
+            for _ in 0..2 {
+                // Of each texel whether it or one beside it in its row has a depth.
+                for (row, y) in rows.iter_mut().zip(top..=bottom) {
+                    has_depth(&self.depth[y * width + left..=y * width + right], &mut has);
+                    widened(&has, row);
+                }
+                for y in top..=bottom {
+                    let first = y * width + left;
+                    let depths = &self.depth[first..=y * width + right];
+                    let [above, below] = [*around(y, top, bottom).start(), *around(y, top, bottom).end()];
+                    let [above, own, below] = [above, y, below].map(|y| &rows[y - top]);
+                    is_open.clear();
+                    let near = above.iter().zip(own).zip(below).map(|((above, own), below)| above | own | below);
+                    is_open.extend(depths.iter().zip(near).map(|(depth, near)| depth.is_nan() & near));
+                    for x in set(&is_open).map(|x| left + x) {
+                        let (mut sum, mut slopes, mut count) = (0.0, [0.0; 2], 0.0);
+                        let columns = around(x, left, right);
+                        for other in around(y, top, bottom).flat_map(|y| columns.clone().map(move |x| y * width + x)) {
+                            if !self.depth[other].is_nan() {
+                                (sum, count) = (sum + self.depth[other], count + 1.0);
+                                (0..2).for_each(|k| slopes[k] += self.slope[other][k]);
+                            }
                         }
+                        beside.push((y * width + x, sum / count, slopes.map(|slope| slope / count)));
                     }
-                    beside.push((y * width + x, sum / count, slopes.map(|slope| slope / count)));
                 }
                 for (texel, depth, slope) in beside.drain(..) {
                     (self.depth[texel], self.slope[texel]) = (depth, slope);
-                }
-                if ring == 0 {
-                    // What has no depth now lies beside those that have just got one.
-                    let all = open.iter().flat_map(|&[x, y]| {
-                        let columns = around(x, left, right);
-                        around(y, top, bottom).flat_map(move |y| columns.clone().map(move |x| [x, y]))
-                    });
-                    let mut next: Vec<[usize; 2]> = all.filter(|[x, y]| self.depth[y * width + x].is_nan()).collect();
-                    next.sort_unstable();
-                    next.dedup();
-                    open = next;
                 }
             }
         }
@@ -182,14 +174,14 @@ fn has_depth(depth: &[f32], result: &mut Vec<bool>) {
     result.extend(depth.iter().map(|depth| !depth.is_nan()));
 }
 
-/// Spreads what is true of an element to both beside it.
-fn widen_row(row: &mut [bool]) {
-    let mut before = false;
-    for at in 0..row.len() {
-        let this = row[at];
-        row[at] |= before | row.get(at + 1).copied().unwrap_or(false);
-        before = this;
-    }
+/// Spreads what is true of elements to both beside each.
+fn widened(flags: &[bool], result: &mut Vec<bool>) {
+    result.clear();
+    result.extend_from_slice(flags);
+    let from_second = flags.get(1..).unwrap_or_default();
+    result.iter_mut().zip(from_second).for_each(|(to, from)| *to |= from);
+    let after_first = result.get_mut(1..).unwrap_or_default();
+    after_first.iter_mut().zip(flags).for_each(|(to, from)| *to |= from);
 }
 
 /// How the depth of a triangle grows along both directions of the image; 0 if it has no area there.

@@ -3,13 +3,33 @@ use crate::mesh::srgb::srgb_byte;
 use crate::stage::areas::Jumps;
 use lodpack::decode::texels::{Image, Map};
 
-/// Bakes with what is closest in the source itself.
-fn bake(baker: &mut Baker<'_>, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
-    let nearest = Nearest::new(source);
-    baker.bake(patch, (source, &nearest), exponent)
+impl<S: Source> Source for &mut S {
+    fn triangle_count(&self) -> usize {
+        (**self).triangle_count()
+    }
+
+    fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        (**self).corners(triangle)
+    }
+
+    fn area(&self, triangle: usize) -> u32 {
+        (**self).area(triangle)
+    }
+
+    fn areas_beyond(&self) -> Vec<u32> {
+        (**self).areas_beyond()
+    }
+
+    fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>) {
+        (**self).shade(triangle, points, footprint, values);
+    }
 }
 
-const NO_SOURCE: Option<(&mut Sphere, &Nearest)> = None;
+fn bake(baker: &mut Baker<'_>, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
+    baker.bake(patch, &mut Located::new(source), exponent)
+}
+
+const NO_SOURCE: Option<&mut Located<Sphere>> = None;
 
 /// A sphere in lattice units, whose colour is a smooth function of the place.
 fn sphere(rings: u32, radius: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
@@ -222,6 +242,46 @@ fn a_piece_shows_nothing_of_the_piece_that_lies_beside_it_in_the_image() {
 }
 
 #[test]
+fn both_sides_of_a_border_show_the_mean_where_no_source_is_at_hand_unless_colours_jump() {
+    /// Brighter by the distance from the ridge on the right, and darker on the left.
+    struct Slopes;
+    impl Source for Slopes {
+        fn triangle_count(&self) -> usize {
+            2
+        }
+        fn corners(&self, triangle: usize) -> [DVec3; 3] {
+            RIDGE.1[triangle].map(|v| DVec3::from(RIDGE.0[v as usize].map(|x| x as f64)))
+        }
+        fn area(&self, triangle: usize) -> u32 {
+            triangle as u32
+        }
+        fn shade(&mut self, triangle: usize, points: &[Points], _: f32, values: &mut Vec<f32>) {
+            let corners = self.corners(triangle);
+            for weights in points.iter().flat_map(|points| points.weights()) {
+                let x: f64 = (0..3).map(|k| corners[k].x * f64::from(weights[k])).sum();
+                values.extend([(0.4 + x / 150.0) as f32; 3]);
+            }
+        }
+    }
+    let (positions, triangles) = RIDGE;
+    let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
+    let apart = |jumps: &Jumps| {
+        let areas = Some(Areas { of_triangles: &[0, 1], jumps });
+        let patch =
+            BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0, areas, finer: 0, is_sharp: false };
+        let fine = bake(&mut Baker::new(&storage), &patch, &mut Slopes, 2).unwrap();
+        let finer = std::iter::once(&fine.surfels);
+        let streams = Baker::new(&storage).bake_coarser(&patch, finer, NO_SOURCE, 6).unwrap().streams;
+        let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
+        let image = Image::decode_colours(&streams[1], map.size, 3).unwrap();
+        let shown = |side: usize, y: f64| image.interpolated(map.piece(side).unbounded([0.0, y, 80.0]))[0];
+        (10..90).map(|y| (shown(0, f64::from(y)) - shown(1, f64::from(y))).abs()).fold(0.0, f64::max)
+    };
+    let [alike, jumping] = [apart(&Jumps::default()), apart(&Jumps::new(vec![[0, 1]]))];
+    assert!(alike < 2.0 && jumping > 4.0, "{alike} {jumping}");
+}
+
+#[test]
 fn a_piece_of_which_nothing_is_known_shows_what_lies_beside_it_on_the_surface() {
     let (positions, triangles) = RIDGE;
     for side in [0, 1] {
@@ -393,7 +453,7 @@ fn texels_show_what_lies_closest_however_far_it_is() {
     let mut baker = Baker::new(&storage);
     let mut error = |is_closest: bool| {
         let baked = match is_closest {
-            true => baker.bake_closest(&patch, &mut source, 2),
+            true => baker.bake_closest(&patch, &mut source, 2, Purpose::Shown),
             false => bake(&mut baker, &patch, &mut source, 2),
         };
         let streams = baked.expect("it has an image").streams;
@@ -437,7 +497,8 @@ fn the_far_side_of_a_sheet_counts_a_little() {
     let patch =
         BakedPatch { positions: &positions, triangles: &triangles, reach: 6.0, areas: None, finer: 0, is_sharp: false };
     let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
-    let streams = Baker::new(&storage).bake_closest(&patch, &mut Sheet, 2).expect("it has an image").streams;
+    let streams =
+        Baker::new(&storage).bake_closest(&patch, &mut Sheet, 2, Purpose::Shown).expect("it has an image").streams;
     let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).expect("sound");
     let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
     let shown = image.interpolated(map.piece(0).unbounded([40.0, 24.0, 0.0]))[0];

@@ -216,6 +216,16 @@ impl TriangleBvh {
         }
     }
 
+    /// The triangle closest to `point`, or the one where the last query ended if that is not farther than `enough`; [`NONE`] if the surface is empty.
+    pub fn close(&self, point: DVec3, enough: f64, hint: &mut Hint) -> u32 {
+        let local = point - self.origin;
+        let is_enough = |triangle: &PreparedTriangle| triangle.distance_squared(local) <= enough * enough;
+        if !self.prepared.get(hint.0 as usize).is_some_and(is_enough) {
+            hint.0 = self.nearest(local, hint.0, 0.0).1;
+        }
+        self.original.get(hint.0 as usize).copied().unwrap_or(NONE)
+    }
+
     /// As [`closest`](Self::closest), for queries that lie so close together that many in a row end at one triangle.
     pub fn closest_near(&self, point: DVec3, near: &mut Near) -> Closest {
         let local = point - self.origin;

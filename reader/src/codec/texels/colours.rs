@@ -262,12 +262,9 @@ fn encode_with(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, ste
     let count = usize::from(image.components);
     let mut bits = BitEncoder::new();
     let (mut chances, mut blocks) = (Box::<Chances>::default(), Blocks::new(image.size));
-    let mut next = 0;
     for block_row in 0..blocks.rows {
         for column in 0..blocks.columns {
-            let number = (block_row * blocks.columns + column) as u32;
             let first = [column * SIDE, block_row * SIDE];
-            let mut seen = seen.and_then(|seen| seen.block(number, first, image.size, &mut next));
             let (left, above) = blocks.neighbours(column);
             let known = usize::from(left.is_coded) + usize::from(above.is_coded);
             let planes = planes(image, is_used, first);
@@ -276,6 +273,7 @@ fn encode_with(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, ste
                 blocks.set(column, Known::default());
                 continue;
             };
+            let mut seen = seen.and_then(|seen| seen.block(block_row * blocks.columns + column, first));
             let mut this = Known { is_coded: true, ..Known::default() };
             let mut constants = [0.0; 4];
             for (component, plane) in planes.iter().enumerate().take(count) {
@@ -287,10 +285,9 @@ fn encode_with(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, ste
                 errors.others += weight_of(component, count) * others_off(&coefficients, inverse);
                 let limit = MOST as f32 * inverse;
                 if let Some(seen) = &mut seen {
-                    let level = |c: f32| ((c.abs() * inverse + ROUNDING) as i32 as f32).copysign(c);
-                    let mut levels = coefficients.map(level);
+                    let mut levels = coefficients.map(|c| level_size(c, inverse, limit).copysign(c));
                     levels[0] = (coefficients[0] * inverse).round();
-                    seen.improve(&coefficients, step, &mut levels);
+                    seen.improve(plane, step, &mut levels);
                     coefficients = levels.map(|level| level * step);
                 }
                 let constant = (coefficients[0] * inverse).round().clamp(-limit, limit) as i32;
@@ -305,6 +302,16 @@ fn encode_with(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, ste
     bits.finish()
 }
 
+/// How many steps a coefficient has, rounded; at most a limit. Compilers turn this into vectors, as conversions that saturate are not.
+#[cfg(feature = "write")]
+#[inline(always)]
+fn level_size(coefficient: f32, inverse: f32, limit: f32) -> f32 {
+    let size = (coefficient * inverse).abs() + ROUNDING;
+    let size = if size < limit { size } else { limit };
+    let rounded = size + WHOLE - WHOLE;
+    rounded - if rounded > size { 1.0 } else { 0.0 }
+}
+
 /// Codes all coefficients but the first. Levels are multiples of the step, with `inverse`.
 #[cfg(feature = "write")]
 fn encode_others(
@@ -315,13 +322,7 @@ fn encode_others(
     inverse: f32,
 ) -> u8 {
     let limit = MOST as f32 * inverse;
-    // Compilers turn this into vectors, as conversions that saturate are not. No number of single precision has a fraction here.
-    let sizes = coefficients.map(|c| {
-        let size = (c * inverse).abs() + ROUNDING;
-        let size = if size < limit { size } else { limit };
-        let rounded = size + WHOLE;
-        (rounded.to_bits() & 0x1fff) as u16 - u16::from(rounded - WHOLE > size)
-    });
+    let sizes = coefficients.map(|c| ((level_size(c, inverse, limit) + WHOLE).to_bits() & 0x1fff) as u16);
     // Places where something is, a bit each: most rows of a block have nothing.
     let mut rest = 0_u64;
     for (row, sizes) in sizes.as_chunks::<SIDE>().0.iter().enumerate() {

@@ -7,6 +7,8 @@
 
 mod binary;
 mod colours;
+#[cfg(feature = "write")]
+mod form;
 mod image;
 #[cfg(feature = "write")]
 mod loss;

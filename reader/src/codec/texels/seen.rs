@@ -4,9 +4,8 @@
 //! So the levels of their blocks are not those nearest to each coefficient: of all that are about as near, they are those that show borders
 //! best, whatever becomes of texels that nobody sees.
 
-use std::sync::OnceLock;
-
-use super::transform::{AREA, SIDE, forward};
+use super::form::Form;
+use super::transform::{AREA, COSINES_OF, SIDE, forward};
 
 /// What the square of an error counts at a point of a border, beside that of a texel.
 const OF_POINTS: f32 = 4.0;
@@ -16,9 +15,11 @@ const BESIDE: f32 = 0.1;
 const OF_LEVEL: f32 = 0.2;
 /// The most levels that change in a block.
 const MOST_CHANGES: usize = 16;
+/// The least that a change gains, in squares of a step.
+const LEAST_GAIN: f32 = 0.01;
 
 /// A point between four texels.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct SeenPoint {
     /// Column and row of the first of them; the others are beside it and below.
     pub texel: [u32; 2],
@@ -26,72 +27,64 @@ pub struct SeenPoint {
     pub share: [f32; 2],
 }
 
+impl SeenPoint {
+    /// The blocks of an image that have a share of it: one, or two side by side, and those below.
+    fn blocks(&self, size: [u32; 2]) -> impl Iterator<Item = usize> {
+        let side = SIDE as u32;
+        let columns = size[0].div_ceil(side);
+        let [x, y] = [0, 1].map(|axis| {
+            let is_between = self.share[axis] > 0.0 && self.texel[axis] + 1 < size[axis];
+            self.texel[axis] / side..(self.texel[axis] + u32::from(is_between)) / side + 1
+        });
+        y.flat_map(move |y| x.clone().map(move |x| (y * columns + x) as usize))
+    }
+}
+
 /// What is seen of an image.
 #[derive(Clone, Debug)]
 pub struct Seen<'a> {
     /// Of each texel whether its own value is.
     is_covered: &'a [bool],
-    /// Points of borders by block, ascending.
-    points: Vec<(u32, PartOfPoint)>,
-}
-
-/// The share that a block's texels have of a point. Those of other blocks see to their own.
-#[derive(Clone, Copy, Debug)]
-struct PartOfPoint {
-    /// Within the block; those without a share come last, and have the first one's number.
-    texels: [u8; 4],
-    shares: [f32; 4],
+    size: [u32; 2],
+    /// Points of borders by block.
+    points: Vec<SeenPoint>,
+    /// Where those of each block end.
+    ends: Vec<u32>,
 }
 
 impl<'a> Seen<'a> {
     /// Texels whose own values are seen, and points of borders of an image of so many columns and rows.
     pub fn new(is_covered: &'a [bool], size: [u32; 2], points: impl IntoIterator<Item = SeenPoint>) -> Self {
-        let side = SIDE as u32;
-        let columns = size[0].div_ceil(side);
-        let mut parts: Vec<(u32, PartOfPoint)> = vec![];
-        for SeenPoint { texel, share: [right, down] } in points {
-            let first = parts.len();
-            for (dx, dy, share) in [
-                (0, 0, (1.0 - right) * (1.0 - down)),
-                (1, 0, right * (1.0 - down)),
-                (0, 1, (1.0 - right) * down),
-                (1, 1, right * down),
-            ] {
-                let [x, y] = [texel[0] + dx, texel[1] + dy];
-                if share <= 0.0 || x >= size[0] || y >= size[1] {
-                    continue;
-                }
-                let (block, at) = (y / side * columns + x / side, (y % side * side + x % side) as u8);
-                match parts[first..].iter_mut().find(|(other, _)| *other == block) {
-                    Some((_, part)) => {
-                        let next = part.shares.iter().position(|&share| share == 0.0).unwrap_or(3);
-                        (part.texels[next], part.shares[next]) = (at, share);
-                    }
-                    None => parts.push((block, PartOfPoint { texels: [at; 4], shares: [share, 0.0, 0.0, 0.0] })),
-                }
+        let all: Vec<SeenPoint> = points.into_iter().collect();
+        let blocks = size.map(|length| (length as usize).div_ceil(SIDE));
+        let mut ends = vec![0_u32; blocks[0] * blocks[1] + 1];
+        for point in &all {
+            point.blocks(size).for_each(|block| ends[block + 1] += 1);
+        }
+        (1..ends.len()).for_each(|block| ends[block] += ends[block - 1]);
+        let mut points = vec![SeenPoint::default(); ends.last().map_or(0, |&end| end as usize)];
+        for point in &all {
+            for block in point.blocks(size) {
+                points[ends[block] as usize] = *point;
+                ends[block] += 1;
             }
         }
-        // A stable sort: points of a block stay in their order.
-        parts.sort_by_key(|(block, _)| *block);
-        Self { is_covered, points: parts }
+        Self { is_covered, size, points, ends }
     }
 
-    /// What is seen of a block, of which the first texel is given; none if no border crosses it. Blocks are asked for in ascending order, and
-    /// `next` is where the points of this one begin.
-    pub(super) fn block(
-        &self,
-        block: u32,
-        [left, top]: [usize; 2],
-        size: [u32; 2],
-        next: &mut usize,
-    ) -> Option<SeenBlock<'_>> {
-        let first = *next;
-        let count = self.points[first..].iter().take_while(|(other, _)| *other == block).count();
-        *next += count;
-        if count == 0 {
+    /// Points in which a block has a share.
+    fn of_block(&self, block: usize) -> &[SeenPoint] {
+        let first = block.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.points[first as usize..self.ends[block] as usize]
+    }
+
+    /// What is seen of a block, of which the number and first texel are given; none if no border crosses it.
+    pub(super) fn block(&self, block: usize, [left, top]: [usize; 2]) -> Option<SeenBlock> {
+        let points = self.of_block(block);
+        if points.is_empty() {
             return None;
         }
-        let [width, height] = size.map(|length| length as usize);
+        let [width, height] = self.size.map(|length| length as usize);
         let mut weights = [BESIDE; AREA];
         for y in top..(top + SIDE).min(height) {
             let row = left..(left + SIDE).min(width);
@@ -100,103 +93,84 @@ impl<'a> Seen<'a> {
                 *weight = if is_covered { 1.0 } else { BESIDE };
             }
         }
-        Some(SeenBlock::new(weights, &self.points[first..first + count]))
+        let mut form = Form::new(&weights);
+        for SeenPoint { texel, share } in points {
+            form.add([texel[0] as usize + 1 - left, texel[1] as usize + 1 - top], *share, OF_POINTS);
+        }
+        Some(SeenBlock::new(form))
     }
 }
 
 /// What is seen of a block: a square form of the errors of its texels.
-pub(super) struct SeenBlock<'a> {
-    weights: [f32; AREA],
-    points: &'a [(u32, PartOfPoint)],
-    /// By how much the square of an error of each coefficient counts in texels.
-    of_texels: [f32; AREA],
-    /// And with points; not a number until somebody asks, since few do.
+pub(super) struct SeenBlock {
+    form: Form,
+    /// By how much the square of an error of each coefficient counts.
     curvature: [f32; AREA],
+    /// Of coefficients that have changed how much the slopes of all grow.
+    columns: Vec<(usize, [f32; AREA])>,
 }
 
-impl<'a> SeenBlock<'a> {
-    fn new(weights: [f32; AREA], points: &'a [(u32, PartOfPoint)]) -> Self {
-        let of_texels = |basis: &[f32; AREA]| basis.iter().zip(&weights).map(|(b, weight)| weight * b * b).sum();
-        Self { weights, points, of_texels: bases().each_ref().map(of_texels), curvature: [f32::NAN; AREA] }
+impl SeenBlock {
+    fn new(form: Form) -> Self {
+        let curvature = form.curvature();
+        Self { form, curvature, columns: vec![] }
     }
 
-    fn curvature(&mut self, at: usize) -> f32 {
-        let known = &mut self.curvature[at];
-        if known.is_nan() {
-            let basis = &bases()[at];
-            let of_points: f32 = self.points.iter().map(|(_, part)| part.of(basis)).map(|sum| sum * sum).sum();
-            *known = self.of_texels[at] + OF_POINTS * of_points;
-        }
-        *known
-    }
-
-    /// How much more is lost for each coefficient that grows, if texels are off by so much; half of it.
-    fn slope(&self, errors: &[f32; AREA]) -> [f32; AREA] {
-        let mut weighted: [f32; AREA] = std::array::from_fn(|at| self.weights[at] * errors[at]);
-        for (_, part) in self.points {
-            let sum = OF_POINTS * part.of(errors);
-            for (&texel, share) in part.texels.iter().zip(part.shares) {
-                weighted[usize::from(texel)] += share * sum;
+    /// How much the slope of each coefficient grows if one does.
+    fn column(&mut self, at: usize) -> &[f32; AREA] {
+        let known = self.columns.iter().position(|(other, _)| *other == at);
+        let number = known.unwrap_or_else(|| {
+            let (across, down) = (&COSINES_OF[at / SIDE], &COSINES_OF[at % SIDE]);
+            let mut basis = [0.0; AREA];
+            for (row, down) in basis.as_chunks_mut::<SIDE>().0.iter_mut().zip(down) {
+                *row = across.map(|across| down * across);
             }
-        }
-        forward(&weighted)
+            self.columns.push((at, forward(&self.form.times(&basis))));
+            self.columns.len() - 1
+        });
+        &self.columns[number].1
     }
 
-    /// Multiples of a step that show a block best, of those near its coefficients, in the order of [`forward`]. `levels` are those nearest to them.
-    pub fn improve(&mut self, coefficients: &[f32; AREA], step: f32, levels: &mut [f32; AREA]) {
-        let mut errors = [0.0; AREA];
-        for ((basis, level), coefficient) in bases().iter().zip(levels.iter()).zip(coefficients) {
-            let off = level * step - coefficient;
-            (0..AREA).for_each(|at| errors[at] += off * basis[at]);
-        }
+    /// Multiples of a step that show values best, of those near their coefficients. `levels` are those nearest to them, in the order of [`forward`].
+    pub fn improve(&mut self, values: &[f32; AREA], step: f32, levels: &mut [f32; AREA]) {
+        let inverse = 1.0 / step;
+        let mut errors = values.map(|value| value * -inverse);
+        add_shown(levels, &mut errors);
+        // How much more is lost for each coefficient that grows; half of it.
+        let mut slope = forward(&self.form.times(&errors));
         for _ in 0..MOST_CHANGES {
-            let slope = self.slope(&errors);
-            let mut best = (0, 0.0, 0.0);
-            for at in 0..AREA {
-                let sign = if slope[at] > 0.0 { -1.0 } else { 1.0 };
-                let farther = (levels[at] + sign).abs() - levels[at].abs();
+            let gains: [f32; AREA] = std::array::from_fn(|at| {
+                let of_level = if levels[at] * slope[at] > 0.0 { OF_LEVEL } else { -OF_LEVEL };
                 // The mean costs as much wherever it lies.
-                let of_level = if at == 0 { 0.0 } else { OF_LEVEL * farther };
-                let gain = |curvature: f32| 2.0 * step * slope[at].abs() - step * step * (curvature + of_level);
-                // Points only make it less.
-                if gain(self.of_texels[at]) > best.1 {
-                    let gain = gain(self.curvature(at));
-                    best = if gain > best.1 { (at, gain, sign) } else { best };
-                }
-            }
-            let (at, gain, sign) = best;
-            if gain <= 0.01 * step * step {
-                break;
-            }
+                2.0 * slope[at].abs() - self.curvature[at] + if at == 0 { 0.0 } else { of_level }
+            });
+            let best = gains.as_chunks::<SIDE>().0.iter().fold([LEAST_GAIN; SIDE], |best, row| {
+                std::array::from_fn(|k| if row[k] > best[k] { row[k] } else { best[k] })
+            });
+            let best = best.iter().fold(LEAST_GAIN, |best, &gain| if gain > best { gain } else { best });
+            let Some(at) = (0..AREA).find(|&at| gains[at] == best && best > LEAST_GAIN) else { break };
+            let sign = if slope[at] > 0.0 { -1.0 } else { 1.0 };
             levels[at] += sign;
-            let basis = &bases()[at];
-            (0..AREA).for_each(|k| errors[k] += sign * step * basis[k]);
+            let column = self.column(at);
+            (0..AREA).for_each(|k| slope[k] += sign * column[k]);
         }
     }
 }
 
-impl PartOfPoint {
-    /// What it shows of values of a block.
-    #[inline]
-    fn of(&self, values: &[f32; AREA]) -> f32 {
-        let part = |k: usize| self.shares[k] * values[usize::from(self.texels[k])];
-        part(0) + part(1) + part(2) + part(3)
-    }
-}
-
-/// The values of a block for each coefficient, in the order of [`forward`].
-fn bases() -> &'static [[f32; AREA]; AREA] {
-    static BASES: OnceLock<[[f32; AREA]; AREA]> = OnceLock::new();
-    BASES.get_or_init(|| {
-        let mut bases = [[0.0; AREA]; AREA];
-        for texel in 0..AREA {
-            let mut values = [0.0; AREA];
-            values[texel] = 1.0;
-            let of_texel = forward(&values);
-            (0..AREA).for_each(|at| bases[at][texel] = of_texel[at]);
+/// Adds what levels show.
+fn add_shown(levels: &[f32; AREA], values: &mut [f32; AREA]) {
+    for (levels, across) in levels.as_chunks::<SIDE>().0.iter().zip(&COSINES_OF) {
+        if *levels == [0.0; SIDE] {
+            continue;
         }
-        bases
-    })
+        let mut of_rows = [0.0; SIDE];
+        for (&level, down) in levels.iter().zip(&COSINES_OF).filter(|(level, _)| **level != 0.0) {
+            (0..SIDE).for_each(|y| of_rows[y] += level * down[y]);
+        }
+        for (row, of_row) in values.as_chunks_mut::<SIDE>().0.iter_mut().zip(of_rows) {
+            (0..SIDE).for_each(|x| row[x] += of_row * across[x]);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -236,11 +210,10 @@ mod tests {
         let covered = vec![true; 256];
         let point = SeenPoint { texel: [7, 7], share: [0.25, 0.5] };
         let seen = Seen::new(&covered, [16, 16], [point]);
-        let shares: Vec<(u32, u8, f32)> =
-            seen.points.iter().map(|(block, part)| (*block, part.texels[0], part.shares[0])).collect();
-        assert_eq!(shares, [(0, 63, 0.375), (1, 56, 0.125), (2, 7, 0.375), (3, 0, 0.125)]);
+        assert_eq!(std::array::from_fn(|block| seen.of_block(block).len()), [1; 4]);
         // Nothing is beyond the last texel.
         let last = SeenPoint { texel: [15, 15], share: [0.5, 0.5] };
-        assert_eq!(Seen::new(&covered, [16, 16], [last]).points.len(), 1);
+        let seen = Seen::new(&covered, [16, 16], [last]);
+        assert_eq!(std::array::from_fn(|block| seen.of_block(block).len()), [0, 0, 0, 1]);
     }
 }

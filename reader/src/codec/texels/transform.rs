@@ -19,6 +19,17 @@ const COSINES: [[i32; SIDE]; SIDE] = [
     [400, -1138, 1703, -2009, 2009, -1703, 1138, -400],
 ];
 
+/// The same as fractions.
+#[cfg(feature = "write")]
+pub(super) static COSINES_OF: [[f32; SIDE]; SIDE] = {
+    let (mut result, mut at) = ([[0.0; SIDE]; SIDE], 0);
+    while at < AREA {
+        result[at / SIDE][at % SIDE] = COSINES[at / SIDE][at % SIDE] as f32 / 4096.0;
+        at += 1;
+    }
+    result
+};
+
 /// The order of coefficients in a block: along diagonals, so that low frequencies come first.
 pub(super) const ORDER: [u8; AREA] = [
     0, 1, 8, 16, 9, 2, 3, 10, 17, 24, 32, 25, 18, 11, 4, 5, 12, 19, 26, 33, 40, 48, 41, 34, 27, 20, 13, 6, 7, 14, 21,
@@ -69,46 +80,62 @@ fn row(sum: i32) -> i32 {
     (sum + (1 << 14)) >> 15
 }
 
-/// The coefficients of a block, column by column. Columns are transformed eight at a time, so that compilers use vectors, and nothing depends
+/// Four values that are transformed together.
+#[cfg(feature = "write")]
+type Four = [f32; SIDE / 2];
+
+/// The coefficients of a block, column by column. Columns are transformed four at a time, so that compilers use vectors, and nothing depends
 /// on which.
 #[cfg(feature = "write")]
 pub(super) fn forward(values: &[f32; AREA]) -> [f32; AREA] {
-    of_columns(&transposed(&of_columns(values)))
-}
-
-/// The sums of the eight columns with cosines. Those of even rows are symmetric and those of odd ones antisymmetric, and half of the even ones
-/// are symmetric again.
-#[cfg(feature = "write")]
-#[inline]
-fn of_columns(values: &[f32; AREA]) -> [f32; AREA] {
-    type Row = [f32; SIDE];
-    let plus = |a: Row, b: Row| -> Row { std::array::from_fn(|x| a[x] + b[x]) };
-    let minus = |a: Row, b: Row| -> Row { std::array::from_fn(|x| a[x] - b[x]) };
-    let times = |row: Row, k: usize, n: usize| row.map(|value| value * (COSINES[k][n] as f32 / 4096.0));
-    let rows = values.as_chunks::<SIDE>().0;
-    let even = [0, 1, 2, 3].map(|n| plus(rows[n], rows[7 - n]));
-    let odd = [0, 1, 2, 3].map(|n| minus(rows[n], rows[7 - n]));
-    let outer = [plus(even[0], even[3]), plus(even[1], even[2])];
-    let inner = [minus(even[0], even[3]), minus(even[1], even[2])];
-    let mut result = [0.0; AREA];
-    let sums = result.as_chunks_mut::<SIDE>().0;
-    for k in [0, 4] {
-        sums[k] = plus(times(outer[0], k, 0), times(outer[1], k, 1));
-    }
-    for k in [2, 6] {
-        sums[k] = plus(times(inner[0], k, 0), times(inner[1], k, 1));
-    }
-    for k in [1, 3, 5, 7] {
-        let halves = [0, 2].map(|n| plus(times(odd[n], k, n), times(odd[n + 1], k, n + 1)));
-        sums[k] = plus(halves[0], halves[1]);
-    }
+    let halves = std::array::from_fn(|k| [values[4 * k], values[4 * k + 1], values[4 * k + 2], values[4 * k + 3]]);
+    let (mut sums, mut result) = ([[0.0; SIDE / 2]; AREA / 4], [0.0; AREA]);
+    of_columns(&halves, 0, &mut sums);
+    of_columns(&halves, 1, &mut sums);
+    let halves = transposed(&sums);
+    of_columns(&halves, 0, &mut sums);
+    of_columns(&halves, 1, &mut sums);
+    result.copy_from_slice(sums.as_flattened());
     result
 }
 
+/// The sums of four columns with cosines; rows are two halves each. Those of even rows are symmetric and those of odd ones antisymmetric, and
+/// half of the even ones are symmetric again.
 #[cfg(feature = "write")]
-#[inline]
-fn transposed(values: &[f32; AREA]) -> [f32; AREA] {
-    std::array::from_fn(|at| values[at % SIDE * SIDE + at / SIDE])
+#[inline(always)]
+fn of_columns(halves: &[Four; AREA / 4], half: usize, sums: &mut [Four; AREA / 4]) {
+    let plus = |a: Four, b: Four| -> Four { [a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]] };
+    let minus = |a: Four, b: Four| -> Four { [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]] };
+    let times = |a: Four, factor: f32| -> Four { [a[0] * factor, a[1] * factor, a[2] * factor, a[3] * factor] };
+    let two = |a: Four, b: Four, k: usize, n: usize| plus(times(a, COSINES_OF[k][n]), times(b, COSINES_OF[k][n + 1]));
+    let row = |n: usize| halves[2 * n + half];
+    let even = [plus(row(0), row(7)), plus(row(1), row(6)), plus(row(2), row(5)), plus(row(3), row(4))];
+    let odd = [minus(row(0), row(7)), minus(row(1), row(6)), minus(row(2), row(5)), minus(row(3), row(4))];
+    let outer = [plus(even[0], even[3]), plus(even[1], even[2])];
+    let inner = [minus(even[0], even[3]), minus(even[1], even[2])];
+    let of_odd = |k: usize| plus(two(odd[0], odd[1], k, 0), two(odd[2], odd[3], k, 2));
+    sums[half] = two(outer[0], outer[1], 0, 0);
+    sums[8 + half] = two(outer[0], outer[1], 4, 0);
+    sums[4 + half] = two(inner[0], inner[1], 2, 0);
+    sums[12 + half] = two(inner[0], inner[1], 6, 0);
+    for k in [1, 3, 5, 7] {
+        sums[2 * k + half] = of_odd(k);
+    }
+}
+
+/// Rows and columns exchanged.
+#[cfg(feature = "write")]
+#[inline(always)]
+fn transposed(halves: &[Four; AREA / 4]) -> [Four; AREA / 4] {
+    let mut result = [[0.0; SIDE / 2]; AREA / 4];
+    for (y, x) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+        let row = |k: usize| halves[2 * (4 * y + k) + x];
+        let (a, b, c, d) = (row(0), row(1), row(2), row(3));
+        for k in 0..4 {
+            result[2 * (4 * x + k) + y] = [a[k], b[k], c[k], d[k]];
+        }
+    }
+    result
 }
 
 #[cfg(test)]
@@ -142,7 +169,8 @@ mod tests {
     #[test]
     fn blocks_come_back() {
         let values: [f32; AREA] = std::array::from_fn(|k| ((k * 37 + k * k * 11) % 255) as f32 - 128.0);
-        let coefficients = transposed(&forward(&values)).map(|c| c.round() as i32);
+        let coefficients = forward(&values);
+        let coefficients = std::array::from_fn(|at| coefficients[at % SIDE * SIDE + at / SIDE].round() as i32);
         let back = inverse(&coefficients);
         for (a, b) in values.iter().zip(back) {
             assert!((a - b as f32).abs() <= 2.0, "{a} {b}");

@@ -1,0 +1,152 @@
+//! Colours along the borders of pieces: the texels on both sides are made to show the same there.
+//!
+//! A reader interpolates between four texels, and on a border some of them lie beside the patch. What these show is seen nowhere but along the
+//! border, so they may have any value. They get those with which the border shows what the source has at it, and so do those of the piece beyond
+//! it, in this patch or in its neighbour. Where there is no source, both sides of a border within the patch show the mean of both.
+
+use lodpack::decode::texels::Map;
+
+use super::borders::{Borders, Edge, Located, Place};
+use super::gather::barycentric;
+use super::strangers::Strangers;
+use super::values::Storage;
+use super::{BakedPatch, Points, Source};
+use crate::stage::certify::Hint;
+
+/// How often each point is made right: points share texels.
+const SWEEPS: usize = 5;
+/// How much covered texels change, beside those that nothing else is seen of, where borders show what a source does.
+const COVERED: f32 = 0.15;
+/// And where they show the mean of both sides, which is a guess. With .15 images take a quarter more of what this costs.
+const COVERED_BY_MEANS: f32 = 0.5;
+/// A triangle of the source that is as close to a point, in texels, is close enough.
+const CLOSE: f64 = 0.02;
+
+/// What places should show.
+#[derive(Default)]
+pub(super) struct Wanted {
+    places: Vec<Place>,
+    /// At each of them the colours of all channels without opacity.
+    colours: Vec<[f32; 3]>,
+    /// How much covered texels change.
+    covered: f32,
+}
+
+/// Texels whose colours without opacity are changed.
+pub(super) struct Shown<'a> {
+    pub storage: &'a Storage,
+    pub values: &'a mut [f32],
+    pub is_covered: &'a [bool],
+    pub borders: &'a Borders,
+}
+
+/// Whether colours jump at an edge.
+fn jump(patch: &BakedPatch<'_>, edge: &Edge) -> bool {
+    patch.areas.is_some_and(|areas| {
+        let [one, other] = edge.triangles.map(|triangle| areas.of_triangles.get(triangle as usize));
+        matches!((one, other), (Some(&one), Some(&other)) if areas.jumps.are_between(one, other))
+    })
+}
+
+impl Shown<'_> {
+    /// What a source shows at the borders, of which values are means over texels. Each side wants its own.
+    pub fn of_source(&self, patch: &BakedPatch<'_>, map: &Map, source: &mut Located<impl Source>) -> Wanted {
+        let Self { storage, borders, .. } = self;
+        let (source, bvh) = source.parts();
+        let mut wanted = Wanted { covered: COVERED, ..Wanted::default() };
+        if bvh.is_empty() {
+            return wanted;
+        }
+        let strangers = Strangers::new(patch, map, &source.areas_beyond());
+        let (mut hints, enough) = ([Hint::default(); 2], CLOSE * borders.size);
+        let (mut points, mut values) = (vec![], vec![]);
+        for (side, hint) in borders.edges().iter().flat_map(|edge| borders.sides(edge).zip(0..)) {
+            // Points of one triangle are shaded together.
+            let mut of = None;
+            for (place, [point, inside]) in side.places().zip(side.insides()) {
+                let triangle = bvh.close(inside + patch.origin(), enough, &mut hints[hint]) as usize;
+                if strangers.has(side.piece(), source.area(triangle)) {
+                    continue;
+                }
+                if let Some(before) = of.replace(triangle).filter(|&before| before != triangle) {
+                    source.shade(before, &points, borders.size as f32, &mut values);
+                    points.clear();
+                }
+                let weights = barycentric(source.corners(triangle), point + patch.origin());
+                let sum: f64 = weights.iter().sum();
+                points.push(Points::one(weights.map(|weight| weight / sum)));
+                wanted.places.push(place);
+            }
+            if let Some(last) = of {
+                source.shade(last, &points, borders.size as f32, &mut values);
+                points.clear();
+            }
+        }
+        let colours = storage.opaque_colours();
+        let of_point = |values| colours.iter().map(move |&first| colour_at(values, first));
+        wanted.colours = values.chunks_exact(storage.count()).flat_map(of_point).collect();
+        wanted
+    }
+
+    /// What both sides of inner borders show in the mean, but where colours jump.
+    pub fn means(&self, patch: &BakedPatch<'_>) -> Wanted {
+        let (colours, mut wanted) =
+            (self.storage.opaque_colours(), Wanted { covered: COVERED_BY_MEANS, ..Wanted::default() });
+        for edge in self.borders.edges().iter().filter(|edge| !jump(patch, edge)) {
+            let mut sides = self.borders.sides(edge);
+            let (Some(one), Some(other)) = (sides.next(), sides.next()) else { continue };
+            for places in one.places().zip(other.places()).map(|(one, other)| [one, other]) {
+                let mean = |&first: &usize| {
+                    let [one, other] = places.map(|place| self.shown(place, first));
+                    std::array::from_fn(|k| 0.5 * (one[k] + other[k]))
+                };
+                for place in places {
+                    wanted.places.push(place);
+                    wanted.colours.extend(colours.iter().map(mean));
+                }
+            }
+        }
+        wanted
+    }
+
+    /// Changes texels so that places show what is wanted.
+    pub fn show_all(&mut self, wanted: &Wanted) {
+        let colours = self.storage.opaque_colours();
+        for (number, &first) in colours.iter().enumerate() {
+            for _ in 0..SWEEPS {
+                let of_places = wanted.colours.iter().skip(number).step_by(colours.len());
+                for (&place, &colour) in wanted.places.iter().zip(of_places) {
+                    self.show(place, colour, first, wanted.covered);
+                }
+            }
+        }
+    }
+
+    /// The colour at a place.
+    fn shown(&self, place: Place, first: usize) -> [f32; 3] {
+        let stride = self.storage.stride();
+        let mut sums = [0.0; 3];
+        for (texel, share) in place.texels(self.borders.width) {
+            let colour = colour_at(self.values, texel * stride + first);
+            (0..3).for_each(|k| sums[k] += share * colour[k]);
+        }
+        sums
+    }
+
+    /// Changes texels so that a place shows a colour, as far as they stay between 0 and 1.
+    fn show(&mut self, place: Place, wanted: [f32; 3], first: usize, covered: f32) {
+        let (stride, texels) = (self.storage.stride(), place.texels(self.borders.width));
+        let shown = self.shown(place, first);
+        let gains = texels.map(|(texel, share)| if self.is_covered[texel] { covered * share } else { share });
+        let sum: f32 = gains.iter().zip(texels).map(|(gain, (_, share))| gain * share).sum();
+        let steps: [f32; 3] = std::array::from_fn(|k| (wanted[k] - shown[k]) / sum);
+        for ((texel, _), gain) in texels.into_iter().zip(gains).filter(|(_, gain)| *gain > 0.0) {
+            let colour = &mut self.values[texel * stride + first..][..3];
+            (0..3).for_each(|k| colour[k] = (colour[k] + gain * steps[k]).clamp(0.0, 1.0));
+        }
+    }
+}
+
+fn colour_at(values: &[f32], first: usize) -> [f32; 3] {
+    [values[first], values[first + 1], values[first + 2]]
+}
