@@ -22,7 +22,7 @@ const CERTIFY_GAP: f64 = 0.05;
 /// A finer irregular block is left out unless its error is below this multiple of the coarser one's.
 const WORTHWHILE: f64 = 0.8;
 /// Distances below this share of the tolerance need not be resolved in charts of several parts.
-const FLOOR_OF_PARTS: f64 = 0.75;
+const FLOOR_OF_PARTS: f64 = 0.9;
 /// Where a chart is above the tolerance, what exceeds this share of it is too far off: there is always something, then.
 pub(super) const ALMOST: f64 = 0.9;
 /// Points of a chart at which its root mean square error is estimated.
@@ -121,7 +121,7 @@ impl ChartWork<'_> {
         let Scale { error_limit, .. } = *self.charted.scale;
         // One of many parts is nearly as far off as it may be.
         let is_in_parts = compared.part_count() > 1;
-        let floor = if is_in_parts { error_limit * std::env::var("FLOORP").ok().and_then(|v| v.parse().ok()).unwrap_or(FLOOR_OF_PARTS) } else { self.charted.scale.step() * 0.05 };
+        let floor = if is_in_parts { error_limit * FLOOR_OF_PARTS } else { self.charted.scale.step() * 0.05 };
         let options = CertifyOptions { relative_gap: CERTIFY_GAP, floor, ..CertifyOptions::default() };
         let bound = compared.two_sided(&options).upper;
         self.times.certify += thread_cpu_time() - start;

@@ -17,7 +17,7 @@ use super::{Bound, CertifyOptions, two_sided};
 use crate::mesh::NONE;
 
 /// If more than this share of the drawn triangles are others, a map of all is faster.
-const MOST_CHANGED: f64 = 0.1;
+const MOST_CHANGED: f64 = 0.02;
 
 /// Of so many vertices at most it is asked where else they were.
 const MOST_OTHERS: usize = 16;
@@ -77,7 +77,7 @@ impl Unchanged {
         let Corresponding { fine, coarse, .. } = parts;
         let enough = options.floor.max(options.target.unwrap_or(0.0)).max(options.lower);
         let (is, moved) = parts.same_vertices(enough * enough);
-        let most = std::env::var("MOSTC").ok().and_then(|v| v.parse().ok()).unwrap_or(MOST_CHANGED) * coarse.triangles.len() as f64;
+        let most = MOST_CHANGED * coarse.triangles.len() as f64;
         let is_other = |corners: &&[u32; 3]| corners.iter().any(|&v| is[v as usize] == NONE);
         if coarse.triangles.iter().filter(is_other).count() as f64 > most {
             return None;
