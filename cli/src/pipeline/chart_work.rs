@@ -22,7 +22,7 @@ const CERTIFY_GAP: f64 = 0.05;
 /// A finer irregular block is left out unless its error is below this multiple of the coarser one's.
 const WORTHWHILE: f64 = 0.8;
 /// Distances below this share of the tolerance need not be resolved in charts of several parts.
-const FLOOR_OF_PARTS: f64 = 0.9;
+const FLOOR_OF_PARTS: f64 = 0.75;
 /// Where a chart is above the tolerance, what exceeds this share of it is too far off: there is always something, then.
 pub(super) const ALMOST: f64 = 0.9;
 /// Points of a chart at which its root mean square error is estimated.
