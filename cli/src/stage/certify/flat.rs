@@ -135,7 +135,7 @@ pub(super) mod tests {
     }
 
     /// The polygon from one of its corners.
-    fn around(apex: u32, count: u32) -> Vec<[u32; 3]> {
+    pub fn around(apex: u32, count: u32) -> Vec<[u32; 3]> {
         (1..count - 1).map(|k| [apex, (apex + k) % count, (apex + k + 1) % count]).collect()
     }
 

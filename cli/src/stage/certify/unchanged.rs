@@ -16,7 +16,7 @@ use super::surface::Surface;
 use super::{Bound, CertifyOptions, two_sided};
 use crate::mesh::NONE;
 
-/// If more than this share of the drawn triangles are others, a map of all is faster.
+/// If more than this share of the drawn triangles are others and not flat, a map of all is faster.
 const MOST_CHANGED: f64 = 0.02;
 
 /// Of so many vertices at most it is asked where else they were.
@@ -95,8 +95,7 @@ impl Unchanged {
                 None => changed.push(*corners),
             }
         }
-        let left: Vec<[u32; 3]> =
-            fine.triangles.iter().zip(&is_drawn).filter(|(_, is)| !**is).map(|(&t, _)| t).collect();
+        let left = without(fine.triangles, &is_drawn);
         // Where the vertices of what changed were before they moved; new ones are where they are.
         let count = fine.positions.len() as u32;
         let was = |v: u32| if is[v as usize] == NONE { count + v } else { is[v as usize] };
@@ -107,10 +106,7 @@ impl Unchanged {
         let moved = moved.sqrt();
         let before: Vec<[u32; 3]> = changed.iter().map(|corners| corners.map(was)).collect();
         let flat = Flat::new([&left, &before], place, enough - moved);
-        let rest = |triangles: &[[u32; 3]], is_flat: &[bool]| -> Vec<[u32; 3]> {
-            triangles.iter().zip(is_flat).filter(|(_, is_flat)| !**is_flat).map(|(&corners, _)| corners).collect()
-        };
-        let [left, others] = [rest(&left, &flat.is_flat[0]), rest(&changed, &flat.is_flat[1])];
+        let [left, others] = [without(&left, &flat.is_flat[0]), without(&changed, &flat.is_flat[1])];
         if others.len() as f64 > most {
             return None;
         }
@@ -162,6 +158,11 @@ impl Unchanged {
     }
 }
 
+/// The triangles that are not among those noted.
+fn without(triangles: &[[u32; 3]], is_noted: &[bool]) -> Vec<[u32; 3]> {
+    triangles.iter().zip(is_noted).filter(|(_, is_noted)| !**is_noted).map(|(&corners, _)| corners).collect()
+}
+
 /// The corners of a triangle in their order, beginning with the least.
 fn from_least([a, b, c]: [u32; 3]) -> [u32; 3] {
     if a < b && a < c {
@@ -175,7 +176,7 @@ fn from_least([a, b, c]: [u32; 3]) -> [u32; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::flat::tests::cap;
+    use super::super::flat::tests::{around, cap};
     use super::*;
     use crate::mesh::Mesh;
     use crate::stage::arcs::tests::sphere;
@@ -239,8 +240,7 @@ mod tests {
             sides.chain(caps).collect::<Vec<[u32; 3]>>()
         };
         let fine = Mesh { positions: two(&bottom), triangles: closed(&fan, 25) };
-        let around: Vec<[u32; 3]> = (1..23).map(|k| [0, k, k + 1]).collect();
-        let mut coarse = Mesh { positions: two(&bottom[..24]), triangles: closed(&around, 24) };
+        let mut coarse = Mesh { positions: two(&bottom[..24]), triangles: closed(&around(0, 24), 24) };
         coarse.positions.iter_mut().enumerate().for_each(|(v, p)| *p += DVec3::AXES[v % 3] * by);
         // Of a middle and the corner that it went to, the vertex is known as the middle.
         let was = (0..48).map(|v| if v % 24 == 0 { v / 24 * 25 + 24 } else { v / 24 * 25 + v % 24 }).collect();
