@@ -7,6 +7,26 @@ use glam::DVec3;
 use super::Points;
 use super::closest::doubled_area;
 
+/// Points that can be divided into blocks of those which lie together.
+pub(super) trait Blocks {
+    /// Some of them.
+    type Block;
+    /// What holds points.
+    type Corners: AsRef<[DVec3]>;
+
+    /// All of them.
+    fn whole(&self) -> Self::Block;
+
+    /// How many points of a block there are.
+    fn count_in(&self, block: &Self::Block) -> usize;
+
+    /// The corners of a convex body that holds all points of a block, which has some.
+    fn around(&self, block: &Self::Block) -> Self::Corners;
+
+    /// A block, divided along its longer side.
+    fn halves(&self, block: Self::Block) -> [Self::Block; 2];
+}
+
 /// Points of a triangle in rows along its longest side.
 pub(super) struct Rows {
     /// The longest side, then the third corner.
@@ -61,11 +81,6 @@ impl Rows {
         self.starts[self.rows.len()]
     }
 
-    /// All of them.
-    pub fn whole(&self) -> Block {
-        Block { rows: 0..self.rows.len(), along: [0.0, 1.0] }
-    }
-
     /// How far a row is from the longest side, as a share of the height.
     fn up(&self, row: usize) -> f64 {
         (row as f64 + 0.5) / self.rows.len() as f64
@@ -90,11 +105,6 @@ impl Rows {
         start..end
     }
 
-    /// How many points of a block there are.
-    pub fn count_in(&self, block: &Block) -> usize {
-        block.rows.clone().map(|row| self.columns(row, block).len()).sum()
-    }
-
     /// Numbers and places of the points of a block.
     pub fn points<'a>(&'a self, block: &'a Block) -> impl Iterator<Item = (usize, DVec3)> + 'a {
         block.rows.clone().flat_map(move |row| {
@@ -114,21 +124,32 @@ impl Rows {
             (!columns.is_empty()).then(|| (self.starts[row] + columns.start, places, columns.len()))
         })
     }
+}
 
-    /// The corners of a quadrangle that holds all points of a block, which has some.
-    pub fn around(&self, block: &Block) -> [DVec3; 4] {
+impl Blocks for Rows {
+    type Block = Block;
+    type Corners = [DVec3; 4];
+
+    fn whole(&self) -> Block {
+        Block { rows: 0..self.rows.len(), along: [0.0, 1.0] }
+    }
+
+    fn count_in(&self, block: &Block) -> usize {
+        block.rows.clone().map(|row| self.columns(row, block).len()).sum()
+    }
+
+    fn around(&self, block: &Block) -> [DVec3; 4] {
         let (low, high) = (self.up(block.rows.start), self.up(block.rows.end - 1));
         let [start, end] = block.along;
         [(low, start), (low, end), (high, start), (high, end)].map(|(up, along)| self.place(up, along))
     }
 
-    /// A block, divided along its longer side.
-    pub fn halves(&self, block: &Block) -> [Block; 2] {
-        let Block { rows: Range { start: first, end }, along: [left, right] } = *block;
-        let [a, b, c, _] = self.around(block);
+    fn halves(&self, block: Block) -> [Block; 2] {
+        let [a, b, c, _] = self.around(&block);
+        let Block { rows: Range { start: first, end }, along: [left, right] } = block;
         if end - first > 1 && a.distance(c) > a.distance(b) {
             let middle = first.midpoint(end);
-            return [Block { rows: first..middle, ..*block }, Block { rows: middle..end, ..*block }];
+            return [first..middle, middle..end].map(|rows| Block { rows, ..block });
         }
         let middle = left.midpoint(right);
         [[left, middle], [middle, right]].map(|along| Block { rows: first..end, along })
@@ -159,7 +180,7 @@ mod tests {
             assert!(points.iter().all(|(_, point)| point.distance(middle) <= radius + 1e-9));
             match points.len() {
                 1..=4 => points.iter().for_each(|&(at, _)| found[at] += 1),
-                _ => open.extend(rows.halves(&block)),
+                _ => open.extend(rows.halves(block)),
             }
         }
         assert!(found.len() > 150 && found.iter().all(|&times| times == 1), "{found:?}");

@@ -8,12 +8,12 @@ use glam::DVec3;
 use lodpack::decode::texels::Map;
 use rayon::prelude::*;
 
-use super::blocks::{Block, Rows};
+use super::blocks::{Block, Blocks, Rows};
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, texel_at};
 use super::values::Sums;
 use super::{BakedPatch, Points, Source};
-use crate::stage::certify::{Closest, Hint, TriangleBvh};
+use crate::stage::certify::{Around, Closest, Hint, TriangleBvh};
 
 /// Distance between the points of the source that are looked at, in texels.
 const SPACING: f64 = 0.7;
@@ -21,13 +21,15 @@ const SPACING: f64 = 0.7;
 const CHUNK: usize = 1024;
 /// Blocks of so few points are not divided.
 const FEW: usize = 12;
+/// What is so many texels beyond a plane may be taken to lie in it.
+const SAME_PLANE: f64 = 0.25;
 /// No texel.
 const NOWHERE: u32 = u32::MAX;
 /// Beside the number of a texel: its triangle faces the other way.
 const OPPOSITE: u32 = 1 << 31;
 /// What a point counts whose closest triangle faces the other way. Who looks at one side of a sheet does not see the other one, but who asks what is
 /// shown close to a point does; and where that is all that anything lies closest to, a texel shows nearly what is projected.
-const SHARE_OF_OPPOSITE: f32 = 0.3;
+pub(super) const SHARE_OF_OPPOSITE: f32 = 0.3;
 
 /// Adds to covered texels those points of the source that lie closest to them. Of each texel says whether there is one that faces the same way.
 pub(super) fn show_closest(
@@ -84,8 +86,16 @@ struct Found {
     area: f64,
 }
 
+/// What is closest to the points of a block.
+pub(super) enum Below {
+    /// One triangle, straight above or below which they all lie.
+    One(u32),
+    /// One of these, or any at all.
+    Any(Option<Around>),
+}
+
 /// A patch in which closest points are looked for.
-struct Finder<'a> {
+pub(super) struct Finder<'a> {
     map: &'a Map,
     drawn: &'a Drawn,
     projections: Vec<Projection>,
@@ -95,11 +105,11 @@ struct Finder<'a> {
     /// Of each triangle.
     normals: Vec<DVec3>,
     /// The size of a texel.
-    size: f64,
+    pub size: f64,
 }
 
 impl<'a> Finder<'a> {
-    fn new(patch: &BakedPatch<'a>, map: &'a Map, drawn: &'a Drawn) -> Self {
+    pub fn new(patch: &BakedPatch<'a>, map: &'a Map, drawn: &'a Drawn) -> Self {
         let projections = projections(patch, map);
         let positions: Vec<DVec3> = (0..patch.positions.len() as u32).map(|vertex| patch.position(vertex)).collect();
         let normal = |corners: &[u32; 3]| doubled_area(corners.map(|corner| positions[corner as usize]));
@@ -115,62 +125,73 @@ impl<'a> Finder<'a> {
         }
     }
 
+    /// Divides points into blocks until one triangle is closest to all points of a block, or until there are few.
+    pub fn divide<P: Blocks>(&self, points: &P, hint: &mut Hint, mut visit: impl FnMut(&P::Block, Below)) {
+        let mut open = vec![(points.whole(), None)];
+        while let Some((block, known)) = open.pop() {
+            let count = points.count_in(&block);
+            if count == 0 {
+                continue;
+            }
+            let corners = points.around(&block);
+            let corners = corners.as_ref();
+            let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
+            let radius = corners.iter().map(|corner| corner.distance_squared(middle)).fold(0.0, f64::max).sqrt();
+            let around = match known {
+                Some(around) => Some(self.bvh.narrowed(&around, middle, radius)),
+                None => self.bvh.around(middle, radius, hint),
+            };
+            match around.as_ref().and_then(|around| self.below(around, corners)) {
+                Some(triangle) => visit(&block, Below::One(triangle)),
+                None if count > FEW => open.extend(points.halves(block).map(|half| (half, around))),
+                None => visit(&block, Below::Any(around)),
+            }
+        }
+    }
+
+    /// The closest point, of some triangles where these are known.
+    pub fn closest(&self, around: Option<&Around>, point: DVec3, hint: &mut Hint) -> Closest {
+        match around {
+            Some(around) => self.bvh.closest_of(around, point),
+            None => self.bvh.closest(point, hint),
+        }
+    }
+
     fn find(&self, corners: [DVec3; 3]) -> Found {
         let rows = Rows::new(corners, self.size * SPACING);
         let mut texels = vec![NOWHERE; rows.count()];
         let normal = doubled_area(corners);
         let mut hint = Hint::default();
-        let mut open = vec![(rows.whole(), None)];
-        while let Some((block, known)) = open.pop() {
-            let count = rows.count_in(&block);
-            if count == 0 {
-                continue;
-            }
-            let corners = rows.around(&block);
-            let middle = corners.iter().sum::<DVec3>() / 4.0;
-            let radius = corners.iter().map(|corner| corner.distance(middle)).fold(0.0, f64::max);
-            let around = match known {
-                Some(around) => Some(self.bvh.narrowed(&around, middle, radius)),
-                None => self.bvh.around(middle, radius, &mut hint),
-            };
-            match around.as_ref().and_then(|around| self.bvh.only(around)) {
-                Some(triangle) if self.is_below(triangle, &corners) => {
-                    self.add_block(&rows, &block, triangle, normal, &mut texels);
-                    continue;
+        self.divide(&rows, &mut Hint::default(), |block, below| match below {
+            Below::One(triangle) => self.add_block(&rows, block, triangle, normal, &mut texels),
+            Below::Any(around) => {
+                for (at, point) in rows.points(block) {
+                    texels[at] = self.texel(self.closest(around.as_ref(), point, &mut hint), normal);
                 }
-                Some(_) => {}
-                None if count > FEW => {
-                    open.extend(rows.halves(&block).map(|half| (half, around)));
-                    continue;
-                }
-                None => {}
             }
-            for (at, point) in rows.points(&block) {
-                let closest = match &around {
-                    Some(around) => self.bvh.closest_of(around, point),
-                    None => self.bvh.closest(point, &mut hint),
-                };
-                texels[at] = self.texel(closest, normal);
-            }
-        }
+        });
         Found { rows: rows.rows, texels, area: rows.area }
+    }
+
+    /// Whether a triangle faces the same way as a normal.
+    pub fn faces(&self, triangle: u32, normal: DVec3) -> bool {
+        self.normals[triangle as usize].dot(normal) > 0.0
     }
 
     /// Which side of a triangle faces the same way.
     fn side(&self, triangle: u32, normal: DVec3) -> u32 {
-        if self.normals[triangle as usize].dot(normal) > 0.0 { 0 } else { OPPOSITE }
+        if self.faces(triangle, normal) { 0 } else { OPPOSITE }
     }
 
     /// The texel of the closest point of a point of a triangle with such a normal.
     fn texel(&self, Closest { point, triangle, .. }: Closest, normal: DVec3) -> u32 {
-        match self.triangles.get(triangle as usize) {
-            Some(_) => self.texel_at(self.projection(triangle).place(point), self.side(triangle, normal)),
-            None => NOWHERE,
-        }
+        let projection = self.projection(triangle);
+        projection.map_or(NOWHERE, |projection| self.texel_at(projection.place(point), self.side(triangle, normal)))
     }
 
-    fn projection(&self, triangle: u32) -> &Projection {
-        &self.projections[usize::from(self.map.labels[triangle as usize])]
+    /// The piece of a triangle; none if there is no such triangle.
+    pub fn projection(&self, triangle: u32) -> Option<&Projection> {
+        Some(&self.projections[usize::from(*self.map.labels.get(triangle as usize)?)])
     }
 
     fn texel_at(&self, place: [f64; 2], side: u32) -> u32 {
@@ -179,11 +200,42 @@ impl<'a> Finder<'a> {
         if self.drawn.is_covered[texel] { texel as u32 | side } else { NOWHERE }
     }
 
+    /// Of some triangles the one that is closest to all points within corners, as far as that is easily seen: they lie straight above it or below it, and
+    /// the others lie on the other side of its plane.
+    fn below(&self, around: &Around, corners: &[DVec3]) -> Option<u32> {
+        let is_closest = |triangle: u32| {
+            self.bvh.numbers(around).all(|other| other == triangle || self.is_beyond(other, triangle, corners))
+        };
+        self.bvh.numbers(around).find(|&triangle| self.is_below(triangle, corners) && is_closest(triangle))
+    }
+
     /// Whether points lie straight above a triangle, or below it.
     fn is_below(&self, triangle: u32, points: &[DVec3]) -> bool {
         let (corners, normal) = (self.corners(triangle), self.normals[triangle as usize]);
-        let side = |k: usize, point: DVec3| (corners[(k + 1) % 3] - corners[k]).cross(point - corners[k]).dot(normal);
-        points.iter().all(|&point| (0..3).all(|k| side(k, point) >= 0.0))
+        let is_inside = |k: usize| {
+            let inwards = normal.cross(corners[(k + 1) % 3] - corners[k]);
+            points.iter().all(|&point| (point - corners[k]).dot(inwards) >= 0.0)
+        };
+        normal != DVec3::ZERO && (0..3).all(is_inside)
+    }
+
+    /// Whether a triangle is farther than another one from points straight above that or below it, since it lies on the other side of its plane.
+    fn is_beyond(&self, other: u32, triangle: u32, points: &[DVec3]) -> bool {
+        let (corner, normal) = (self.corners(triangle)[0], self.normals[triangle as usize]);
+        let range = |points: &[DVec3]| {
+            let heights = points.iter().map(|&point| (point - corner).dot(normal));
+            heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
+        };
+        let ([low, high], [least, most]) = (range(points), range(&self.corners(other)));
+        let margin = SAME_PLANE * self.size * normal.length();
+        (high <= 0.0 || most <= margin) && (low >= 0.0 || least >= -margin)
+    }
+
+    /// Where the point of a triangle's plane lies that is closest to a point.
+    pub fn foot(&self, triangle: u32, point: DVec3) -> [f64; 2] {
+        let (normal, corner) = (self.normals[triangle as usize], self.corners(triangle)[0]);
+        let foot = point - normal * (normal.dot(point - corner) / normal.length_squared());
+        self.projections[usize::from(self.map.labels[triangle as usize])].place(foot)
     }
 
     fn corners(&self, triangle: u32) -> [DVec3; 3] {
@@ -192,12 +244,9 @@ impl<'a> Finder<'a> {
 
     /// Notes the texels of a block of points, which all lie straight above a triangle or below it: those of a row are as far from one another.
     fn add_block(&self, rows: &Rows, block: &Block, triangle: u32, of_source: DVec3, texels: &mut [u32]) {
-        let (projection, normal) = (self.projection(triangle), self.normals[triangle as usize]);
         let side = self.side(triangle, of_source);
-        let (corner, squared) = (self.corners(triangle)[0], normal.length_squared());
-        let place = |point: DVec3| projection.place(point - normal * (normal.dot(point - corner) / squared));
-        for (first, [start, next], count) in rows.in_rows(block) {
-            let (start, next) = (place(start), place(next));
+        for (first, points, count) in rows.in_rows(block) {
+            let [start, next] = points.map(|point| self.foot(triangle, point));
             for (k, texel) in texels[first..first + count].iter_mut().enumerate() {
                 *texel = self.texel_at([0, 1].map(|axis| start[axis] + k as f64 * (next[axis] - start[axis])), side);
             }

@@ -8,6 +8,7 @@
 mod blocks;
 mod borders;
 mod closest;
+mod coarser;
 mod fill;
 mod gather;
 mod images;
@@ -33,6 +34,7 @@ use crate::stage::areas::Areas;
 use borders::Borders;
 pub use borders::Located;
 use closest::show_closest;
+use coarser::gather_surfels;
 use fill::finished;
 pub use gather::barycentric;
 use gather::gather;
@@ -42,7 +44,6 @@ use raster::Drawn;
 use sharpen::sharpen;
 use shown::{Shown, Wanted};
 pub use surfels::Surfels;
-use surfels::gather_surfels;
 use values::{Kept, Steps, Sums};
 pub use values::{Storage, Stored};
 

@@ -1,6 +1,6 @@
 //! Pieces of a map as projections of space.
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use lodpack::decode::texels::{Map, Piece};
 
 use super::BakedPatch;
@@ -88,21 +88,5 @@ impl Projection {
         // The rows are at right angles, and as long as the inverse of a texel.
         let steps = [place[0], place[1], depth];
         (0..3).map(|k| self.rows[k] * (steps[k] * self.size * self.size)).sum()
-    }
-
-    /// The middle of places and depths within bounds, and how far they reach from it.
-    pub fn extent(&self, [low, high]: [DVec3; 2]) -> [[f64; 2]; 3] {
-        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-        let [x, y] = self.place(middle);
-        let middles = [x, y, self.depth(middle)];
-        [0, 1, 2].map(|k| [middles[k], self.rows[k].abs().dot(half)])
-    }
-
-    /// Place and depth of a point, and what each coordinate of a step from there adds to them.
-    pub fn around(&self, point: DVec3) -> (Vec3, [Vec3; 3]) {
-        let [x, y] = self.place(point);
-        let rows = self.rows.map(|row| row.as_vec3());
-        let columns = [0, 1, 2].map(|k| Vec3::new(rows[0][k], rows[1][k], rows[2][k]));
-        (DVec3::new(x, y, self.depth(point)).as_vec3(), columns)
     }
 }

@@ -4,24 +4,20 @@ use glam::{DVec3, Vec3};
 use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
-use super::fill::finished;
-use super::lanes::{LANES, OUTSIDE, Row, Window, least, whole};
+use super::lanes::{LANES, least, whole};
 use super::projection::{Projection, projections};
 use super::raster::Drawn;
-use super::strangers::Strangers;
-use super::values::{Kept, Storage, Sums};
+use super::values::Storage;
 
-/// Cosine of the angle to an axis beyond which points of finer patches are not shown by a piece.
-const STEEP: f64 = 0.1;
 /// Texels along each side of a run.
 const SIDE: usize = LANES;
 
 /// The covered texels of a patch, in few bytes: the input has billions of them, and those of a group's members wait for one another.
 #[derive(Clone, Debug, Default)]
 pub struct Surfels {
-    runs: Vec<Run>,
+    pub(super) runs: Vec<Run>,
     /// Of each texel how deep it is, in steps of its run.
-    depths: Vec<u16>,
+    pub(super) depths: Vec<u16>,
     /// Of each all values ([`Storage::pack`]).
     values: Vec<u8>,
     /// The areas of runs that have several.
@@ -30,21 +26,19 @@ pub struct Surfels {
 
 /// Texels of a piece that lie together.
 #[derive(Clone, Debug)]
-struct Run {
+pub(super) struct Run {
     /// The middle of the first texel where it is least deep, lattice units.
-    origin: DVec3,
+    pub origin: DVec3,
     /// From a texel to the one beside it, to the one below it, and along the axis by one step of depth.
-    steps: [Vec3; 3],
-    /// Smallest and largest point.
-    bounds: [DVec3; 2],
+    pub steps: [Vec3; 3],
     /// The axis of the piece.
-    normal: DVec3,
+    pub normal: DVec3,
     /// The area of a texel.
-    size: f32,
+    pub size: f32,
     /// For each row a bit for each texel that is covered.
-    rows: [u16; SIDE],
+    pub rows: [u16; SIDE],
     /// The first of its texels.
-    first: usize,
+    pub first: usize,
     areas: RunAreas,
 }
 
@@ -66,6 +60,21 @@ impl Surfels {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.depths.is_empty()
+    }
+
+    /// The area of a texel of a run, if it is known.
+    pub(super) fn area(&self, run: &Run, number: usize) -> Option<u32> {
+        match run.areas {
+            RunAreas::Unknown => None,
+            RunAreas::One(area) => Some(area),
+            RunAreas::From(first) => Some(self.areas[first + number - run.first]),
+        }
+    }
+
+    /// The values of a texel.
+    pub(super) fn packed(&self, number: usize, storage: &Storage) -> &[u8] {
+        let bytes = storage.packed_bytes();
+        &self.values[number * bytes..][..bytes]
     }
 
     /// The covered texels of a patch.
@@ -107,7 +116,6 @@ impl Surfels {
             patch.origin() + projection.point([x as f64 + 0.5, y as f64 + 0.5], f64::from(depth))
         };
         let (mut range, mut rows) = ([f32::INFINITY, f32::NEG_INFINITY], [0_u16; SIDE]);
-        let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         for (row, y) in rows.iter_mut().zip(top..=bottom) {
             let mut lanes = [[f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]];
             let [low, high] = &mut lanes;
@@ -118,11 +126,6 @@ impl Surfels {
             }
             if *row != 0 {
                 let of_row = [least(lanes[0]), -least(lanes[1].map(|depth| -depth))];
-                // No point of the row is beyond these four.
-                let ends = [row.trailing_zeros(), row.ilog2()].map(|x| left + x as usize);
-                for point in ends.into_iter().flat_map(|x| of_row.map(|depth| point(x, y, depth))) {
-                    bounds = [bounds[0].min(point), bounds[1].max(point)];
-                }
                 range = [range[0].min(of_row[0]), range[1].max(of_row[1])];
             }
         }
@@ -160,7 +163,6 @@ impl Surfels {
         self.runs.push(Run {
             origin: point(left, top, range[0]),
             steps: [beside, below, projection.step([0.0; 2], f64::from(step)).as_vec3()],
-            bounds,
             normal: projection.normal,
             size: (projection.size * projection.size) as f32,
             rows,
@@ -168,115 +170,4 @@ impl Surfels {
             areas,
         });
     }
-}
-
-/// How deep a patch lies in each tile of its map, so that points which lie elsewhere are passed over together: of all points that are near a
-/// piece, most belong to another one.
-struct Tiles {
-    columns: usize,
-    /// Smallest and largest depth, as far as the triangle of a texel reaches in it; the larger one first where there is none.
-    depths: Vec<[f32; 2]>,
-}
-
-impl Tiles {
-    /// Texels along each side of a tile.
-    const SIDE: usize = 8;
-    /// More than single precision is wrong, in texels.
-    const MARGIN: f64 = 0.5;
-
-    fn new(drawn: &Drawn, width: usize) -> Self {
-        let columns = width.div_ceil(Self::SIDE);
-        let rows = (drawn.depth.len() / width.max(1)).div_ceil(Self::SIDE);
-        let mut depths = vec![[f32::INFINITY, f32::NEG_INFINITY]; columns * rows];
-        let texels = drawn.depth.chunks(width.max(1)).zip(drawn.slope.chunks(width.max(1)));
-        for (y, (row, slopes)) in texels.enumerate() {
-            let tiles = &mut depths[y / Self::SIDE * columns..][..columns];
-            for (tile, (row, slopes)) in tiles.iter_mut().zip(row.chunks(Self::SIDE).zip(slopes.chunks(Self::SIDE))) {
-                for (depth, [along, down]) in row.iter().zip(slopes).filter(|(depth, _)| !depth.is_nan()) {
-                    let reach = 0.5 * (along.abs() + down.abs());
-                    *tile = [tile[0].min(depth - reach), tile[1].max(depth + reach)];
-                }
-            }
-        }
-        Self { columns, depths }
-    }
-
-    /// Whether a piece may show a point within bounds.
-    fn touch(&self, projection: &Projection, bounds: [DVec3; 2]) -> bool {
-        let [across, down, depth] = projection.extent(bounds).map(|[middle, half]| {
-            let half = half + Self::MARGIN;
-            [middle - half, middle + half]
-        });
-        let [low, high] = projection.range;
-        let tiles = |[first, last]: [f64; 2], axis: usize| {
-            // The conversions saturate.
-            let [first, last] = [first.max(low[axis]), last.min(high[axis])].map(|x| x as usize / Self::SIDE);
-            first..last + 1
-        };
-        let is_beside = |[first, last]: [f64; 2], axis: usize| last < low[axis] - 0.5 || first > high[axis] + 0.5;
-        if is_beside(across, 0) || is_beside(down, 1) {
-            return false;
-        }
-        let reach = f64::from(projection.reach);
-        let is_near =
-            |&[least, most]: &[f32; 2]| f64::from(least) - reach <= depth[1] && depth[0] <= f64::from(most) + reach;
-        let columns = tiles(across, 0);
-        tiles(down, 1).any(|row| self.depths[row * self.columns..][columns.clone()].iter().any(is_near))
-    }
-}
-
-/// The values of all texels that are used, from the texels of finer patches.
-pub(super) fn gather_surfels<'a>(
-    patch: &BakedPatch<'_>,
-    map: &Map,
-    drawn: &Drawn,
-    surfels: impl Iterator<Item = &'a Surfels> + Clone,
-    mut sums: Sums<'_>,
-) -> Kept {
-    let storage = sums.storage;
-    let width = map.size[0] as usize;
-    let tiles = Tiles::new(drawn, width);
-    let strangers = Strangers::new(patch, map, &[]);
-    let (size, mut values) = (storage.packed_bytes(), Vec::with_capacity(storage.count()));
-    for (piece, projection) in projections(patch, map).into_iter().enumerate() {
-        let window = Window::new(drawn, width, &projection);
-        let has_strangers = !strangers.of(piece).is_empty();
-        let runs = surfels.clone().flat_map(|surfels| surfels.runs.iter().map(move |run| (surfels, run)));
-        for (surfels, run) in runs.filter(|(_, run)| run.normal.dot(projection.normal) > STEEP) {
-            let bounds = run.bounds.map(|corner| corner - patch.origin());
-            if !projection.touches(bounds) || !tiles.touch(&projection, bounds) {
-                continue;
-            }
-            let is_strange = |number: usize| match run.areas {
-                RunAreas::Unknown => false,
-                RunAreas::One(area) => strangers.has(piece, area),
-                RunAreas::From(first) => strangers.has(piece, surfels.areas[first + number]),
-            };
-            let (first, [by_x, by_y, by_z]) = projection.around(run.origin - patch.origin());
-            let of_step = |step: Vec3| by_x * step.x + by_y * step.y + by_z * step.z;
-            let [beside, below, deeper] = run.steps.map(of_step);
-            let mut own = run.first;
-            for (y, bits) in run.rows.into_iter().enumerate().filter(|(_, bits)| *bits != 0) {
-                let (mut columns, mut depths, mut count) = ([0.0; LANES], [0.0; LANES], 0);
-                let mut rest = bits;
-                while rest != 0 {
-                    columns[count] = rest.trailing_zeros() as f32;
-                    (rest, count) = (rest & (rest - 1), count + 1);
-                }
-                let of_row = own..own + count;
-                own += count;
-                depths.iter_mut().zip(&surfels.depths[of_row.clone()]).for_each(|(to, &depth)| *to = f32::from(depth));
-                let start = (first + below * y as f32).to_array();
-                let row = Row { start, beside: beside.to_array(), deeper: deeper.to_array() };
-                let texels = window.texels(&row, &columns, &depths);
-                let packed = surfels.values[of_row.start * size..of_row.end * size].chunks_exact(size);
-                for (number, (&texel, packed)) in (of_row.start - run.first..).zip(texels.iter().zip(packed)) {
-                    if texel != OUTSIDE && !(has_strangers && is_strange(number)) {
-                        sums.add_packed(texel as usize, packed, run.size, &mut values);
-                    }
-                }
-            }
-        }
-    }
-    finished(sums, patch, map, drawn)
 }

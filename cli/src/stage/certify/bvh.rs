@@ -5,6 +5,7 @@
 //! their first use, so walking either is spatially coherent.
 
 mod around;
+pub use around::Around;
 
 use glam::{DVec3, Vec4};
 

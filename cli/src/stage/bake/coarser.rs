@@ -1,0 +1,351 @@
+//! Texels of a patch from those of finer patches, as points of the surface ([`Surfels`]).
+//!
+//! A point belongs where the patch is closest to it: so who looks at the patch sees it where it would be looked for, and parts of a surface that lie
+//! one above the other do not get each other's colours.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use lodpack::decode::texels::Map;
+
+use super::BakedPatch;
+use super::blocks::Blocks;
+use super::closest::{Below, Finder, SHARE_OF_OPPOSITE};
+use super::fill::finished;
+use super::lanes::LANES;
+use super::raster::{Drawn, texel_at};
+use super::strangers::Strangers;
+use super::surfels::{Run, Surfels};
+use super::values::{Kept, Sums};
+use crate::stage::certify::Hint;
+
+/// Points stand for squares. Those that are larger than this share of a texel are taken for four, so that no texel between them is left out.
+const LARGE: f64 = 0.71;
+
+/// The values of all texels that are used, from the texels of finer patches.
+pub(super) fn gather_surfels<'a>(
+    patch: &BakedPatch<'_>,
+    map: &Map,
+    drawn: &Drawn,
+    surfels: impl Iterator<Item = &'a Surfels>,
+    sums: Sums<'_>,
+) -> Kept {
+    let finder = Finder::new(patch, map, drawn);
+    let mut gathering = Gathering {
+        strangers: Strangers::new(patch, map, &[]),
+        // Measured numbers and normals of the other side say nothing here.
+        of_opposite: if sums.storage.is_plain() { SHARE_OF_OPPOSITE } else { 0.0 },
+        finder: &finder,
+        map,
+        drawn,
+        sums,
+        hint: Hint::default(),
+        values: vec![],
+    };
+    let mut hint = Hint::default();
+    for surfels in surfels {
+        for run in &surfels.runs {
+            let fineness = if f64::from(run.size).sqrt() > LARGE * finder.size { 2 } else { 1 };
+            let points = Lattice::new(surfels, run, patch.origin(), fineness);
+            finder.divide(&points, &mut hint, |block, below| gathering.add(&points, block, below));
+        }
+    }
+    finished(gathering.sums, patch, map, drawn)
+}
+
+/// What texels are made of.
+struct Gathering<'a> {
+    finder: &'a Finder<'a>,
+    map: &'a Map,
+    drawn: &'a Drawn,
+    strangers: Strangers,
+    /// What points count whose closest triangle faces the other way.
+    of_opposite: f32,
+    sums: Sums<'a>,
+    hint: Hint,
+    /// Memory for the values of a point.
+    values: Vec<f32>,
+}
+
+impl Gathering<'_> {
+    /// Adds points to the texels that are closest to them.
+    fn add(&mut self, points: &Lattice<'_>, block: &Square, below: Below) {
+        match below {
+            Below::One(triangle) => {
+                // Over one triangle places grow by the same from point to point.
+                let place = |point: DVec3| self.finder.foot(triangle, point);
+                let first = place(points.origin);
+                let [beside, below, deeper] = points.steps.map(|step| {
+                    let next = place(points.origin + step);
+                    [0, 1].map(|k| next[k] - first[k])
+                });
+                points.for_each(block, |number, [x, y, z]| {
+                    let place = [0, 1].map(|k| first[k] + beside[k] * x + below[k] * y + deeper[k] * z);
+                    self.add_point(points, number, triangle, place);
+                });
+            }
+            Below::Any(around) => points.for_each(block, |number, at| {
+                let closest = self.finder.closest(around.as_ref(), points.place(at), &mut self.hint);
+                if let Some(projection) = self.finder.projection(closest.triangle) {
+                    self.add_point(points, number, closest.triangle, projection.place(closest.point));
+                }
+            }),
+        }
+    }
+
+    /// Adds a point to the texel of a place in the piece of a triangle.
+    #[inline]
+    fn add_point(&mut self, points: &Lattice<'_>, number: usize, triangle: u32, place: [f64; 2]) {
+        let Lattice { surfels, run, .. } = *points;
+        let share = if self.finder.faces(triangle, run.normal) { 1.0 } else { self.of_opposite };
+        let [column, row] = texel_at(place, self.map.size);
+        let texel = row as usize * self.map.size[0] as usize + column as usize;
+        if share > 0.0 && self.drawn.is_used[texel] && !self.is_strange(points, number, triangle) {
+            let packed = surfels.packed(number, self.sums.storage);
+            self.sums.add_packed(texel, packed, points.weight * share, &mut self.values);
+        }
+    }
+
+    /// Whether the piece of a triangle must not show a point.
+    fn is_strange(&self, points: &Lattice<'_>, number: usize, triangle: u32) -> bool {
+        let strangers = self.strangers.of(usize::from(self.map.labels[triangle as usize]));
+        !strangers.is_empty()
+            && points.surfels.area(points.run, number).is_some_and(|area| strangers.binary_search(&area).is_ok())
+    }
+}
+
+/// The points of a run: its texels, or four of each.
+struct Lattice<'a> {
+    surfels: &'a Surfels,
+    run: &'a Run,
+    /// The number of the first texel of each row.
+    starts: [usize; LANES],
+    /// Points for each texel along both directions.
+    fineness: usize,
+    /// The middle of the first texel, relative to the patch's first vertex.
+    origin: DVec3,
+    /// From a texel to the one beside it, to the one below it, and along the axis by one step of depth.
+    steps: [DVec3; 3],
+    /// What a point counts.
+    weight: f32,
+}
+
+/// Some points of a run.
+struct Square {
+    columns: Range<usize>,
+    rows: Range<usize>,
+}
+
+impl<'a> Lattice<'a> {
+    fn new(surfels: &'a Surfels, run: &'a Run, origin: DVec3, fineness: usize) -> Self {
+        let (mut starts, mut next) = ([0; LANES], run.first);
+        for (start, bits) in starts.iter_mut().zip(run.rows) {
+            *start = next;
+            next += bits.count_ones() as usize;
+        }
+        Self {
+            surfels,
+            run,
+            starts,
+            fineness,
+            origin: run.origin - origin,
+            steps: run.steps.map(|step| step.as_dvec3()),
+            weight: run.size / (fineness * fineness) as f32,
+        }
+    }
+
+    /// The column or row of a point, in steps of the run.
+    fn at(&self, number: usize) -> f64 {
+        (number as f64 + 0.5) / self.fineness as f64 - 0.5
+    }
+
+    fn place(&self, at: [f64; 3]) -> DVec3 {
+        self.origin + (0..3).map(|k| self.steps[k] * at[k]).sum::<DVec3>()
+    }
+
+    /// The texels of a row of the run that have points in some columns.
+    fn texels(&self, row: usize, columns: &Range<usize>) -> Range<usize> {
+        let below = |column: usize| (1_u32 << column) - 1;
+        let bits = u32::from(self.run.rows[row]);
+        let [before, until] = [columns.start / self.fineness, columns.end.div_ceil(self.fineness)]
+            .map(|column| (bits & below(column)).count_ones() as usize);
+        self.starts[row] + before..self.starts[row] + until
+    }
+
+    /// The rows of the run that have points in a block.
+    fn rows(&self, block: &Square) -> Range<usize> {
+        block.rows.start / self.fineness..block.rows.end.div_ceil(self.fineness)
+    }
+
+    /// Calls a function with the texel of each point of a block, and its column, row and depth.
+    fn for_each(&self, block: &Square, mut visit: impl FnMut(usize, [f64; 3])) {
+        let fineness = self.fineness;
+        for y in block.rows.clone() {
+            let row = y / fineness;
+            let texels = self.texels(row, &block.columns);
+            let mut bits = self.run.rows[row] >> (block.columns.start / fineness);
+            let mut column = block.columns.start / fineness;
+            for number in texels {
+                let gap = bits.trailing_zeros();
+                (bits, column) = (bits >> gap, column + gap as usize);
+                let depth = f64::from(self.surfels.depths[number]);
+                let own =
+                    (column * fineness).max(block.columns.start)..((column + 1) * fineness).min(block.columns.end);
+                own.for_each(|x| visit(number, [self.at(x), self.at(y), depth]));
+                (bits, column) = (bits >> 1, column + 1);
+            }
+        }
+    }
+}
+
+impl Blocks for Lattice<'_> {
+    type Block = Square;
+    type Corners = [DVec3; 8];
+
+    fn whole(&self) -> Square {
+        let all = 0..LANES * self.fineness;
+        Square { columns: all.clone(), rows: all }
+    }
+
+    fn count_in(&self, block: &Square) -> usize {
+        let texels: usize = self.rows(block).map(|row| self.texels(row, &block.columns).len()).sum();
+        // Those at an edge may have half of their points in another block.
+        texels * self.fineness * self.fineness
+    }
+
+    fn around(&self, block: &Square) -> [DVec3; 8] {
+        let depths = self.rows(block).flat_map(|row| &self.surfels.depths[self.texels(row, &block.columns)]);
+        let (low, high) = depths.fold((u16::MAX, 0), |(low, high), &depth| (low.min(depth), high.max(depth)));
+        let ends = |range: &Range<usize>| [range.start, range.end - 1].map(|number| self.at(number));
+        let of = [ends(&block.columns), ends(&block.rows), [low, high].map(f64::from)];
+        std::array::from_fn(|corner| self.place([0, 1, 2].map(|k| of[k][corner >> k & 1])))
+    }
+
+    fn halves(&self, block: Square) -> [Square; 2] {
+        let Square { columns, rows } = block;
+        if columns.len() >= rows.len() {
+            let middle = columns.start.midpoint(columns.end);
+            [columns.start..middle, middle..columns.end].map(|columns| Square { columns, rows: rows.clone() })
+        } else {
+            let middle = rows.start.midpoint(rows.end);
+            [rows.start..middle, middle..rows.end].map(|rows| Square { columns: columns.clone(), rows })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lodpack::LatticePoint;
+    use lodpack::decode::texels::Image;
+
+    use super::super::{Baker, Located, MAX_TEXELS, Points, Source, Storage, Stored};
+    use super::*;
+    use crate::mesh::srgb::srgb_byte;
+
+    /// Two floors, one 12 above the other: dark below, bright above.
+    struct Floors(Vec<[DVec3; 3]>);
+
+    const TRIANGLES: [[u32; 3]; 4] = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+
+    fn corners() -> [LatticePoint; 8] {
+        let floor = |z: i64| [[0, 0, z], [64, 0, z], [64, 64, z], [0, 64, z]];
+        let [low, high] = [0, 12].map(floor);
+        std::array::from_fn(|k| if k < 4 { low[k] } else { high[k - 4] })
+    }
+
+    fn light(triangle: usize) -> f32 {
+        if triangle < 2 { 0.1 } else { 0.8 }
+    }
+
+    impl Source for Floors {
+        fn triangle_count(&self) -> usize {
+            self.0.len()
+        }
+        fn corners(&self, triangle: usize) -> [DVec3; 3] {
+            self.0[triangle]
+        }
+        fn shade(&mut self, triangle: usize, points: &[Points], _: f32, values: &mut Vec<f32>) {
+            points.iter().for_each(|points| values.extend(vec![light(triangle); 3 * points.count as usize]));
+        }
+    }
+
+    #[test]
+    fn floors_show_nothing_of_one_another_however_far_the_patch_may_be() {
+        let positions = corners();
+        let point = |vertex: u32| DVec3::from(positions[vertex as usize].map(|x| x as f64));
+        let mut source = Located::new(Floors(TRIANGLES.iter().map(|corners| corners.map(point)).collect()));
+        let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
+        let mut baker = Baker::new(&storage);
+        let patch = BakedPatch {
+            positions: &positions,
+            triangles: &TRIANGLES,
+            reach: 0.0,
+            areas: None,
+            finer: 0,
+            is_sharp: false,
+        };
+        let fine = baker.bake(&patch, &mut source, 4).expect("it has an image").surfels;
+        // As large, or twice as large; and finer than what they are made of.
+        for exponent in [4, 6, 3] {
+            let coarse = BakedPatch { reach: 40.0, ..patch };
+            const NO_SOURCE: Option<&mut Located<Floors>> = None;
+            let streams = baker
+                .bake_coarser(&coarse, std::iter::once(&fine), NO_SOURCE, exponent)
+                .expect("it has an image")
+                .streams;
+            let map = Map::decode(&streams[0], &positions, &TRIANGLES, MAX_TEXELS).expect("sound");
+            let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+            for (triangle, corners) in TRIANGLES.iter().enumerate() {
+                let [a, b, c] = corners.map(point);
+                let wanted = f64::from(srgb_byte(light(triangle)));
+                for weights in (1..20).flat_map(|i| (1..20 - i).map(move |j| [i, j].map(|x| f64::from(x) / 20.0))) {
+                    let point = a + (b - a) * weights[0] + (c - a) * weights[1];
+                    let shown = image.interpolated(map.piece(triangle).unbounded(point.to_array()))[0];
+                    assert!((shown - wanted).abs() < 3.0, "{shown} {wanted} {exponent}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn blocks_of_a_run_have_each_point_once_and_lie_around_them() {
+        let positions = [[0, 0, 0], [80, 0, 40], [0, 80, 10]];
+        let patch = BakedPatch {
+            positions: &positions,
+            triangles: &[[0, 1, 2]],
+            reach: 1.0,
+            areas: None,
+            finer: 0,
+            is_sharp: false,
+        };
+        let point = |k: usize| DVec3::from(positions[k].map(|x| x as f64));
+        let mut source = Located::new(Floors(vec![[point(0), point(1), point(2)]]));
+        let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
+        let surfels = Baker::new(&storage).bake(&patch, &mut source, 2).expect("it has an image").surfels;
+        assert!(surfels.runs.len() > 4, "{}", surfels.runs.len());
+        for fineness in [1, 2] {
+            let mut found = vec![0; surfels.count()];
+            for run in &surfels.runs {
+                let points = Lattice::new(&surfels, run, DVec3::ZERO, fineness);
+                let mut open = vec![points.whole()];
+                while let Some(block) = open.pop() {
+                    let mut places = vec![];
+                    points.for_each(&block, |number, at| places.push((number, points.place(at))));
+                    assert!(places.len() <= points.count_in(&block));
+                    if places.is_empty() {
+                        continue;
+                    }
+                    let around = points.around(&block);
+                    let middle = around.iter().sum::<DVec3>() / 8.0;
+                    let radius = around.iter().map(|corner| corner.distance(middle)).fold(0.0, f64::max);
+                    assert!(places.iter().all(|(_, place)| place.distance(middle) <= radius + 1e-3));
+                    match points.count_in(&block) {
+                        1..=4 => places.iter().for_each(|&(number, _)| found[number] += 1),
+                        _ => open.extend(points.halves(block)),
+                    }
+                }
+            }
+            assert!(found.iter().all(|&times| times == fineness * fineness), "{fineness} {found:?}");
+        }
+    }
+}
