@@ -23,6 +23,8 @@ use crate::stage::chart::ChartMesh;
 
 /// How many of the first cuts are collapsed again, those first that show most,
 const WAYS: usize = 3;
+/// unless they are so many times as bad as the best;
+const WORSE: f64 = 1.4;
 /// how often at most,
 const MOST_ROUNDS: usize = 12;
 /// and how often in a row if none of them becomes better.
@@ -31,6 +33,8 @@ const PATIENCE: usize = 4;
 const WORST: f64 = 0.3;
 /// Factors on the quadrics of vertices around these. Of what comes of them each round goes on with the best.
 const STEPS: [f32; 2] = [30.0, 5.0];
+/// So many of the best of all are moved nearer, which takes as long as to collapse and to compare them.
+const MOVED: usize = 4;
 /// Of a cut with more triangles one way is collapsed again, with one factor, and nothing is moved nearer, which takes long.
 const LARGE: usize = 20_000;
 
@@ -99,25 +103,16 @@ impl<'a> Recollapse<'a> {
     }
 
     /// The best of some reduced cuts, the first of which are best already, of those that are made in the same ways with other weights, and of
-    /// all these moved nearer. `compare` says what colours are seen on a cut.
-    pub fn best(
-        &self,
-        mut firsts: Vec<Compared>,
-        compare: &(impl Fn(Finished) -> Compared + Sync),
-    ) -> Option<Finished> {
+    /// the best of these moved nearer. `compare` says what colours are seen on a cut.
+    pub fn best(&self, firsts: Vec<Compared>, compare: &(impl Fn(Finished) -> Compared + Sync)) -> Option<Finished> {
         let (ways, steps) = if self.is_large() { (1, &STEPS[..1]) } else { (WAYS, &STEPS[..]) };
-        firsts.truncate(ways);
-        let begin = |first: Compared| (self.made_by(&first.way), self.or_nearer(first, compare));
-        let firsts: Vec<(Option<Made>, Compared)> = firsts.into_par_iter().map(begin).collect();
-        let mut best: Option<Compared> = None;
         let mut last: Vec<(Made, Vec<DVec3>)> = vec![];
-        for (made, first) in firsts {
-            last.extend(made.map(|made| (made, first.seen.worst(WORST))));
-            if best.as_ref().is_none_or(|best| first.value < best.value) {
-                best = Some(first);
-            }
+        let most = firsts.first().map_or(0.0, |first| WORSE * first.value);
+        for first in firsts.iter().take(ways).take_while(|first| first.value <= most) {
+            last.extend(self.made_by(&first.way).map(|made| (made, first.seen.worst(WORST))));
         }
-        let mut best = best?;
+        let mut best = firsts;
+        best.truncate(MOVED);
         let mut failed = 0;
         for _ in 0..MOST_ROUNDS {
             let tried: Vec<(usize, f32)> =
@@ -125,22 +120,25 @@ impl<'a> Recollapse<'a> {
             let again = |&(number, step): &(usize, f32)| self.again(&last[number], step, compare);
             let mut all: Vec<(Made, Compared)> = tried.par_iter().filter_map(again).collect();
             all.sort_by(|(_, one), (_, other)| one.value.total_cmp(&other.value));
+            let has_gained = all.first().is_some_and(|(_, first)| best.iter().all(|best| first.value < best.value));
+            failed = if has_gained { 0 } else { failed + 1 };
             // Of each way the best is gone on with.
             last.clear();
-            failed += 1;
             for (made, compared) in all {
                 if last.iter().all(|(other, _)| !other.is_way(&made)) {
                     last.push((made, compared.seen.worst(WORST)));
                 }
-                if compared.value < best.value {
-                    (best, failed) = (compared, 0);
-                }
+                best.push(compared);
             }
+            best.sort_by(|one, other| one.value.total_cmp(&other.value));
+            best.dedup_by(|one, other| one.way == other.way);
+            best.truncate(MOVED);
             if failed == PATIENCE || last.is_empty() {
                 break;
             }
         }
-        Some(best.way)
+        let moved: Vec<Compared> = best.into_par_iter().map(|one| self.or_nearer(one, compare)).collect();
+        moved.into_iter().min_by(|one, other| one.value.total_cmp(&other.value)).map(|best| best.way)
     }
 
     /// What is made in the same way with more weight around points.
@@ -153,17 +151,20 @@ impl<'a> Recollapse<'a> {
         let mut made = made.clone();
         self.raise(&mut made.weights, worst, step);
         let (mesh, areas) = self.collapsed(&made)?;
-        let compared = self.or_nearer(compare(self.finished(mesh, areas)), compare);
-        Some((made, compared))
+        Some((made, compare(self.finished(mesh, areas))))
     }
 
     /// How a cut was made, if edge collapse makes it with the same weight everywhere.
     fn made_by(&self, way: &Finished) -> Option<Made> {
         let all_stops = differing_stops(&ALL_STOPS, self.chart.triangles.len(), self.triangles);
         let weights = vec![1.0; self.chart.positions.len()];
-        let (mesh, has_lines) = (self.local(way), !way.areas.is_empty());
-        let made = |stops| Made { stops, has_lines, weights: weights.clone() };
-        all_stops.into_iter().map(made).find(|made| self.collapsed(made).is_some_and(|(other, _)| other == mesh))
+        let made = |stops| Made { stops, has_lines: !way.areas.is_empty(), weights: weights.clone() };
+        let is_way = |made: &Made| {
+            let Some((mesh, areas)) = self.collapsed(made) else { return false };
+            let Finished { positions, triangles, .. } = self.finished(mesh, areas);
+            positions == way.positions && triangles == way.triangles
+        };
+        all_stops.into_iter().map(made).find(is_way)
     }
 
     fn collapsed(&self, Made { stops, has_lines, weights }: &Made) -> Option<(Mesh, Vec<u32>)> {

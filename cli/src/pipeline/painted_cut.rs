@@ -124,7 +124,7 @@ impl<'a> CutPainter<'a> {
         let least = ways.iter().map(|way| way.error).fold(f64::INFINITY, f64::min);
         ways.retain(|way| way.error <= FARTHER * least);
         let Some(colour) = self.colour() else { return ways.into_iter().next() };
-        let texel = texel_size(self.exponent) * self.lattice.step();
+        let texel = texel_size(self.shown_exponent()) * self.lattice.step();
         let sampled = sampled(self.cut, colour, DVec3::from(self.lattice.origin), texel);
         let compare = |way| self.compared(&sampled, way);
         let mut all: Vec<Compared> = ways.into_par_iter().map(compare).collect();
