@@ -33,6 +33,10 @@ const PATIENCE: usize = 4;
 const WORST: f64 = 0.3;
 /// Factors on the quadrics of vertices around these. Of what comes of them each round goes on with the best.
 const STEPS: [f32; 2] = [30.0, 5.0];
+/// The best of all is collapsed again beside these in each round, with this factor around points that have one of these shares of the squared
+/// difference, another one each time that it has not become better.
+const STEP_AT_TOP: f32 = 5.0;
+const SHARES_AT_TOP: [f64; 4] = [0.15, 0.08, 0.04, 0.5];
 /// So many of the best of all are moved nearer, which takes as long as to collapse and to compare them.
 const MOVED: usize = 4;
 /// Of a cut with more triangles one way is collapsed again, with one factor, and nothing is moved nearer, which takes long.
@@ -43,6 +47,20 @@ pub(super) struct Compared {
     pub way: Finished,
     pub seen: Seen,
     pub value: f64,
+}
+
+/// What another round goes on with.
+#[derive(Clone)]
+struct Last {
+    made: Made,
+    seen: Seen,
+    value: f64,
+}
+
+impl Last {
+    fn new(made: Made, compared: &Compared) -> Self {
+        Self { made, seen: compared.seen.clone(), value: compared.value }
+    }
 }
 
 /// A cut that is collapsed again and again.
@@ -106,27 +124,43 @@ impl<'a> Recollapse<'a> {
     /// the best of these moved nearer. `compare` says what colours are seen on a cut.
     pub fn best(&self, firsts: Vec<Compared>, compare: &(impl Fn(Finished) -> Compared + Sync)) -> Option<Finished> {
         let (ways, steps) = if self.is_large() { (1, &STEPS[..1]) } else { (WAYS, &STEPS[..]) };
-        let mut last: Vec<(Made, Vec<DVec3>)> = vec![];
         let most = firsts.first().map_or(0.0, |first| WORSE * first.value);
+        let mut last: Vec<Last> = vec![];
         for first in firsts.iter().take(ways).take_while(|first| first.value <= most) {
-            last.extend(self.made_by(&first.way).map(|made| (made, first.seen.worst(WORST))));
+            last.extend(self.made_by(&first.way).map(|made| Last::new(made, first)));
         }
         let mut best = firsts;
         best.truncate(MOVED);
-        let mut failed = 0;
+        let mut top = last.first().filter(|_| !self.is_large()).cloned();
+        let (mut failed, mut failed_at_top) = (0, 0);
         for _ in 0..MOST_ROUNDS {
-            let tried: Vec<(usize, f32)> =
-                (0..last.len()).flat_map(|number| steps.iter().map(move |&step| (number, step))).collect();
-            let again = |&(number, step): &(usize, f32)| self.again(&last[number], step, compare);
-            let mut all: Vec<(Made, Compared)> = tried.par_iter().filter_map(again).collect();
-            all.sort_by(|(_, one), (_, other)| one.value.total_cmp(&other.value));
-            let has_gained = all.first().is_some_and(|(_, first)| best.iter().all(|best| first.value < best.value));
+            let mut tried: Vec<(&Last, f32, f64)> =
+                last.iter().flat_map(|last| steps.iter().map(move |&step| (last, step, WORST))).collect();
+            let of_last = tried.len();
+            let share = SHARES_AT_TOP[failed_at_top % SHARES_AT_TOP.len()];
+            tried.extend(top.iter().map(|top| (top, STEP_AT_TOP, share)));
+            let again = |&(last, step, share): &(&Last, f32, f64)| self.again(last, step, share, compare);
+            let made: Vec<Option<(Last, Compared)>> = tried.par_iter().map(again).collect();
+            let mut all: Vec<(Last, Compared, bool)> = vec![];
+            for (number, made) in made.into_iter().enumerate() {
+                all.extend(made.map(|(made, compared)| (made, compared, number < of_last)));
+            }
+            all.sort_by(|(_, one, _), (_, other, _)| one.value.total_cmp(&other.value));
+            let least = best.first().map_or(f64::INFINITY, |best| best.value);
+            let has_gained = all.first().is_some_and(|(_, first, _)| first.value < least);
             failed = if has_gained { 0 } else { failed + 1 };
+            if let Some((made, ..)) =
+                all.first().filter(|(made, ..)| top.as_ref().is_some_and(|top| made.value < top.value))
+            {
+                (top, failed_at_top) = (Some(made.clone()), 0);
+            } else {
+                failed_at_top += 1;
+            }
             // Of each way the best is gone on with.
             last.clear();
-            for (made, compared) in all {
-                if last.iter().all(|(other, _)| !other.is_way(&made)) {
-                    last.push((made, compared.seen.worst(WORST)));
+            for (made, compared, is_of_last) in all {
+                if is_of_last && last.iter().all(|other| !other.made.is_way(&made.made)) {
+                    last.push(made);
                 }
                 best.push(compared);
             }
@@ -141,17 +175,19 @@ impl<'a> Recollapse<'a> {
         moved.into_iter().min_by(|one, other| one.value.total_cmp(&other.value)).map(|best| best.way)
     }
 
-    /// What is made in the same way with more weight around points.
+    /// What is made in the same way with more weight around the points that have a share of all squares.
     fn again(
         &self,
-        (made, worst): &(Made, Vec<DVec3>),
+        last: &Last,
         step: f32,
+        share: f64,
         compare: &impl Fn(Finished) -> Compared,
-    ) -> Option<(Made, Compared)> {
-        let mut made = made.clone();
-        self.raise(&mut made.weights, worst, step);
+    ) -> Option<(Last, Compared)> {
+        let mut made = last.made.clone();
+        self.raise(&mut made.weights, &last.seen.worst(share), step);
         let (mesh, areas) = self.collapsed(&made)?;
-        Some((made, compare(self.finished(mesh, areas))))
+        let compared = compare(self.finished(mesh, areas));
+        Some((Last::new(made, &compared), compared))
     }
 
     /// How a cut was made, if edge collapse makes it with the same weight everywhere.

@@ -24,7 +24,7 @@ pub struct Sampled {
 }
 
 /// How far off the colours are that are seen.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Seen {
     /// The sum of squares of all points, by area.
     pub sum: f64,
