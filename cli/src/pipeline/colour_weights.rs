@@ -8,35 +8,89 @@ use std::collections::BTreeSet;
 
 use glam::DVec3;
 use lodpack::Lattice;
+use rayon::prelude::*;
 
 use super::coarse::{CoarseSurface, collapsed_in_areas};
 use super::far_weights::raise;
 use super::finish::{Finished, local_surface};
+use super::moved_nearer::{Whole, moved_nearer};
 use super::reduce::{ALL_STOPS, Reduced, Topology, areas_of_chart, differing_stops};
-use super::shown_colours::Difference;
 use crate::mesh::Mesh;
 use crate::stage::areas::{Areas, Jumps};
+use crate::stage::bake::Seen;
 use crate::stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
 use crate::stage::chart::ChartMesh;
 
-/// How often a cut is collapsed again at most,
+/// How many of the first cuts are collapsed again, those first that show most,
+const WAYS: usize = 3;
+/// unless they are so many times as bad as the best;
+const WORSE: f64 = 1.4;
+/// how often at most,
 const MOST_ROUNDS: usize = 12;
-/// and how often in a row if it does not become better.
+/// and how often in a row if none of them becomes better.
 const PATIENCE: usize = 4;
 /// The share of the squared difference of colours that the worst points have together.
 const WORST: f64 = 0.3;
-/// Factor on the quadrics of vertices around these, with every round.
-const STEP: f32 = 30.0;
+/// Factors on the quadrics of vertices around these. Of what comes of them each round goes on with the best.
+const STEPS: [f32; 2] = [30.0, 5.0];
+/// The best of all is collapsed again beside these in each round, with this factor around points that have one of these shares of the squared
+/// difference, another one each time that it has not become better.
+const STEP_AT_TOP: f32 = 5.0;
+const SHARES_AT_TOP: [f64; 4] = [0.15, 0.08, 0.04, 0.5];
+/// So many of the best of all are moved nearer, which takes as long as to collapse and to compare them.
+const MOVED: usize = 4;
+/// Of a cut with more triangles one way is collapsed again, with one factor, and nothing is moved nearer, which takes long.
+const LARGE: usize = 20_000;
+
+/// A reduced cut, what colours are seen on it, and how bad that is.
+pub(super) struct Compared {
+    pub way: Finished,
+    pub seen: Seen,
+    pub value: f64,
+}
+
+/// What another round goes on with.
+#[derive(Clone)]
+struct Last {
+    made: Made,
+    seen: Seen,
+    value: f64,
+}
+
+impl Last {
+    fn new(made: Made, compared: &Compared) -> Self {
+        Self { made, seen: compared.seen.clone(), value: compared.value }
+    }
+}
 
 /// A cut that is collapsed again and again.
 pub(super) struct Recollapse<'a> {
     surface: CoarseSurface,
     chart: ChartMesh,
+    /// The triangles of the chart.
+    whole: Mesh,
     of_chart: TriangleBvh,
     /// The areas of the chart's triangles, if colours jump between some.
     areas: Option<(Vec<u32>, &'a Jumps)>,
     triangles: usize,
     lattice: &'a Lattice,
+}
+
+/// How a reduced cut is made.
+#[derive(Clone)]
+struct Made {
+    /// As [`SimplifyOptions::stops`](crate::stage::simplify::SimplifyOptions::stops).
+    stops: Vec<f64>,
+    has_lines: bool,
+    /// Of each vertex of the chart.
+    weights: Vec<f32>,
+}
+
+impl Made {
+    /// Whether another cut is made in the same way, but for weights.
+    fn is_way(&self, other: &Self) -> bool {
+        self.stops == other.stops && self.has_lines == other.has_lines
+    }
 }
 
 impl<'a> Recollapse<'a> {
@@ -53,72 +107,147 @@ impl<'a> Recollapse<'a> {
         let mut chart = surface.chart()?;
         chart.free_border();
         let whole = Mesh { positions: surface.positions.clone(), triangles: surface.triangles.clone() };
+        let areas = areas.map(|areas| (areas_of_chart(&whole, areas, &chart), areas.jumps));
+        let whole = Mesh { positions: chart.positions.clone(), triangles: chart.triangles.clone() };
         Some(Self {
-            areas: areas.map(|areas| (areas_of_chart(&whole, areas, &chart), areas.jumps)),
-            of_chart: TriangleBvh::new(&chart.positions, &chart.triangles),
+            of_chart: TriangleBvh::new(&whole.positions, &whole.triangles),
             triangles: most_triangles,
+            areas,
+            whole,
             surface,
             chart,
             lattice,
         })
     }
 
-    /// A reduced cut, or a better one that is made in the same way with other weights. `difference` says how far off colours are, and `value` how bad that is.
-    pub fn better(
-        &self,
-        first: Finished,
-        difference: impl Fn(&Finished) -> Option<Difference>,
-        value: impl Fn(&Difference, &Finished) -> f64,
-    ) -> Finished {
-        let has_lines = !first.areas.is_empty();
-        let mut weights = vec![1.0; self.chart.positions.len()];
-        let all_stops = differing_stops(&ALL_STOPS, self.chart.triangles.len(), self.triangles);
-        let is_first = |way: Finished| way.positions == first.positions && way.triangles == first.triangles;
-        let is_way = |stops: &Vec<f64>| self.collapsed(stops, has_lines, &weights).is_some_and(is_first);
-        let Some(stops) = all_stops.into_iter().find(is_way) else { return first };
-        let Some(mut last) = difference(&first) else { return first };
-        let (mut least, mut best, mut failed) = (value(&last, &first), first, 0);
+    /// The best of some reduced cuts, the first of which are best already, of those that are made in the same ways with other weights, and of
+    /// the best of these moved nearer. `compare` says what colours are seen on a cut.
+    pub fn best(&self, firsts: Vec<Compared>, compare: &(impl Fn(Finished) -> Compared + Sync)) -> Option<Finished> {
+        let (ways, steps) = if self.is_large() { (1, &STEPS[..1]) } else { (WAYS, &STEPS[..]) };
+        let most = firsts.first().map_or(0.0, |first| WORSE * first.value);
+        let mut last: Vec<Last> = vec![];
+        for first in firsts.iter().take(ways).take_while(|first| first.value <= most) {
+            last.extend(self.made_by(&first.way).map(|made| Last::new(made, first)));
+        }
+        let mut best = firsts;
+        best.truncate(MOVED);
+        let mut top = last.first().filter(|_| !self.is_large()).cloned();
+        let (mut failed, mut failed_at_top) = (0, 0);
         for _ in 0..MOST_ROUNDS {
-            self.raise(&mut weights, &last.worst(WORST));
-            let Some(way) = self.collapsed(&stops, has_lines, &weights) else { break };
-            let Some(of_way) = difference(&way) else { break };
-            let now = value(&of_way, &way);
-            last = of_way;
-            if now < least {
-                (least, best, failed) = (now, way, 0);
-            } else {
-                failed += 1;
+            let mut tried: Vec<(&Last, f32, f64)> =
+                last.iter().flat_map(|last| steps.iter().map(move |&step| (last, step, WORST))).collect();
+            let of_last = tried.len();
+            let share = SHARES_AT_TOP[failed_at_top % SHARES_AT_TOP.len()];
+            tried.extend(top.iter().map(|top| (top, STEP_AT_TOP, share)));
+            let again = |&(last, step, share): &(&Last, f32, f64)| self.again(last, step, share, compare);
+            let made: Vec<Option<(Last, Compared)>> = tried.par_iter().map(again).collect();
+            let mut all: Vec<(Last, Compared, bool)> = vec![];
+            for (number, made) in made.into_iter().enumerate() {
+                all.extend(made.map(|(made, compared)| (made, compared, number < of_last)));
             }
-            if failed == PATIENCE {
+            all.sort_by(|(_, one, _), (_, other, _)| one.value.total_cmp(&other.value));
+            let least = best.first().map_or(f64::INFINITY, |best| best.value);
+            let has_gained = all.first().is_some_and(|(_, first, _)| first.value < least);
+            failed = if has_gained { 0 } else { failed + 1 };
+            if let Some((made, ..)) =
+                all.first().filter(|(made, ..)| top.as_ref().is_some_and(|top| made.value < top.value))
+            {
+                (top, failed_at_top) = (Some(made.clone()), 0);
+            } else {
+                failed_at_top += 1;
+            }
+            // Of each way the best is gone on with.
+            last.clear();
+            for (made, compared, is_of_last) in all {
+                if is_of_last && last.iter().all(|other| !other.made.is_way(&made.made)) {
+                    last.push(made);
+                }
+                best.push(compared);
+            }
+            best.sort_by(|one, other| one.value.total_cmp(&other.value));
+            best.dedup_by(|one, other| one.way == other.way);
+            best.truncate(MOVED);
+            if failed == PATIENCE || last.is_empty() {
                 break;
             }
         }
-        best
+        let moved: Vec<Compared> = best.into_par_iter().map(|one| self.or_nearer(one, compare)).collect();
+        moved.into_iter().min_by(|one, other| one.value.total_cmp(&other.value)).map(|best| best.way)
     }
 
-    fn collapsed(&self, stops: &[f64], has_lines: bool, weights: &[f32]) -> Option<Finished> {
-        let areas = self.areas.as_ref().filter(|_| has_lines);
+    /// What is made in the same way with more weight around the points that have a share of all squares.
+    fn again(
+        &self,
+        last: &Last,
+        step: f32,
+        share: f64,
+        compare: &impl Fn(Finished) -> Compared,
+    ) -> Option<(Last, Compared)> {
+        let mut made = last.made.clone();
+        self.raise(&mut made.weights, &last.seen.worst(share), step);
+        let (mesh, areas) = self.collapsed(&made)?;
+        let compared = compare(self.finished(mesh, areas));
+        Some((Last::new(made, &compared), compared))
+    }
+
+    /// How a cut was made, if edge collapse makes it with the same weight everywhere.
+    fn made_by(&self, way: &Finished) -> Option<Made> {
+        let all_stops = differing_stops(&ALL_STOPS, self.chart.triangles.len(), self.triangles);
+        let weights = vec![1.0; self.chart.positions.len()];
+        let made = |stops| Made { stops, has_lines: !way.areas.is_empty(), weights: weights.clone() };
+        let is_way = |made: &Made| {
+            let Some((mesh, areas)) = self.collapsed(made) else { return false };
+            let Finished { positions, triangles, .. } = self.finished(mesh, areas);
+            positions == way.positions && triangles == way.triangles
+        };
+        all_stops.into_iter().map(made).find(is_way)
+    }
+
+    fn collapsed(&self, Made { stops, has_lines, weights }: &Made) -> Option<(Mesh, Vec<u32>)> {
+        let areas = self.areas.as_ref().filter(|_| *has_lines);
         let areas = areas.and_then(|(of_triangles, jumps)| Areas::of(of_triangles, Some(jumps)));
-        let (mesh, areas) = collapsed_in_areas(&self.chart, areas, self.triangles, stops, Some(weights))?;
-        let Mesh { positions, triangles } = mesh;
-        if triangles.is_empty() || triangles.len() > self.triangles {
-            return None;
+        let collapsed = collapsed_in_areas(&self.chart, areas, self.triangles, stops, Some(weights))?;
+        Some(collapsed).filter(|(mesh, _)| !mesh.triangles.is_empty() && mesh.triangles.len() <= self.triangles)
+    }
+
+    /// A cut, or the same moved nearer if that is better.
+    fn or_nearer(&self, first: Compared, compare: &impl Fn(Finished) -> Compared) -> Compared {
+        if self.is_large() {
+            return first;
         }
+        let moved = moved_nearer(&self.local(&first.way), Whole { mesh: &self.whole, bvh: &self.of_chart });
+        let nearer =
+            compare(Finished { topology: first.way.topology, ..self.finished(moved, first.way.areas.clone()) });
+        if nearer.value < first.value { nearer } else { first }
+    }
+
+    fn is_large(&self) -> bool {
+        self.chart.triangles.len() > LARGE
+    }
+
+    fn finished(&self, Mesh { positions, triangles }: Mesh, areas: Vec<u32>) -> Finished {
         let drawn = TriangleBvh::new(&positions, &triangles);
         let error = self.surface.error_at(two_sided(&self.of_chart, &drawn, &CertifyOptions::default()).upper);
         let surface = CoarseSurface { positions, triangles, error };
-        Some(Finished::new(Reduced { surface, topology: Topology::Kept, areas }, self.lattice))
+        Finished::new(Reduced { surface, topology: Topology::Kept, areas }, self.lattice)
     }
 
-    /// Raises the weights around points, which are world coordinates.
-    fn raise(&self, weights: &mut [f32], points: &[DVec3]) {
-        let (origin, mut hint) = (DVec3::from_array(self.lattice.origin), Hint::default());
+    /// A cut relative to the lattice's origin.
+    fn local(&self, way: &Finished) -> Mesh {
+        let origin = DVec3::from_array(self.lattice.origin);
+        let positions = way.positions.iter().map(|&p| DVec3::from_array(p) - origin).collect();
+        Mesh { positions, triangles: way.triangles.clone() }
+    }
+
+    /// Raises the weights around points, which are relative to the lattice's origin.
+    fn raise(&self, weights: &mut [f32], points: &[DVec3], step: f32) {
+        let mut hint = Hint::default();
         let mut corners = |point: &DVec3| {
-            let closest = self.of_chart.closest(point - origin, &mut hint);
+            let closest = self.of_chart.closest(*point, &mut hint);
             self.chart.triangles[closest.triangle as usize]
         };
         let vertices: BTreeSet<u32> = points.iter().flat_map(&mut corners).collect();
-        raise(weights, &vertices, STEP);
+        raise(weights, &vertices, step);
     }
 }
 
@@ -143,22 +272,47 @@ mod tests {
         let Mesh { positions, triangles } = hills(&lattice);
         let positions: Vec<[f64; 3]> = positions.iter().map(|point| point.to_array()).collect();
         let recollapse = Recollapse::new(&positions, &triangles, 0.0, None, &lattice, 300).expect("a manifold");
-        let uniform = vec![1.0; positions.len()];
         let stops = differing_stops(&ALL_STOPS, triangles.len(), 300);
-        let first = recollapse.collapsed(&stops[0], false, &uniform).expect("possible");
+        let made = Made { stops: stops[0].clone(), has_lines: false, weights: vec![1.0; positions.len()] };
+        let (mesh, areas) = recollapse.collapsed(&made).expect("possible");
+        let first = recollapse.finished(mesh, areas);
         let place = DVec3::new(8.0, 8.0, 0.5);
         let around = |way: &Finished| {
             let is_near = |point: &&[f64; 3]| DVec3::from(**point).distance(place) < 5.0;
             way.positions.iter().filter(is_near).count()
         };
-        let off = |way: &Finished| 1000.0 - around(way) as f64;
-        let difference = |way: &Finished| Some(Difference::of(vec![(place, off(way)), (DVec3::splat(20.0), 1.0)]));
-        let better = recollapse.better(first.clone(), difference, |difference, _| difference.mean());
-        assert!(around(&better) > around(&first), "{} and {}", around(&better), around(&first));
-        assert!(better.triangles.len() <= 300);
-        // What was made otherwise stays.
+        let worst = place - DVec3::from(lattice.origin);
+        let compare = |way: Finished| {
+            let value = 1000.0 - around(&way) as f64;
+            Compared { seen: Seen { sum: value, area: 1.0, far: vec![(worst, value)] }, value, way }
+        };
+        let best = recollapse.best(vec![compare(first.clone())], &compare).expect("one at least");
+        assert!(around(&best) > around(&first), "{} and {}", around(&best), around(&first));
+        assert!(best.triangles.len() <= 300);
+        // What was made otherwise is moved at most.
         let mut other = first;
         other.triangles.pop();
-        assert_eq!(recollapse.better(other.clone(), difference, |difference, _| difference.mean()), other);
+        assert!(recollapse.made_by(&other).is_none());
+        let best = recollapse.best(vec![compare(other.clone())], &compare).expect("one at least");
+        assert_eq!(best.triangles, other.triangles);
+        assert!(recollapse.best(vec![], &compare).is_none());
+    }
+
+    #[test]
+    fn cuts_are_moved_nearer_if_that_is_better() {
+        let lattice = Lattice { origin: [100.0, 0.0, 0.0], step_log2: -10 };
+        let Mesh { positions, triangles } = hills(&lattice);
+        let positions: Vec<[f64; 3]> = positions.iter().map(|point| point.to_array()).collect();
+        let recollapse = Recollapse::new(&positions, &triangles, 0.5, None, &lattice, 200).expect("a manifold");
+        let made = Made { stops: vec![], has_lines: false, weights: vec![1.0; positions.len()] };
+        let (mesh, areas) = recollapse.collapsed(&made).expect("possible");
+        let first = recollapse.finished(mesh, areas);
+        for sign in [1.0, -1.0] {
+            let height = |way: &Finished| way.positions.iter().map(|p| p[2].abs()).sum::<f64>();
+            let compare = |way: Finished| Compared { seen: Seen::default(), value: sign * height(&way), way };
+            let chosen = recollapse.or_nearer(compare(first.clone()), &compare).way;
+            assert!(sign * height(&chosen) <= sign * height(&first));
+            assert!(chosen.error > 0.5 && chosen.triangles == first.triangles);
+        }
     }
 }

@@ -6,29 +6,23 @@
 use glam::DVec3;
 use lodpack::decode::{ChannelImage, Patch, Texture, TexturedMesh};
 use lodpack::index::{ChannelInfo, ChannelKind, TexelBytes};
+use lodpack::write::texel_size;
 use lodpack::{Lattice, Mesh};
 use rayon::prelude::*;
 
-use super::colour_weights::Recollapse;
+use super::colour_weights::{Compared, Recollapse};
 use super::cut_areas::areas_of_cut;
 use super::finish::{Finished, finished_ways};
 use super::reduce::Ways;
-use super::shown_colours::{Difference, difference};
+use super::shown_colours::sampled;
 use super::texels::exponent_of;
 use crate::mesh::NONE;
 use crate::stage::areas::{Areas, ColourAreas};
-use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Purpose, Source, Storage, Stored};
+use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Sampled, Source, Storage, Stored};
 
 /// The step of quantisation of images that are not stored.
 const STEP: u8 = 1;
 
-/// Where several reduced cuts are compared, texels are as large as those that are shown, or so large that the cut has no more than about this many: all
-/// of them with few, then the best with more. With larger ones lines seem to be worth more than they are.
-const COMPARED_TEXELS: [f64; 2] = [32_768.0, 262_144.0];
-/// So many at most are compared again,
-const COMPARED_AGAIN: usize = 2;
-/// and none that is more than this many times as far off as the best.
-const WORSE: f64 = 1.4;
 /// Where colours jump, texels may be finer than those of the cut, as a power of the root of two: lines lie across them.
 const FINER: u32 = 4;
 /// So that there are no more than about this many.
@@ -117,48 +111,37 @@ impl<'a> CutPainter<'a> {
     pub fn finished(&self, error: f64, triangles: usize) -> Option<(Finished, Option<TexturedMesh>)> {
         let Mesh { positions, triangles: whole, .. } = &self.cut.mesh;
         let areas = self.areas.as_ref().map(ColourAreas::all);
-        let best = self.best(finished_ways(positions, whole, error, Ways::Each(areas), self.lattice, triangles))?;
-        let best = self.again(best, error, triangles);
-        let painted = self.painted(&best, self.shown_exponent(), Purpose::Shown);
+        let best = self.best(
+            finished_ways(positions, whole, error, Ways::Each(areas), self.lattice, triangles),
+            Recollapse::new(positions, whole, error, areas, self.lattice, triangles),
+        )?;
+        let painted = self.painted(&best, self.shown_exponent());
         Some((best, painted))
     }
 
-    /// Of reduced cuts the one that shows most of what the cut does.
-    fn best(&self, mut ways: Vec<Finished>) -> Option<Finished> {
+    /// Of reduced cuts, and what they become where they are collapsed again, the one that shows most of what the cut does.
+    fn best(&self, mut ways: Vec<Finished>, recollapse: Option<Recollapse<'_>>) -> Option<Finished> {
         let least = ways.iter().map(|way| way.error).fold(f64::INFINITY, f64::min);
         ways.retain(|way| way.error <= FARTHER * least);
-        if self.colour().is_none() {
-            return ways.into_iter().next();
+        let Some(colour) = self.colour() else { return ways.into_iter().next() };
+        let texel = texel_size(self.shown_exponent()) * self.lattice.step();
+        let sampled = sampled(self.cut, colour, DVec3::from(self.lattice.origin), texel);
+        let compare = |way| self.compared(&sampled, way);
+        let mut all: Vec<Compared> = ways.into_par_iter().map(compare).collect();
+        all.sort_by(|one, other| one.value.total_cmp(&other.value));
+        match recollapse {
+            Some(recollapse) => recollapse.best(all, &compare),
+            None => all.into_iter().next().map(|first| first.way),
         }
-        let mut before = None;
-        for texels in COMPARED_TEXELS {
-            let exponent = self.exponent.max(self.exponent_for(texels));
-            if ways.len() < 2 || before == Some(exponent) {
-                break;
-            }
-            before = Some(exponent);
-            let off = |way: &Finished| {
-                self.difference(way, exponent).map_or(f64::INFINITY, |difference| value(&difference, way))
-            };
-            let off: Vec<f64> = ways.par_iter().map(off).collect();
-            let mut compared: Vec<(Finished, f64)> = ways.into_iter().zip(off).collect();
-            compared.sort_by(|(_, one), (_, other)| one.total_cmp(other));
-            let most = WORSE * compared[0].1;
-            let good = compared.into_iter().take(COMPARED_AGAIN).filter(|(_, off)| *off <= most);
-            ways = good.map(|(way, _)| way).collect();
-        }
-        ways.into_iter().next()
     }
 
-    /// A reduced cut, or what edge collapse makes of the cut with more weight where that shows wrong colours, if it shows more.
-    fn again(&self, best: Finished, error: f64, triangles: usize) -> Finished {
-        let Mesh { positions, triangles: whole, .. } = &self.cut.mesh;
-        let areas = self.areas.as_ref().map(ColourAreas::all);
-        let exponent = self.exponent.max(self.exponent_for(COMPARED_TEXELS[0]));
-        match self.colour().and_then(|_| Recollapse::new(positions, whole, error, areas, self.lattice, triangles)) {
-            Some(recollapse) => recollapse.better(best, |way| self.difference(way, exponent), value),
-            None => best,
-        }
+    /// What is seen on a reduced cut. What is twice as far off must show 1.5 dB more.
+    fn compared(&self, sampled: &Sampled, way: Finished) -> Compared {
+        let origin = DVec3::from(self.lattice.origin);
+        let positions = way.positions.iter().map(|&p| DVec3::from(p) - origin).collect();
+        let seen = sampled.seen(positions, &way.triangles);
+        let value = seen.mean().map_or(f64::INFINITY, |mean| mean * way.error.max(f64::MIN_POSITIVE).sqrt());
+        Compared { way, seen, value }
     }
 
     /// The channel of colours.
@@ -166,16 +149,11 @@ impl<'a> CutPainter<'a> {
         self.channels.iter().position(|channel| channel.kind == ChannelKind::Colour)
     }
 
-    /// How far from those of the cut the colours of a reduced one are with texels of some size.
-    fn difference(&self, way: &Finished, exponent: u32) -> Option<Difference> {
-        difference(self.cut, &self.painted(way, exponent, Purpose::Compared)?, self.colour()?)
-    }
-
     /// A reduced cut with images of the channels. None if nothing can be projected.
-    fn painted(&self, finished: &Finished, exponent: u32, purpose: Purpose) -> Option<TexturedMesh> {
+    fn painted(&self, finished: &Finished, exponent: u32) -> Option<TexturedMesh> {
         let target = self.target(finished);
         let mut source = CutSource::new(self);
-        let baked = Baker::new(&self.storage).bake_closest(&target.patch(), &mut source, exponent, purpose)?;
+        let baked = Baker::new(&self.storage).bake_closest(&target.patch(), &mut source, exponent)?;
         let mut streams = baked.streams.into_iter();
         let bytes = TexelBytes { level: 0, map: streams.next()?, images: streams.collect() };
         let whole = Patch { triangles: finished.triangles.clone(), ..Patch::default() };
@@ -194,11 +172,6 @@ impl<'a> CutPainter<'a> {
             textures: vec![texture],
         })
     }
-}
-
-/// How bad a reduced cut is: what is twice as far off must show 1.5 dB more.
-fn value(difference: &Difference, way: &Finished) -> f64 {
-    difference.mean() * way.error.max(f64::MIN_POSITIVE).sqrt()
 }
 
 /// How these channels are stored. None if one of them is of a kind that nothing is known of.

@@ -7,7 +7,7 @@ use lodpack::write::RootRecord;
 use super::super::chart_work::DrawnBlocks;
 use super::super::texels::{MAX_EXPONENT, exponent_of};
 use super::Node;
-use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Purpose, Source, Storage, Stored};
+use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Source, Storage, Stored};
 
 /// A top whose texels are known.
 pub(super) struct KnownTop {
@@ -83,7 +83,7 @@ pub(super) fn paint_above(
             };
             let steps = (bottom - level as f64).max(0.0) as u32;
             let exponent = (exponent_of(size) + 2 * steps).min(MAX_EXPONENT);
-            let baked = baker.bake_closest(&patch, &mut source, exponent, Purpose::Shown);
+            let baked = baker.bake_closest(&patch, &mut source, exponent);
             block.texels = baked.map_or(vec![], |baked| baked.streams);
         }
     }

@@ -112,6 +112,13 @@ impl Rows {
         })
     }
 
+    /// Numbers and places of all points.
+    pub fn points_of_all(&self) -> impl Iterator<Item = (usize, DVec3)> + '_ {
+        (0..self.rows.len()).flat_map(move |row| {
+            (0..self.rows[row].count as usize).map(move |column| (self.starts[row] + column, self.point(row, column)))
+        })
+    }
+
     fn point(&self, row: usize, column: usize) -> DVec3 {
         self.place(self.up(row), (column as f64 + 0.5) / f64::from(self.rows[row].count))
     }

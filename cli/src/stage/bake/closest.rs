@@ -12,11 +12,11 @@ use super::blocks::{Block, Blocks, Rows};
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, texel_at};
 use super::values::Sums;
-use super::{BakedPatch, Points, Source};
+use super::{BakedPatch, Source};
 use crate::stage::certify::{Around, Closest, Hint, TriangleBvh};
 
 /// Distance between the points of the source that are looked at, in texels.
-const SPACING: f64 = 0.7;
+pub(super) const SPACING: f64 = 0.7;
 /// Triangles of the source that are looked at together: few enough that what is found for them hardly takes memory.
 const CHUNK: usize = 1024;
 /// Blocks of so few points are not divided.
@@ -24,9 +24,9 @@ const FEW: usize = 12;
 /// What is so many texels beyond a plane may be taken to lie in it.
 const SAME_PLANE: f64 = 0.25;
 /// No texel.
-const NOWHERE: u32 = u32::MAX;
+pub(super) const NOWHERE: u32 = u32::MAX;
 /// Beside the number of a texel: its triangle faces the other way.
-const OPPOSITE: u32 = 1 << 31;
+pub(super) const OPPOSITE: u32 = 1 << 31;
 /// What a point counts whose closest triangle faces the other way. Who looks at one side of a sheet does not see the other one, but who asks what is
 /// shown close to a point does; and where that is all that anything lies closest to, a texel shows nearly what is projected.
 pub(super) const SHARE_OF_OPPOSITE: f32 = 0.3;
@@ -39,7 +39,8 @@ pub(super) fn show_closest(
     source: &mut impl Source,
     sums: &mut Sums<'_>,
 ) -> Vec<bool> {
-    let finder = Finder::new(patch, map, drawn);
+    let finder = Finder::on_map(patch, map, drawn);
+    let size = finder.size;
     let mut is_seen = vec![false; drawn.depth.len()];
     // Measured numbers and normals of the other side say nothing here.
     let sides: &[(u32, f32)] =
@@ -50,15 +51,20 @@ pub(super) fn show_closest(
         (0..source.triangle_count()).map(|triangle| source.corners(triangle).map(|corner| corner - origin)).collect();
     let mut values = vec![];
     for (first, some) in (0..).step_by(CHUNK).zip(sources.chunks(CHUNK)) {
-        let found: Vec<Found> = some.par_iter().map(|&corners| finder.find(corners)).collect();
-        for (triangle, Found { rows, texels, area }) in (first..).zip(found) {
+        let find = |&corners: &[DVec3; 3]| {
+            let rows = Rows::new(corners, size * SPACING);
+            let texels = finder.find(corners, &rows);
+            (rows, texels)
+        };
+        let found: Vec<(Rows, Vec<u32>)> = some.par_iter().map(find).collect();
+        for (triangle, (Rows { rows, area, .. }, texels)) in (first..).zip(found) {
             if texels.iter().all(|&texel| texel == NOWHERE) {
                 continue;
             }
             // In texels, as what is projected.
-            let weight = (area / texels.len() as f64 / (finder.size * finder.size)) as f32;
+            let weight = (area / texels.len() as f64 / (size * size)) as f32;
             values.clear();
-            source.shade(triangle, &rows, (finder.size * SPACING) as f32, &mut values);
+            source.shade(triangle, &rows, (size * SPACING) as f32, &mut values);
             for &(side, share) in sides {
                 of_side.clear();
                 values_of_side.clear();
@@ -78,12 +84,32 @@ pub(super) fn show_closest(
     is_seen
 }
 
-/// The points of a triangle of the source, and the texels of the patch that are closest to them.
-struct Found {
-    rows: Vec<Points>,
-    texels: Vec<u32>,
-    /// What all points stand for.
-    area: f64,
+/// Where on images points of a patch are.
+pub(super) trait Places: Sync {
+    /// The place of a point of a triangle, which is linear in it.
+    fn place(&self, triangle: u32, point: DVec3) -> [f64; 2];
+
+    /// The number of what a triangle shows at a place; [`NOWHERE`] if that is nothing.
+    fn number(&self, triangle: u32, place: [f64; 2]) -> u32;
+}
+
+/// The texels of a map.
+pub(super) struct OnMap<'a> {
+    map: &'a Map,
+    drawn: &'a Drawn,
+    projections: Vec<Projection>,
+}
+
+impl Places for OnMap<'_> {
+    fn place(&self, triangle: u32, point: DVec3) -> [f64; 2] {
+        self.projections[usize::from(self.map.labels[triangle as usize])].place(point)
+    }
+
+    fn number(&self, _: u32, place: [f64; 2]) -> u32 {
+        let [column, row] = texel_at(place, self.map.size);
+        let texel = row as usize * self.map.size[0] as usize + column as usize;
+        if self.drawn.is_covered[texel] { texel as u32 } else { NOWHERE }
+    }
 }
 
 /// What is closest to the points of a block.
@@ -95,38 +121,42 @@ pub(super) enum Below {
 }
 
 /// A patch in which closest points are looked for.
-pub(super) struct Finder<'a> {
-    map: &'a Map,
-    drawn: &'a Drawn,
-    projections: Vec<Projection>,
+pub(super) struct Finder<'a, P> {
+    pub places: P,
     bvh: TriangleBvh,
     positions: Vec<DVec3>,
     triangles: &'a [[u32; 3]],
     /// Of each triangle.
     normals: Vec<DVec3>,
-    /// The size of a texel.
+    /// The size of what places count.
     pub size: f64,
 }
 
-impl<'a> Finder<'a> {
-    pub fn new(patch: &BakedPatch<'a>, map: &'a Map, drawn: &'a Drawn) -> Self {
-        let projections = projections(patch, map);
-        let positions: Vec<DVec3> = (0..patch.positions.len() as u32).map(|vertex| patch.position(vertex)).collect();
+impl<'a> Finder<'a, OnMap<'a>> {
+    /// The texels of a map.
+    pub fn on_map(patch: &BakedPatch<'a>, map: &'a Map, drawn: &'a Drawn) -> Self {
+        let positions = (0..patch.positions.len() as u32).map(|vertex| patch.position(vertex)).collect();
+        let places = OnMap { map, drawn, projections: projections(patch, map) };
+        let size = places.projections.first().map_or(1.0, |projection| projection.size);
+        Self::new(positions, patch.triangles, places, size)
+    }
+}
+
+impl<'a, P: Places> Finder<'a, P> {
+    pub fn new(positions: Vec<DVec3>, triangles: &'a [[u32; 3]], places: P, size: f64) -> Self {
         let normal = |corners: &[u32; 3]| doubled_area(corners.map(|corner| positions[corner as usize]));
         Self {
-            normals: patch.triangles.iter().map(normal).collect(),
-            bvh: TriangleBvh::new(&positions, patch.triangles),
-            size: projections.first().map_or(1.0, |projection| projection.size),
-            triangles: patch.triangles,
+            normals: triangles.iter().map(normal).collect(),
+            bvh: TriangleBvh::new(&positions, triangles),
+            triangles,
             positions,
-            projections,
-            map,
-            drawn,
+            places,
+            size,
         }
     }
 
     /// Divides points into blocks until one triangle is closest to all points of a block, or until there are few.
-    pub fn divide<P: Blocks>(&self, points: &P, hint: &mut Hint, mut visit: impl FnMut(&P::Block, Below)) {
+    pub fn divide<B: Blocks>(&self, points: &B, hint: &mut Hint, mut visit: impl FnMut(&B::Block, Below)) {
         let mut open = vec![(points.whole(), None)];
         while let Some((block, known)) = open.pop() {
             let count = points.count_in(&block);
@@ -157,20 +187,20 @@ impl<'a> Finder<'a> {
         }
     }
 
-    fn find(&self, corners: [DVec3; 3]) -> Found {
-        let rows = Rows::new(corners, self.size * SPACING);
+    /// What is closest to each of the points of a triangle, [`OPPOSITE`] if it faces the other way.
+    pub fn find(&self, corners: [DVec3; 3], rows: &Rows) -> Vec<u32> {
         let mut texels = vec![NOWHERE; rows.count()];
         let normal = doubled_area(corners);
         let mut hint = Hint::default();
-        self.divide(&rows, &mut Hint::default(), |block, below| match below {
-            Below::One(triangle) => self.add_block(&rows, block, triangle, normal, &mut texels),
+        self.divide(rows, &mut Hint::default(), |block, below| match below {
+            Below::One(triangle) => self.add_block(rows, block, triangle, normal, &mut texels),
             Below::Any(around) => {
                 for (at, point) in rows.points(block) {
                     texels[at] = self.texel(self.closest(around.as_ref(), point, &mut hint), normal);
                 }
             }
         });
-        Found { rows: rows.rows, texels, area: rows.area }
+        texels
     }
 
     /// Whether a triangle faces the same way as a normal.
@@ -185,19 +215,17 @@ impl<'a> Finder<'a> {
 
     /// The texel of the closest point of a point of a triangle with such a normal.
     fn texel(&self, Closest { point, triangle, .. }: Closest, normal: DVec3) -> u32 {
-        let projection = self.projection(triangle);
-        projection.map_or(NOWHERE, |projection| self.texel_at(projection.place(point), self.side(triangle, normal)))
+        match self.triangles.get(triangle as usize) {
+            Some(_) => self.number(triangle, self.places.place(triangle, point), self.side(triangle, normal)),
+            None => NOWHERE,
+        }
     }
 
-    /// The piece of a triangle; none if there is no such triangle.
-    pub fn projection(&self, triangle: u32) -> Option<&Projection> {
-        Some(&self.projections[usize::from(*self.map.labels.get(triangle as usize)?)])
-    }
-
-    fn texel_at(&self, place: [f64; 2], side: u32) -> u32 {
-        let [column, row] = texel_at(place, self.map.size);
-        let texel = row as usize * self.map.size[0] as usize + column as usize;
-        if self.drawn.is_covered[texel] { texel as u32 | side } else { NOWHERE }
+    fn number(&self, triangle: u32, place: [f64; 2], side: u32) -> u32 {
+        match self.places.number(triangle, place) {
+            NOWHERE => NOWHERE,
+            number => number | side,
+        }
     }
 
     /// Of some triangles the one that is closest to all points within corners, as far as that is easily seen: they lie straight above it or below it, and
@@ -234,8 +262,7 @@ impl<'a> Finder<'a> {
     /// Where the point of a triangle's plane lies that is closest to a point.
     pub fn foot(&self, triangle: u32, point: DVec3) -> [f64; 2] {
         let (normal, corner) = (self.normals[triangle as usize], self.corners(triangle)[0]);
-        let foot = point - normal * (normal.dot(point - corner) / normal.length_squared());
-        self.projections[usize::from(self.map.labels[triangle as usize])].place(foot)
+        self.places.place(triangle, point - normal * (normal.dot(point - corner) / normal.length_squared()))
     }
 
     fn corners(&self, triangle: u32) -> [DVec3; 3] {
@@ -248,7 +275,8 @@ impl<'a> Finder<'a> {
         for (first, points, count) in rows.in_rows(block) {
             let [start, next] = points.map(|point| self.foot(triangle, point));
             for (k, texel) in texels[first..first + count].iter_mut().enumerate() {
-                *texel = self.texel_at([0, 1].map(|axis| start[axis] + k as f64 * (next[axis] - start[axis])), side);
+                let place = [0, 1].map(|axis| start[axis] + k as f64 * (next[axis] - start[axis]));
+                *texel = self.number(triangle, place, side);
             }
         }
     }

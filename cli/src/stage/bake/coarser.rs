@@ -10,13 +10,14 @@ use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
 use super::blocks::Blocks;
-use super::closest::{Below, Finder, SHARE_OF_OPPOSITE};
+use super::closest::{Below, Finder, OnMap, Places, SHARE_OF_OPPOSITE};
 use super::fill::finished;
 use super::lanes::LANES;
 use super::raster::{Drawn, texel_at};
 use super::strangers::Strangers;
 use super::surfels::{Run, Surfels};
 use super::values::{Kept, Sums};
+use crate::mesh::NONE;
 use crate::stage::certify::Hint;
 
 /// Points stand for squares. Those that are larger than this share of a texel are taken for four, so that no texel between them is left out.
@@ -30,7 +31,7 @@ pub(super) fn gather_surfels<'a>(
     surfels: impl Iterator<Item = &'a Surfels>,
     sums: Sums<'_>,
 ) -> Kept {
-    let finder = Finder::new(patch, map, drawn);
+    let finder = Finder::on_map(patch, map, drawn);
     let mut gathering = Gathering {
         strangers: Strangers::new(patch, map, &[]),
         // Measured numbers and normals of the other side say nothing here.
@@ -55,7 +56,7 @@ pub(super) fn gather_surfels<'a>(
 
 /// What texels are made of.
 struct Gathering<'a> {
-    finder: &'a Finder<'a>,
+    finder: &'a Finder<'a, OnMap<'a>>,
     map: &'a Map,
     drawn: &'a Drawn,
     strangers: Strangers,
@@ -86,8 +87,9 @@ impl Gathering<'_> {
             }
             Below::Any(around) => points.for_each(block, |number, at| {
                 let closest = self.finder.closest(around.as_ref(), points.place(at), &mut self.hint);
-                if let Some(projection) = self.finder.projection(closest.triangle) {
-                    self.add_point(points, number, closest.triangle, projection.place(closest.point));
+                if closest.triangle != NONE {
+                    let place = self.finder.places.place(closest.triangle, closest.point);
+                    self.add_point(points, number, closest.triangle, place);
                 }
             }),
         }

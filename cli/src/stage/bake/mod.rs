@@ -7,6 +7,7 @@
 
 mod blocks;
 mod borders;
+mod cells;
 mod closest;
 mod coarser;
 mod fill;
@@ -33,6 +34,7 @@ use crate::mesh::NONE;
 use crate::stage::areas::Areas;
 use borders::Borders;
 pub use borders::Located;
+pub use cells::{Sampled, Seen};
 use closest::show_closest;
 use coarser::gather_surfels;
 use fill::finished;
@@ -137,15 +139,6 @@ impl Points {
     }
 }
 
-/// What the images of a reduced cut are for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
-    /// To compare the cut with others.
-    Compared,
-    /// To be seen: both sides of borders are made to show the same.
-    Shown,
-}
-
 /// What a block stores of its images.
 #[derive(Clone, Debug, Default)]
 pub struct Baked {
@@ -193,22 +186,13 @@ impl<'s> Baker<'s> {
     }
 
     /// As [`Baker::bake`], of a patch that may be far from a source which has nothing but what it shows: texels show what lies closest to them.
-    pub fn bake_closest(
-        &mut self,
-        patch: &BakedPatch<'_>,
-        source: &mut impl Source,
-        exponent: u32,
-        purpose: Purpose,
-    ) -> Option<Baked> {
+    pub fn bake_closest(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
         let mapped = self.mapped(patch, exponent)?;
         let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         let taken = show_closest(patch, &mapped.map, &self.drawn, source, &mut sums);
         let sums = gather(patch, &mapped.map, (&self.drawn, &taken), source, sums);
         self.kept = finished(sums, patch, &mapped.map, &self.drawn);
-        let streams = self.streams(patch, mapped, |_, shown| match purpose {
-            Purpose::Compared => Wanted::default(),
-            Purpose::Shown => shown.means(patch),
-        });
+        let streams = self.streams(patch, mapped, |_, shown| shown.means(patch));
         // Nobody makes coarser ones of them.
         Some(Baked { streams, surfels: Surfels::default() })
     }
