@@ -174,7 +174,8 @@ pub(crate) fn build_region(
     // Errors never grow from a group to its members.
 
     if has_channels {
-        let painted = PaintedRegion { charted: &charted, attributes, appearance: &plan.appearance, studio };
+        let painted =
+            PaintedRegion { charted: &charted, arcs: &arcs, attributes, appearance: &plan.appearance, studio };
         times.texels += painted.paint(&mut forest.records, &forest.drawn, plan.colour_step);
         studio.shader.check()?;
     }

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use super::ChartedMesh;
 use super::chart_work::{DrawnBlocks, DrawnPatch};
+use super::shared_arcs::SharedArcs;
 use super::texels::{DENSITY, InputSource, MAX_EXPONENT, TrianglesAround, exponent_of, storage};
 use crate::machine::{return_large_blocks, thread_cpu_time};
 use crate::mesh::NONE;
@@ -31,6 +32,7 @@ const FEW_TEXELS: f64 = 100.0;
 /// A region whose blocks get texels.
 pub(super) struct PaintedRegion<'a> {
     pub charted: &'a ChartedMesh<'a>,
+    pub arcs: &'a SharedArcs,
     pub attributes: &'a RegionAttributes,
     pub appearance: &'a Appearance,
     pub studio: &'a Studio<'a>,
@@ -160,7 +162,7 @@ impl<'a> Painting<'a> {
     }
 
     fn paint_chart(&self, chart: u32) -> (Painted, Streams) {
-        let PaintedRegion { charted, attributes, appearance, studio } = *self.region;
+        let PaintedRegion { charted, arcs, attributes, appearance, studio } = *self.region;
         let scale = charted.scale;
         let mut source = InputSource {
             positions: &charted.mesh.positions,
@@ -172,6 +174,7 @@ impl<'a> Painting<'a> {
             painter: studio.shader.painter(attributes),
             areas: charted.areas.map_or(&[], |areas| &areas.of_triangles),
             own_count: charted.atlas.charts[chart as usize].triangles.len(),
+            along_boundary: arcs.along_boundary(charted, chart),
         };
         let mut painted = Painted::default();
         let mut streams = self.streams_of(chart);

@@ -1,9 +1,11 @@
 //! The arcs as the file will hold them: sampled and quantised once for the charts on both sides, and refined where a chart asks for it.
 
+use std::collections::HashSet;
+
 use super::ChartedMesh;
 use crate::mesh::{NONE, next_half_edge};
 use crate::stage::arc_samples::{SampledArc, border_deviation, sample_arcs};
-use crate::stage::arcs::{ARC_UNITS, cut_chart};
+use crate::stage::arcs::{ARC_UNITS, HalfArc, cut_chart};
 use crate::stage::chart::{BorderVertex, ChartMesh, NEVER};
 use glam::DVec3;
 use lodpack::{
@@ -190,6 +192,19 @@ impl SharedArcs {
         let samples = &self.samples[arc as usize];
         let found = samples.binary_search_by_key(&(sampled.params[path_index] as u32), |s| s.param).ok()?;
         Some(samples[found].position)
+    }
+
+    /// Points from which a chart's border runs on along the boundary of the mesh.
+    pub fn along_boundary(&self, charted: &ChartedMesh, chart: u32) -> HashSet<LatticePoint> {
+        let atlas = charted.atlas;
+        let half_arcs = atlas.charts[chart as usize].loops.iter().flatten();
+        let is_boundary =
+            |half: &&HalfArc| half.neighbour(atlas) == NONE && atlas.arcs[half.arc as usize].seam.is_none();
+        let points = half_arcs.filter(is_boundary).flat_map(|half| {
+            let samples = self.samples[half.arc as usize].iter().map(|sample| sample.position);
+            samples.chain([self.corners[half.ends(atlas)[0] as usize]])
+        });
+        points.collect()
     }
 
     /// By how much a root's error can grow at each level when a neighbour is drawn finer.

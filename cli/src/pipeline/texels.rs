@@ -1,8 +1,9 @@
 //! What texels show: the channels of a file, how they are stored, and the surface of the input.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
 
 use glam::DVec3;
+use lodpack::LatticePoint;
 use lodpack::index::{ChannelInfo, ChannelKind};
 
 use super::Scale;
@@ -146,6 +147,8 @@ pub(super) struct InputSource<'a> {
     pub areas: &'a [u32],
     /// How many of the triangles that are shown are the chart's own.
     pub own_count: usize,
+    /// Points from which the chart's border runs on along the boundary of the mesh.
+    pub along_boundary: HashSet<LatticePoint>,
 }
 
 impl InputSource<'_> {
@@ -186,6 +189,10 @@ impl Source for InputSource<'_> {
         };
         let (own, beside) = (of(own), of(beside));
         beside.difference(&own).copied().collect()
+    }
+
+    fn ends_along(&self, start: LatticePoint) -> bool {
+        self.along_boundary.contains(&start)
     }
 
     fn corners(&self, triangle: usize) -> [DVec3; 3] {

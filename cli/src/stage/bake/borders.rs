@@ -1,16 +1,20 @@
 //! Borders of the pieces of a map: texels beside a piece are seen there, and nowhere else.
+//!
+//! A patch with a finer neighbour is drawn up to the border of that, which runs a little beside its own: it is seen there, too.
 
 use std::cell::OnceCell;
 
 use glam::DVec3;
+use lodpack::LatticePoint;
 use lodpack::decode::texels::Map;
 use lodpack::write::{Seen, SeenPoint};
 
 use super::pieces::neighbours;
 use super::projection::{Projection, projections};
+use super::rim::{OnOutline, Outline, lattice_point};
 use super::{BakedPatch, Source};
 use crate::mesh::NONE;
-use crate::stage::certify::TriangleBvh;
+use crate::stage::certify::{Hint, TriangleBvh};
 
 /// Points for each texel along a border. Where colours are wanted, half as many.
 const FINENESS: f64 = 2.0;
@@ -20,6 +24,10 @@ const MOST_POINTS: f64 = 65_536.0;
 const INWARDS: f64 = 0.05;
 /// And at most this share of the triangle.
 const MOST_INWARDS: f64 = 0.3;
+/// The border of finer patches is not looked for further away than the patch may be off, and this many texels.
+const MOST_BESIDE: f64 = 2.0;
+/// Where it lies so many texels beside a point, it is looked at by itself. With 0 as much differs, for more work.
+const FAR: f64 = 0.25;
 
 /// A source whose triangles can be found by place, if anybody asks.
 pub struct Located<S> {
@@ -108,10 +116,22 @@ pub(super) struct Borders {
     edges: Vec<Edge>,
     /// Of each edge and each of its sides, of all points along it.
     places: Vec<Place>,
+    /// Of each point along edges of the outer border what lies beside it on the border of finer patches, if they are known.
+    beside: Vec<Option<Beside>>,
     /// The size of a texel.
     pub size: f64,
     /// Texels in a row.
     pub width: usize,
+}
+
+/// Where finer patches end beside a point of the outer border. Beside a finer neighbour this is where the border is seen.
+#[derive(Clone, Copy)]
+pub(super) struct Beside {
+    pub on: OnOutline,
+    /// Where it is seen.
+    pub place: Place,
+    /// Whether it is so far from the point that it makes a difference.
+    is_far: bool,
 }
 
 /// A side of an edge.
@@ -123,11 +143,11 @@ pub(super) struct EdgeSide<'a> {
 }
 
 impl Borders {
-    /// Those of a patch.
-    pub fn new(patch: &BakedPatch<'_>, map: &Map) -> Self {
+    /// Those of a patch, which is made from finer ones if there is an outline of them.
+    pub fn new(patch: &BakedPatch<'_>, map: &Map, outline: Option<&Outline<'_>>) -> Self {
         let (projections, width) = (projections(patch, map), map.size[0] as usize);
         let size = projections.first().map_or(1.0, |projection| projection.size);
-        let (mut edges, mut places) = (vec![], vec![]);
+        let (mut edges, mut places, mut found, mut hint) = (vec![], vec![], vec![], Hint::default());
         let middle = |triangle: u32| {
             patch.triangles[triangle as usize].iter().map(|&corner| patch.position(corner)).sum::<DVec3>() / 3.0
         };
@@ -149,21 +169,34 @@ impl Borders {
                     places.extend((0..=steps).map(of_point));
                     edge.sides[k] = Side { piece, middle: middle(triangle), first };
                 }
+                if let Some(outline) = outline.filter(|_| edge.is_outer()) {
+                    let projection = &projections[usize::from(edge.sides[0].piece)];
+                    let most = patch.reach + MOST_BESIDE * size;
+                    found.extend(edge.points().map(|point| {
+                        let on = outline.closest(point + patch.origin(), edge.ends[1] - edge.ends[0], &mut hint)?;
+                        let beside = on.point - patch.origin();
+                        let distance = beside.distance(point);
+                        // What lies beyond an end of the outline is not on it.
+                        let most = if on.is_end { FAR * size } else { most };
+                        let place = Place::new(projection, beside, width);
+                        (distance <= most).then_some(Beside { on, place, is_far: distance > FAR * size })
+                    }));
+                }
                 edges.push(edge);
             }
         }
-        Self { edges, places, size, width }
+        Self { edges, places, beside: found, size, width }
     }
 
     /// Notes all texels that borders are seen with, which triangles that are smaller than texels need not cover.
     pub fn add_used(&self, is_used: &mut [bool]) {
-        let texels = self.places.iter().flat_map(|place| place.texels(self.width));
+        let texels = self.all_places().flat_map(|place| place.texels(self.width));
         texels.filter(|(_, share)| *share > 0.0).for_each(|(texel, _)| is_used[texel] = true);
     }
 
     /// What is seen of the texels of a map: those that its patch covers, and its borders.
     pub fn seen<'a>(&self, map: &Map, is_covered: &'a [bool]) -> Seen<'a> {
-        let points = self.places.iter().map(|place| SeenPoint {
+        let points = self.all_places().map(|place| SeenPoint {
             texel: [place.texel % map.size[0], place.texel / map.size[0]],
             share: [place.right, place.down],
         });
@@ -172,6 +205,20 @@ impl Borders {
 
     pub fn edges(&self) -> &[Edge] {
         &self.edges
+    }
+
+    /// What lies beside the points of the outer edges, one after another.
+    pub fn beside(&self) -> &[Option<Beside>] {
+        &self.beside
+    }
+
+    /// Those that are seen somewhere else than their points.
+    pub fn far_beside(&self) -> impl Iterator<Item = &Beside> {
+        self.beside.iter().flatten().filter(|beside| beside.is_far)
+    }
+
+    fn all_places(&self) -> impl Iterator<Item = &Place> {
+        self.places.iter().chain(self.far_beside().map(|beside| &beside.place))
     }
 
     /// The sides of an edge.
@@ -183,11 +230,26 @@ impl Borders {
 impl Edge {
     /// How many sides it has.
     fn count(&self) -> usize {
-        if self.triangles[1] == NONE { 1 } else { 2 }
+        if self.is_outer() { 1 } else { 2 }
     }
 
     fn point(&self, step: u32) -> DVec3 {
         self.ends[0].lerp(self.ends[1], f64::from(step) / f64::from(self.steps))
+    }
+
+    /// Where it begins and ends, with the patch on its left.
+    pub fn ends(&self) -> [DVec3; 2] {
+        self.ends
+    }
+
+    /// Where it begins on the lattice.
+    pub fn start(&self, patch: &BakedPatch<'_>) -> LatticePoint {
+        lattice_point(self.ends[0] + patch.origin())
+    }
+
+    /// Whether nothing of the patch lies beyond.
+    pub fn is_outer(&self) -> bool {
+        self.triangles[1] == NONE
     }
 
     /// The points at which colours are wanted, relative to the patch's origin.
@@ -199,6 +261,10 @@ impl Edge {
 impl<'a> EdgeSide<'a> {
     pub fn piece(&self) -> usize {
         usize::from(self.side.piece)
+    }
+
+    pub fn edge(&self) -> &'a Edge {
+        self.edge
     }
 
     /// The places of [`Edge::points`].

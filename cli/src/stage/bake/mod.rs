@@ -17,6 +17,7 @@ mod lanes;
 mod pieces;
 mod projection;
 mod raster;
+mod rim;
 mod sharpen;
 mod shown;
 mod strangers;
@@ -43,6 +44,7 @@ use gather::gather;
 pub use images::Images;
 use pieces::{Pieces, divide};
 use raster::Drawn;
+use rim::{Outline, Rim};
 use sharpen::sharpen;
 use shown::{Shown, Wanted};
 pub use surfels::Surfels;
@@ -111,6 +113,11 @@ pub trait Source {
         vec![]
     }
 
+    /// Whether the surface ends along the edge of the patch's border that begins at a point: then nothing lies beyond.
+    fn ends_along(&self, _start: LatticePoint) -> bool {
+        false
+    }
+
     /// Appends the values at points of a triangle: of each point those of all channels. They are means over `footprint` lattice units.
     fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>);
 }
@@ -176,23 +183,24 @@ impl<'s> Baker<'s> {
 
     /// The images of a patch, with texels of 2^(exponent / 2) lattice units. None if nothing can be projected.
     pub fn bake<S: Source>(&mut self, patch: &BakedPatch<'_>, source: &mut Located<S>, exponent: u32) -> Option<Baked> {
-        let mapped = self.mapped(patch, exponent)?;
+        let mapped = self.mapped(patch, exponent, None)?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         let sums = gather(patch, &mapped.map, (&self.drawn, &[]), &mut source.source, sums);
         self.kept = finished(sums, patch, &mapped.map, &self.drawn);
-        let surfels = self.surfels(patch, &mapped.map);
-        let streams = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
+        let mut surfels = self.surfels(patch, &mapped.map);
+        let streams;
+        (streams, surfels.rim) = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
         Some(Baked { streams, surfels })
     }
 
     /// As [`Baker::bake`], of a patch that may be far from a source which has nothing but what it shows: texels show what lies closest to them.
     pub fn bake_closest(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
-        let mapped = self.mapped(patch, exponent)?;
+        let mapped = self.mapped(patch, exponent, None)?;
         let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         let taken = show_closest(patch, &mapped.map, &self.drawn, source, &mut sums);
         let sums = gather(patch, &mapped.map, (&self.drawn, &taken), source, sums);
         self.kept = finished(sums, patch, &mapped.map, &self.drawn);
-        let streams = self.streams(patch, mapped, |_, shown| shown.means(patch));
+        let (streams, _) = self.streams(patch, mapped, |_, shown| shown.means(patch));
         // Nobody makes coarser ones of them.
         Some(Baked { streams, surfels: Surfels::default() })
     }
@@ -205,13 +213,19 @@ impl<'s> Baker<'s> {
         source: Option<&mut Located<S>>,
         exponent: u32,
     ) -> Option<Baked> {
-        let mapped = self.mapped(patch, exponent)?;
+        let outline = Outline::new(finer.clone().map(|surfels| &surfels.rim));
+        let mapped = self.mapped(patch, exponent, Some(&outline))?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         self.kept = gather_surfels(patch, &mapped.map, &self.drawn, finer, sums);
-        let surfels = self.surfels(patch, &mapped.map);
-        let streams = self.streams(patch, mapped, |map, shown| match source {
-            Some(source) => shown.of_source(patch, map, source),
-            None => shown.means(patch),
+        let mut surfels = self.surfels(patch, &mapped.map);
+        let streams;
+        (streams, surfels.rim) = self.streams(patch, mapped, |map, shown| {
+            let mut wanted = match source {
+                Some(source) => shown.of_source(patch, map, source),
+                None => shown.of_outline(patch, &outline),
+            };
+            shown.add_beside_finer(&outline, &mut wanted);
+            wanted
         });
         Some(Baked { streams, surfels })
     }
@@ -220,13 +234,14 @@ impl<'s> Baker<'s> {
         Surfels::new(patch, map, &self.drawn, &self.kept.sums, self.storage)
     }
 
-    /// The map and the image of each channel. `wanted` says what borders should show, if colours have no opacity.
+    /// The map and the image of each channel, and what the outer border should show. `wanted` says what borders should, if colours have no
+    /// opacity.
     fn streams(
         &mut self,
         patch: &BakedPatch<'_>,
         Mapped { map, bytes, borders }: Mapped,
         wanted: impl FnOnce(&Map, &Shown<'_>) -> Wanted,
-    ) -> Vec<Vec<u8>> {
+    ) -> (Vec<Vec<u8>>, Rim) {
         let Self { storage, drawn, kept: Kept { sums: values, .. }, image } = self;
         let mut streams = vec![bytes];
         let others = texel_size(patch.finer);
@@ -236,20 +251,22 @@ impl<'s> Baker<'s> {
             steps.opaque_colours *= STEPS_WHERE_SHARP;
         }
         let is_covered = drawn.is_covered.as_slice();
+        let mut rim = Rim::default();
         let seen = if storage.opaque_colours().is_empty() {
             Borders::default().seen(&map, is_covered)
         } else {
             let mut shown = Shown { storage, values, is_covered, borders: &borders };
             let wanted = wanted(&map, &shown);
             shown.show_all(&wanted);
+            rim = Rim::new(&wanted, patch.origin(), storage.opaque_colours().len());
             borders.seen(&map, is_covered)
         };
         streams.extend(storage.encode(&map, values, &drawn.is_used, &seen, steps, image));
-        streams
+        (streams, rim)
     }
 
     /// Finds a map whose pieces do not overlap themselves by much, and draws the patch on it.
-    fn mapped(&mut self, patch: &BakedPatch<'_>, mut exponent: u32) -> Option<Mapped> {
+    fn mapped(&mut self, patch: &BakedPatch<'_>, mut exponent: u32, outline: Option<&Outline<'_>>) -> Option<Mapped> {
         let BakedPatch { positions, triangles, .. } = *patch;
         let mut pieces = divide(patch);
         for round in 0.. {
@@ -268,7 +285,7 @@ impl<'s> Baker<'s> {
                 continue;
             }
             self.drawn.complete(patch, &map);
-            let borders = Borders::new(patch, &map);
+            let borders = Borders::new(patch, &map, outline.filter(|outline| !outline.is_empty()));
             borders.add_used(&mut self.drawn.is_used);
             return Some(Mapped { map, bytes, borders });
         }

@@ -2,34 +2,49 @@
 //!
 //! A reader interpolates between four texels, and on a border some of them lie beside the patch. What these show is seen nowhere but along the
 //! border, so they may have any value. They get those with which the border shows what the source has at it, and so do those of the piece beyond
-//! it, in this patch or in its neighbour. Where there is no source, both sides of a border within the patch show the mean of both.
+//! it, in this patch or in its neighbour. Where there is no source, both sides of a border within the patch show the mean of both, and the outer
+//! border shows what finer patches do ([`Outline`]).
 
+use glam::DVec3;
 use lodpack::decode::texels::Map;
 
 use super::borders::{Borders, Edge, Located, Place};
 use super::gather::barycentric;
+use super::rim::Outline;
 use super::strangers::Strangers;
 use super::values::Storage;
 use super::{BakedPatch, Points, Source};
+use crate::mesh::NONE;
 use crate::stage::certify::Hint;
 
 /// How often each point is made right: points share texels.
 const SWEEPS: usize = 5;
 /// How much covered texels change, beside those that nothing else is seen of, where borders show what a source does.
 const COVERED: f32 = 0.15;
-/// And where they show the mean of both sides, which is a guess. With .15 images take a quarter more of what this costs.
-const COVERED_BY_MEANS: f32 = 0.5;
+/// And where they show the mean of both sides, which is a guess, or what finer patches show. With .15 images take a quarter more of what means
+/// cost, and as many points of outer borders differ.
+const COVERED_WITHOUT_SOURCE: f32 = 0.5;
 /// A triangle of the source that is as close to a point, in texels, is close enough.
 const CLOSE: f64 = 0.02;
 
 /// What places should show.
 #[derive(Default)]
 pub(super) struct Wanted {
-    places: Vec<Place>,
+    /// With how much covered texels change.
+    places: Vec<(Place, f32)>,
     /// At each of them the colours of all channels without opacity.
-    colours: Vec<[f32; 3]>,
-    /// How much covered texels change.
-    covered: f32,
+    pub colours: Vec<[f32; 3]>,
+    /// The edges of the outer border, relative to the patch's origin, and how many points each has.
+    pub outer_edges: Vec<([DVec3; 2], u32)>,
+    /// Which of the places these points are, [`NONE`] where nothing is wanted.
+    pub outer_points: Vec<u32>,
+}
+
+impl Wanted {
+    /// Notes an edge of which all points will be noted.
+    fn add_edge(&mut self, edge: &Edge) {
+        self.outer_edges.push((edge.ends(), edge.points().count() as u32));
+    }
 }
 
 /// Texels whose colours without opacity are changed.
@@ -53,7 +68,7 @@ impl Shown<'_> {
     pub fn of_source(&self, patch: &BakedPatch<'_>, map: &Map, source: &mut Located<impl Source>) -> Wanted {
         let Self { storage, borders, .. } = self;
         let (source, bvh) = source.parts();
-        let mut wanted = Wanted { covered: COVERED, ..Wanted::default() };
+        let mut wanted = Wanted::default();
         if bvh.is_empty() {
             return wanted;
         }
@@ -61,11 +76,20 @@ impl Shown<'_> {
         let (mut hints, enough) = ([Hint::default(); 2], CLOSE * borders.size);
         let (mut points, mut values) = (vec![], vec![]);
         for (side, hint) in borders.edges().iter().flat_map(|edge| borders.sides(edge).zip(0..)) {
+            // Nobody has to show the same as what is handed up of the boundary of the mesh.
+            let is_outer = side.edge().is_outer() && !source.ends_along(side.edge().start(patch));
+            if is_outer {
+                wanted.add_edge(side.edge());
+            }
             // Points of one triangle are shaded together.
             let mut of = None;
             for (place, [point, inside]) in side.places().zip(side.insides()) {
                 let triangle = bvh.close(inside + patch.origin(), enough, &mut hints[hint]) as usize;
-                if strangers.has(side.piece(), source.area(triangle)) {
+                let is_stranger = strangers.has(side.piece(), source.area(triangle));
+                if is_outer {
+                    wanted.outer_points.push(if is_stranger { NONE } else { wanted.places.len() as u32 });
+                }
+                if is_stranger {
                     continue;
                 }
                 if let Some(before) = of.replace(triangle).filter(|&before| before != triangle) {
@@ -75,7 +99,7 @@ impl Shown<'_> {
                 let weights = barycentric(source.corners(triangle), point + patch.origin());
                 let sum: f64 = weights.iter().sum();
                 points.push(Points::one(weights.map(|weight| weight / sum)));
-                wanted.places.push(place);
+                wanted.places.push((place, COVERED));
             }
             if let Some(last) = of {
                 source.shade(last, &points, borders.size as f32, &mut values);
@@ -90,8 +114,7 @@ impl Shown<'_> {
 
     /// What both sides of inner borders show in the mean, but where colours jump.
     pub fn means(&self, patch: &BakedPatch<'_>) -> Wanted {
-        let (colours, mut wanted) =
-            (self.storage.opaque_colours(), Wanted { covered: COVERED_BY_MEANS, ..Wanted::default() });
+        let (colours, mut wanted) = (self.storage.opaque_colours(), Wanted::default());
         for edge in self.borders.edges().iter().filter(|edge| !jump(patch, edge)) {
             let mut sides = self.borders.sides(edge);
             let (Some(one), Some(other)) = (sides.next(), sides.next()) else { continue };
@@ -101,12 +124,41 @@ impl Shown<'_> {
                     std::array::from_fn(|k| 0.5 * (one[k] + other[k]))
                 };
                 for place in places {
-                    wanted.places.push(place);
+                    wanted.places.push((place, COVERED_WITHOUT_SOURCE));
                     wanted.colours.extend(colours.iter().map(mean));
                 }
             }
         }
         wanted
+    }
+
+    /// As [`Shown::means`], and at the outer border what was handed up.
+    pub fn of_outline(&self, patch: &BakedPatch<'_>, outline: &Outline<'_>) -> Wanted {
+        let (mut wanted, borders) = (self.means(patch), self.borders);
+        if outline.is_empty() {
+            return wanted;
+        }
+        let mut beside = borders.beside().iter();
+        for edge in borders.edges().iter().filter(|edge| edge.is_outer()) {
+            wanted.add_edge(edge);
+            for (place, beside) in borders.sides(edge).flat_map(|side| side.places()).zip(beside.by_ref()) {
+                let is_known = beside.is_some_and(|beside| outline.means(beside.on, borders.size, &mut wanted.colours));
+                wanted.outer_points.push(if is_known { wanted.places.len() as u32 } else { NONE });
+                if is_known {
+                    wanted.places.push((place, COVERED_WITHOUT_SOURCE));
+                }
+            }
+        }
+        wanted
+    }
+
+    /// Adds what is seen of the patch beside finer neighbours, along the border that these have.
+    pub fn add_beside_finer(&self, outline: &Outline<'_>, wanted: &mut Wanted) {
+        for beside in self.borders.far_beside() {
+            if outline.means(beside.on, self.borders.size, &mut wanted.colours) {
+                wanted.places.push((beside.place, COVERED_WITHOUT_SOURCE));
+            }
+        }
     }
 
     /// Changes texels so that places show what is wanted.
@@ -115,8 +167,8 @@ impl Shown<'_> {
         for (number, &first) in colours.iter().enumerate() {
             for _ in 0..SWEEPS {
                 let of_places = wanted.colours.iter().skip(number).step_by(colours.len());
-                for (&place, &colour) in wanted.places.iter().zip(of_places) {
-                    self.show(place, colour, first, wanted.covered);
+                for (&(place, covered), &colour) in wanted.places.iter().zip(of_places) {
+                    self.show(place, colour, first, covered);
                 }
             }
         }

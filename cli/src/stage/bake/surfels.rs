@@ -7,6 +7,7 @@ use super::BakedPatch;
 use super::lanes::{LANES, least, whole};
 use super::projection::{Projection, projections};
 use super::raster::Drawn;
+use super::rim::Rim;
 use super::values::Storage;
 
 /// Texels along each side of a run.
@@ -22,6 +23,8 @@ pub struct Surfels {
     values: Vec<u8>,
     /// The areas of runs that have several.
     areas: Vec<u32>,
+    /// What the patch shows along its border.
+    pub(super) rim: Rim,
 }
 
 /// Texels of a piece that lie together.

@@ -20,6 +20,10 @@ impl<S: Source> Source for &mut S {
         (**self).areas_beyond()
     }
 
+    fn ends_along(&self, start: LatticePoint) -> bool {
+        (**self).ends_along(start)
+    }
+
     fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>) {
         (**self).shade(triangle, points, footprint, values);
     }
