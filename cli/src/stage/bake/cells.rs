@@ -89,6 +89,10 @@ impl Sampled {
 
     /// How far off the colours are that are seen on a patch.
     pub fn seen(&self, positions: Vec<DVec3>, triangles: &[[u32; 3]]) -> Seen {
+        // There may be no size of cells either.
+        if self.triangles.is_empty() {
+            return Seen::default();
+        }
         let cells = Cells::new(&positions, triangles, self.size);
         let mut sums = vec![[0.0_f32; 4]; cells.count];
         let finder = Finder::new(positions, triangles, cells, self.size);
