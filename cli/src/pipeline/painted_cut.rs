@@ -153,7 +153,7 @@ impl<'a> CutPainter<'a> {
     fn painted(&self, finished: &Finished, exponent: u32) -> Option<TexturedMesh> {
         let target = self.target(finished);
         let mut source = CutSource::new(self);
-        let baked = Baker::new(&self.storage).bake_closest(&target.patch(), &mut source, exponent)?;
+        let baked = Baker::new(&self.storage).bake_cut(&target.patch(), &mut source, exponent)?;
         let mut streams = baked.streams.into_iter();
         let bytes = TexelBytes { level: 0, map: streams.next()?, images: streams.collect() };
         let whole = Patch { triangles: finished.triangles.clone(), ..Patch::default() };

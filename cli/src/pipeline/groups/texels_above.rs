@@ -7,7 +7,7 @@ use lodpack::write::RootRecord;
 use super::super::chart_work::DrawnBlocks;
 use super::super::texels::{MAX_EXPONENT, exponent_of};
 use super::Node;
-use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Source, Storage, Stored};
+use crate::stage::bake::{BakedPatch, Baker, Images, Located, MAX_TEXELS, Points, Source, Storage, Stored};
 
 /// A top whose texels are known.
 pub(super) struct KnownTop {
@@ -70,7 +70,7 @@ pub(super) fn paint_above(
             continue;
         }
         let own = (0..).zip(&known).flat_map(|(top, known)| (0..known.triangles.len() as u32).map(move |t| [top, t]));
-        let mut source = TopSource { own: own.collect(), known: &known };
+        let mut source = Located::new(TopSource { own: own.collect(), known: &known });
         for (level, (block, drawn)) in record.blocks.iter_mut().zip(&drawn[number]).enumerate() {
             let (Some(block), Some(drawn)) = (block, drawn) else { continue };
             let patch = BakedPatch {

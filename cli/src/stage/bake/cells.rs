@@ -203,6 +203,10 @@ impl Places for Cells {
         let [x, y] = [0, 1].map(|axis| (place[axis] as u32).min(counts[axis] - 1));
         first + y * counts[0] + x
     }
+
+    fn are_together(&self, _: u32, _: u32) -> bool {
+        false
+    }
 }
 
 #[cfg(test)]

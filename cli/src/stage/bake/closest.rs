@@ -20,7 +20,7 @@ pub(super) const SPACING: f64 = 0.7;
 /// Triangles of the source that are looked at together: few enough that what is found for them hardly takes memory.
 const CHUNK: usize = 1024;
 /// Blocks of so few points are not divided.
-const FEW: usize = 12;
+const FEW: usize = 48;
 /// What is so many texels beyond a plane may be taken to lie in it.
 const SAME_PLANE: f64 = 0.25;
 /// No texel.
@@ -91,6 +91,9 @@ pub(super) trait Places: Sync {
 
     /// The number of what a triangle shows at a place; [`NOWHERE`] if that is nothing.
     fn number(&self, triangle: u32, place: [f64; 2]) -> u32;
+
+    /// Whether a triangle has places for points of the plane that lie in another one.
+    fn are_together(&self, triangle: u32, other: u32) -> bool;
 }
 
 /// The texels of a map.
@@ -110,6 +113,10 @@ impl Places for OnMap<'_> {
         let texel = row as usize * self.map.size[0] as usize + column as usize;
         if self.drawn.is_covered[texel] { texel as u32 } else { NOWHERE }
     }
+
+    fn are_together(&self, triangle: u32, other: u32) -> bool {
+        self.map.labels[triangle as usize] == self.map.labels[other as usize]
+    }
 }
 
 /// What is closest to the points of a block.
@@ -128,6 +135,8 @@ pub(super) struct Finder<'a, P> {
     triangles: &'a [[u32; 3]],
     /// Of each triangle.
     normals: Vec<DVec3>,
+    /// In the plane of each triangle, at right angles to each side.
+    inwards: Vec<[DVec3; 3]>,
     /// The size of what places count.
     pub size: f64,
 }
@@ -144,9 +153,15 @@ impl<'a> Finder<'a, OnMap<'a>> {
 
 impl<'a, P: Places> Finder<'a, P> {
     pub fn new(positions: Vec<DVec3>, triangles: &'a [[u32; 3]], places: P, size: f64) -> Self {
-        let normal = |corners: &[u32; 3]| doubled_area(corners.map(|corner| positions[corner as usize]));
+        let corners = |corners: &[u32; 3]| corners.map(|corner| positions[corner as usize]);
+        let normals: Vec<DVec3> = triangles.iter().map(|triangle| doubled_area(corners(triangle))).collect();
+        let inwards = |(triangle, normal): (&[u32; 3], &DVec3)| {
+            let corners = corners(triangle);
+            [0, 1, 2].map(|k| normal.cross(corners[(k + 1) % 3] - corners[k]))
+        };
         Self {
-            normals: triangles.iter().map(normal).collect(),
+            inwards: triangles.iter().zip(&normals).map(inwards).collect(),
+            normals,
             bvh: TriangleBvh::new(&positions, triangles),
             triangles,
             positions,
@@ -165,6 +180,11 @@ impl<'a, P: Places> Finder<'a, P> {
             }
             let corners = points.around(&block);
             let corners = corners.as_ref();
+            // What held for more points holds for these.
+            if let Some(triangle) = known.as_ref().and_then(|known| self.below(known, corners)) {
+                visit(&block, Below::One(triangle));
+                continue;
+            }
             let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
             let radius = corners.iter().map(|corner| corner.distance_squared(middle)).fold(0.0, f64::max).sqrt();
             let around = match known {
@@ -229,34 +249,55 @@ impl<'a, P: Places> Finder<'a, P> {
     }
 
     /// Of some triangles the one that is closest to all points within corners, as far as that is easily seen: they lie straight above it or below it, and
-    /// the others lie on the other side of its plane.
+    /// the others lie on the other side of its plane. Where several lie in one plane and have their places together, any of them does.
     fn below(&self, around: &Around, corners: &[DVec3]) -> Option<u32> {
-        let is_closest = |triangle: u32| {
-            self.bvh.numbers(around).all(|other| other == triangle || self.is_beyond(other, triangle, corners))
-        };
-        self.bvh.numbers(around).find(|&triangle| self.is_below(triangle, corners) && is_closest(triangle))
+        let numbers = || self.bvh.numbers(around);
+        let first = numbers().next()?;
+        if numbers().count() > 1 && numbers().all(|other| self.is_one_sheet(first, other)) {
+            return Some(first);
+        }
+        let is_closest =
+            |triangle: u32| numbers().all(|other| other == triangle || self.is_beyond(other, triangle, corners));
+        numbers().find(|&triangle| self.is_below(triangle, corners) && is_closest(triangle))
+    }
+
+    /// Whether triangles lie in one plane, face the same way, and have their places together.
+    fn is_one_sheet(&self, triangle: u32, other: u32) -> bool {
+        let normal = self.normals[triangle as usize];
+        let [least, most] = self.heights(triangle, &self.corners(other));
+        let margin = self.margin(triangle);
+        normal != DVec3::ZERO
+            && self.places.are_together(triangle, other)
+            && self.faces(other, normal)
+            && least >= -margin
+            && most <= margin
     }
 
     /// Whether points lie straight above a triangle, or below it.
     fn is_below(&self, triangle: u32, points: &[DVec3]) -> bool {
-        let (corners, normal) = (self.corners(triangle), self.normals[triangle as usize]);
-        let is_inside = |k: usize| {
-            let inwards = normal.cross(corners[(k + 1) % 3] - corners[k]);
-            points.iter().all(|&point| (point - corners[k]).dot(inwards) >= 0.0)
-        };
-        normal != DVec3::ZERO && (0..3).all(is_inside)
+        let (corners, inwards) = (self.corners(triangle), &self.inwards[triangle as usize]);
+        let is_inside = |k: usize| points.iter().all(|&point| (point - corners[k]).dot(inwards[k]) >= 0.0);
+        self.normals[triangle as usize] != DVec3::ZERO && (0..3).all(is_inside)
     }
 
     /// Whether a triangle is farther than another one from points straight above that or below it, since it lies on the other side of its plane.
     fn is_beyond(&self, other: u32, triangle: u32, points: &[DVec3]) -> bool {
-        let (corner, normal) = (self.corners(triangle)[0], self.normals[triangle as usize]);
-        let range = |points: &[DVec3]| {
-            let heights = points.iter().map(|&point| (point - corner).dot(normal));
-            heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
-        };
-        let ([low, high], [least, most]) = (range(points), range(&self.corners(other)));
-        let margin = SAME_PLANE * self.size * normal.length();
+        let ([low, high], [least, most]) =
+            (self.heights(triangle, points), self.heights(triangle, &self.corners(other)));
+        let margin = self.margin(triangle);
         (high <= 0.0 || most <= margin) && (low >= 0.0 || least >= -margin)
+    }
+
+    /// The least and the largest height of points over the plane of a triangle, times twice its area.
+    fn heights(&self, triangle: u32, points: &[DVec3]) -> [f64; 2] {
+        let (corner, normal) = (self.corners(triangle)[0], self.normals[triangle as usize]);
+        let heights = points.iter().map(|&point| (point - corner).dot(normal));
+        heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
+    }
+
+    /// How high points may be that are taken to lie in the plane of a triangle, times twice its area.
+    fn margin(&self, triangle: u32) -> f64 {
+        SAME_PLANE * self.size * self.normals[triangle as usize].length()
     }
 
     /// Where the point of a triangle's plane lies that is closest to a point.

@@ -220,7 +220,8 @@ impl Blocks for Lattice<'_> {
         let (low, high) = depths.fold((u16::MAX, 0), |(low, high), &depth| (low.min(depth), high.max(depth)));
         let ends = |range: &Range<usize>| [range.start, range.end - 1].map(|number| self.at(number));
         let of = [ends(&block.columns), ends(&block.rows), [low, high].map(f64::from)];
-        std::array::from_fn(|corner| self.place([0, 1, 2].map(|k| of[k][corner >> k & 1])))
+        let [along, down, up] = [0, 1, 2].map(|k| of[k].map(|at| self.steps[k] * at));
+        std::array::from_fn(|corner| self.origin + along[corner & 1] + down[corner >> 1 & 1] + up[corner >> 2])
     }
 
     fn halves(&self, block: Square) -> [Square; 2] {

@@ -193,16 +193,34 @@ impl<'s> Baker<'s> {
         Some(Baked { streams, surfels })
     }
 
-    /// As [`Baker::bake`], of a patch that may be far from a source which has nothing but what it shows: texels show what lies closest to them.
-    pub fn bake_closest(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
+    /// As [`Baker::bake`], of a patch that may be far from a source: texels show what lies closest to them, and borders what the source does.
+    pub fn bake_closest<S: Source>(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        source: &mut Located<S>,
+        exponent: u32,
+    ) -> Option<Baked> {
+        let mapped = self.closest(patch, &mut source.source, exponent)?;
+        let (streams, _) = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
+        // Nobody makes coarser ones of them.
+        Some(Baked { streams, surfels: Surfels::default() })
+    }
+
+    /// As [`Baker::bake_closest`], but both sides of borders show the mean of what both do.
+    pub fn bake_cut(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
+        let mapped = self.closest(patch, source, exponent)?;
+        let (streams, _) = self.streams(patch, mapped, |_, shown| shown.means(patch));
+        Some(Baked { streams, surfels: Surfels::default() })
+    }
+
+    /// Gives texels what lies closest to them.
+    fn closest(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Mapped> {
         let mapped = self.mapped(patch, exponent, None)?;
         let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         let taken = show_closest(patch, &mapped.map, &self.drawn, source, &mut sums);
         let sums = gather(patch, &mapped.map, (&self.drawn, &taken), source, sums);
         self.kept = finished(sums, patch, &mapped.map, &self.drawn);
-        let (streams, _) = self.streams(patch, mapped, |_, shown| shown.means(patch));
-        // Nobody makes coarser ones of them.
-        Some(Baked { streams, surfels: Surfels::default() })
+        Some(mapped)
     }
 
     /// As [`Baker::bake`], from the texels of finer patches.
