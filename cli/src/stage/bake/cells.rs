@@ -230,7 +230,8 @@ mod tests {
         let mut triangles: Vec<[DVec3; 3]> = SQUARE.map(|t| corners(&above, t)).to_vec();
         triangles.extend(SQUARE.map(|[a, b, c]| corners(&below, [a, c, b])));
         let grey = |triangle: usize, _| Some([if triangle < 2 { 100.0 } else { 200.0 }; 3]);
-        let seen = Sampled::new(triangles, 256.0, 0.0, grey).seen(square(1.0), &SQUARE);
+        // A number of cells whose borders lie between points.
+        let seen = Sampled::new(triangles, 700.0, 0.0, grey).seen(square(1.0), &SQUARE);
         let share = f64::from(SHARE_OF_OPPOSITE) / (1.0 + f64::from(SHARE_OF_OPPOSITE));
         let wanted = 1e4 * 0.5 * (share * share + (1.0 - share) * (1.0 - share));
         assert!(seen.mean().is_some_and(|mean| (mean / wanted - 1.0).abs() < 0.02), "{:?} {wanted}", seen.mean());
