@@ -103,14 +103,22 @@ pub(super) struct OnMap<'a> {
     projections: Vec<Projection>,
 }
 
+impl OnMap<'_> {
+    /// The texel of a place in the piece of a triangle: what lies beyond it is taken to its edge, since other pieces lie there.
+    pub fn texel(&self, triangle: u32, place: [f64; 2]) -> usize {
+        let [low, high] = self.projections[usize::from(self.map.labels[triangle as usize])].range;
+        let [column, row] = texel_at([0, 1].map(|k| place[k].clamp(low[k], high[k])), self.map.size);
+        row as usize * self.map.size[0] as usize + column as usize
+    }
+}
+
 impl Places for OnMap<'_> {
     fn place(&self, triangle: u32, point: DVec3) -> [f64; 2] {
         self.projections[usize::from(self.map.labels[triangle as usize])].place(point)
     }
 
-    fn number(&self, _: u32, place: [f64; 2]) -> u32 {
-        let [column, row] = texel_at(place, self.map.size);
-        let texel = row as usize * self.map.size[0] as usize + column as usize;
+    fn number(&self, triangle: u32, place: [f64; 2]) -> u32 {
+        let texel = self.texel(triangle, place);
         if self.drawn.is_covered[texel] { texel as u32 } else { NOWHERE }
     }
 

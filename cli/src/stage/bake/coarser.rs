@@ -13,7 +13,7 @@ use super::blocks::Blocks;
 use super::closest::{Below, Finder, OnMap, Places, SHARE_OF_OPPOSITE};
 use super::fill::finished;
 use super::lanes::LANES;
-use super::raster::{Drawn, texel_at};
+use super::raster::Drawn;
 use super::strangers::Strangers;
 use super::surfels::{Run, Surfels};
 use super::values::{Kept, Sums};
@@ -100,8 +100,7 @@ impl Gathering<'_> {
     fn add_point(&mut self, points: &Lattice<'_>, number: usize, triangle: u32, place: [f64; 2]) {
         let Lattice { surfels, run, .. } = *points;
         let share = if self.finder.faces(triangle, run.normal) { 1.0 } else { self.of_opposite };
-        let [column, row] = texel_at(place, self.map.size);
-        let texel = row as usize * self.map.size[0] as usize + column as usize;
+        let texel = self.finder.places.texel(triangle, place);
         if share > 0.0 && self.drawn.is_used[texel] && !self.is_strange(points, number, triangle) {
             let packed = surfels.packed(number, self.sums.storage);
             self.sums.add_packed(texel, packed, points.weight * share, &mut self.values);
@@ -307,6 +306,36 @@ mod tests {
                     assert!((shown - wanted).abs() < 3.0, "{shown} {wanted} {exponent}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn what_lies_beyond_the_border_of_a_piece_is_not_seen_in_the_piece_beside_it() {
+        // A floor that ends earlier in the coarse patch, and a wall, which lies beside it in the image.
+        let corners = |end: i64| {
+            let wall = [[300, 0, 0], [300, 64, 0], [300, 64, 64], [300, 0, 64]];
+            let floor = [[0, 0, 0], [end, 0, 0], [end, 64, 0], [0, 64, 0]];
+            std::array::from_fn::<LatticePoint, 8, _>(|k| if k < 4 { floor[k] } else { wall[k - 4] })
+        };
+        let (fine, coarse) = (corners(128), corners(64));
+        let point = |vertex: u32| DVec3::from(fine[vertex as usize].map(|x| x as f64));
+        let mut source = Located::new(Floors(TRIANGLES.iter().map(|corners| corners.map(point)).collect()));
+        let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
+        let mut baker = Baker::new(&storage);
+        let patch =
+            BakedPatch { positions: &fine, triangles: &TRIANGLES, reach: 0.0, areas: None, finer: 0, is_sharp: false };
+        let surfels = baker.bake(&patch, &mut source, 2).expect("it has an image").surfels;
+        const NO_SOURCE: Option<&mut Located<Floors>> = None;
+        let patch = BakedPatch { positions: &coarse, reach: 64.0, ..patch };
+        let streams =
+            baker.bake_coarser(&patch, std::iter::once(&surfels), NO_SOURCE, 4).expect("it has an image").streams;
+        let map = Map::decode(&streams[0], &coarse, &TRIANGLES, MAX_TEXELS).expect("sound");
+        let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+        for (y, z) in (4..61).step_by(4).flat_map(|y| (4..61).step_by(4).map(move |z| (y, z))) {
+            let triangle = if y > z { 2 } else { 3 };
+            let place = map.piece(triangle).unbounded([300.0, f64::from(y), f64::from(z)]);
+            let (shown, wanted) = (image.interpolated(place)[0], f64::from(srgb_byte(light(triangle))));
+            assert!((shown - wanted).abs() < 3.0, "{shown} {wanted} at {y} {z}");
         }
     }
 
