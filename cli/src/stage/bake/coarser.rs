@@ -314,7 +314,7 @@ mod tests {
         // A floor that ends earlier in the coarse patch, and a wall, which lies beside it in the image.
         let corners = |end: i64| {
             let wall = [[300, 0, 0], [300, 64, 0], [300, 64, 64], [300, 0, 64]];
-            let floor = [[0, 0, 0], [end, 0, 0], [end, 64, 0], [0, 64, 0]];
+            let floor = [[0, 0, 0], [end, 0, 0], [end, end, 0], [0, end, 0]];
             std::array::from_fn::<LatticePoint, 8, _>(|k| if k < 4 { floor[k] } else { wall[k - 4] })
         };
         let (fine, coarse) = (corners(128), corners(64));
