@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::blocks::{Block, Blocks, Rows};
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, texel_at};
-use super::values::Sums;
+use super::values::{Storage, Sums};
 use super::{BakedPatch, Source};
 use crate::stage::certify::{Around, Closest, Hint, TriangleBvh};
 
@@ -31,6 +31,12 @@ pub(super) const OPPOSITE: u32 = 1 << 31;
 /// shown close to a point does; and where that is all that anything lies closest to, a texel shows nearly what is projected.
 pub(super) const SHARE_OF_OPPOSITE: f32 = 0.3;
 
+/// What a point counts whose closest triangle faces the other way, of what is stored so.
+pub(super) fn share_of_opposite(storage: &Storage) -> f32 {
+    // Measured numbers and normals of the other side say nothing.
+    if storage.is_plain() { SHARE_OF_OPPOSITE } else { 0.0 }
+}
+
 /// Adds to covered texels those points of the source that lie closest to them. Of each texel says whether there is one that faces the same way.
 pub(super) fn show_closest(
     patch: &BakedPatch<'_>,
@@ -42,9 +48,7 @@ pub(super) fn show_closest(
     let finder = Finder::on_map(patch, map, drawn);
     let size = finder.size;
     let mut is_seen = vec![false; drawn.depth.len()];
-    // Measured numbers and normals of the other side say nothing here.
-    let sides: &[(u32, f32)] =
-        if sums.storage.is_plain() { &[(0, 1.0), (OPPOSITE, SHARE_OF_OPPOSITE)] } else { &[(0, 1.0)] };
+    let sides = [(0, 1.0), (OPPOSITE, share_of_opposite(sums.storage))];
     let (mut of_side, mut values_of_side) = (vec![], vec![]);
     let origin = patch.origin();
     let sources: Vec<[DVec3; 3]> =
@@ -65,7 +69,7 @@ pub(super) fn show_closest(
             let weight = (area / texels.len() as f64 / (size * size)) as f32;
             values.clear();
             source.shade(triangle, &rows, (size * SPACING) as f32, &mut values);
-            for &(side, share) in sides {
+            for (side, share) in sides.into_iter().filter(|(_, share)| *share > 0.0) {
                 of_side.clear();
                 values_of_side.clear();
                 for (&texel, values) in texels.iter().zip(values.chunks_exact(sums.storage.count())) {
@@ -98,15 +102,20 @@ pub(super) trait Places: Sync {
 
 /// The texels of a map.
 pub(super) struct OnMap<'a> {
-    map: &'a Map,
-    drawn: &'a Drawn,
+    pub map: &'a Map,
+    pub drawn: &'a Drawn,
     projections: Vec<Projection>,
 }
 
 impl OnMap<'_> {
+    /// The least and the greatest place that the piece of a triangle shows.
+    pub fn range(&self, triangle: u32) -> [[f64; 2]; 2] {
+        self.projections[usize::from(self.map.labels[triangle as usize])].range
+    }
+
     /// The texel of a place in the piece of a triangle: what lies beyond it is taken to its edge, since other pieces lie there.
-    pub fn texel(&self, triangle: u32, place: [f64; 2]) -> usize {
-        let [low, high] = self.projections[usize::from(self.map.labels[triangle as usize])].range;
+    fn texel(&self, triangle: u32, place: [f64; 2]) -> usize {
+        let [low, high] = self.range(triangle);
         let [column, row] = texel_at([0, 1].map(|k| place[k].clamp(low[k], high[k])), self.map.size);
         row as usize * self.map.size[0] as usize + column as usize
     }
@@ -129,7 +138,7 @@ impl Places for OnMap<'_> {
 
 /// What is closest to the points of a block.
 pub(super) enum Below {
-    /// One triangle, straight above or below which they all lie.
+    /// One triangle: straight above or below it they all lie, or above others that lie in its plane and have their places with it.
     One(u32),
     /// One of these, or any at all.
     Any(Option<Around>),
@@ -138,7 +147,7 @@ pub(super) enum Below {
 /// A patch in which closest points are looked for.
 pub(super) struct Finder<'a, P> {
     pub places: P,
-    bvh: TriangleBvh,
+    pub bvh: TriangleBvh,
     positions: Vec<DVec3>,
     triangles: &'a [[u32; 3]],
     /// Of each triangle.
@@ -318,7 +327,7 @@ impl<'a, P: Places> Finder<'a, P> {
         self.triangles[triangle as usize].map(|corner| self.positions[corner as usize])
     }
 
-    /// Notes the texels of a block of points, which all lie straight above a triangle or below it: those of a row are as far from one another.
+    /// Notes the texels of a block of points to all of which one triangle is closest ([`Below::One`]): those of a row are as far from one another.
     fn add_block(&self, rows: &Rows, block: &Block, triangle: u32, of_source: DVec3, texels: &mut [u32]) {
         let side = self.side(triangle, of_source);
         for (first, points, count) in rows.in_rows(block) {

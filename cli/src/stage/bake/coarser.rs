@@ -10,15 +10,15 @@ use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
 use super::blocks::Blocks;
-use super::closest::{Below, Finder, OnMap, Places, SHARE_OF_OPPOSITE};
+use super::closest::{Below, Finder, OnMap, Places, share_of_opposite};
 use super::fill::finished;
-use super::lanes::LANES;
+use super::lanes::{LANES, whole};
 use super::raster::Drawn;
 use super::strangers::Strangers;
 use super::surfels::{Run, Surfels};
 use super::values::{Kept, Sums};
 use crate::mesh::NONE;
-use crate::stage::certify::Hint;
+use crate::stage::certify::{AROUND, Hint, Numbers, TOGETHER};
 
 /// Points stand for squares. Those that are larger than this share of a texel are taken for four, so that no texel between them is left out.
 const LARGE: f64 = 0.71;
@@ -34,11 +34,9 @@ pub(super) fn gather_surfels<'a>(
     let finder = Finder::on_map(patch, map, drawn);
     let mut gathering = Gathering {
         strangers: Strangers::new(patch, map, &[]),
-        // Measured numbers and normals of the other side say nothing here.
-        of_opposite: if sums.storage.is_plain() { SHARE_OF_OPPOSITE } else { 0.0 },
+        of_opposite: share_of_opposite(sums.storage),
         finder: &finder,
-        map,
-        drawn,
+        bytes: sums.storage.packed_bytes(),
         sums,
         hint: Hint::default(),
         values: vec![],
@@ -48,7 +46,7 @@ pub(super) fn gather_surfels<'a>(
         for run in &surfels.runs {
             let fineness = if f64::from(run.size).sqrt() > LARGE * finder.size { 2 } else { 1 };
             let points = Lattice::new(surfels, run, patch.origin(), fineness);
-            finder.divide(&points, &mut hint, |block, below| gathering.add(&points, block, below));
+            finder.divide(&points, &mut hint, |block, below| gathering.add(&points, block, &below));
         }
     }
     finished(gathering.sums, patch, map, drawn)
@@ -57,62 +55,145 @@ pub(super) fn gather_surfels<'a>(
 /// What texels are made of.
 struct Gathering<'a> {
     finder: &'a Finder<'a, OnMap<'a>>,
-    map: &'a Map,
-    drawn: &'a Drawn,
     strangers: Strangers,
     /// What points count whose closest triangle faces the other way.
     of_opposite: f32,
     sums: Sums<'a>,
+    /// Bytes of the values of a point.
+    bytes: usize,
     hint: Hint,
     /// Memory for the values of a point.
     values: Vec<f32>,
 }
 
+/// Where points are shown that are closest to a triangle.
+#[derive(Clone, Copy, Default)]
+struct Target {
+    /// Its place in the map is this, and so much more for each of two numbers or three.
+    place: [[f32; 2]; 4],
+    /// The least and the greatest place of its piece.
+    range: [[f32; 2]; 2],
+    piece: usize,
+    /// What a point counts.
+    weight: f32,
+}
+
+impl Target {
+    /// The place of a point of which the numbers are known.
+    #[inline(always)]
+    fn place<const N: usize>(&self, numbers: [f32; N]) -> [f32; 2] {
+        let [first, growth @ ..] = self.place;
+        [0, 1].map(|k| numbers.into_iter().zip(growth).fold(first[k], |sum, (number, growth)| sum + number * growth[k]))
+    }
+
+    /// The texel of a place: what lies beyond the piece is taken to its edge, since other pieces lie there.
+    #[inline(always)]
+    fn texel(&self, place: [f32; 2], width: u32) -> u32 {
+        let [low, high] = self.range;
+        let [column, row] = [0, 1].map(|k| {
+            let place = if place[k] > low[k] { place[k] } else { low[k] };
+            whole(if place < high[k] { place } else { high[k] })
+        });
+        row * width + column
+    }
+}
+
 impl Gathering<'_> {
     /// Adds points to the texels that are closest to them.
-    fn add(&mut self, points: &Lattice<'_>, block: &Square, below: Below) {
+    fn add(&mut self, points: &Lattice<'_>, block: &Square, below: &Below) {
+        let (finder, width) = (self.finder, self.finder.places.map.size[0]);
         match below {
             Below::One(triangle) => {
                 // Over one triangle places grow by the same from point to point.
-                let place = |point: DVec3| self.finder.foot(triangle, point);
-                let first = place(points.origin);
-                let [beside, below, deeper] = points.steps.map(|step| {
-                    let next = place(points.origin + step);
-                    [0, 1].map(|k| next[k] - first[k])
-                });
-                points.for_each(block, |number, [x, y, z]| {
-                    let place = [0, 1].map(|k| first[k] + beside[k] * x + below[k] * y + deeper[k] * z);
-                    self.add_point(points, number, triangle, place);
+                let target = self.target(points, *triangle, points.frame().map(|point| finder.foot(*triangle, point)));
+                if target.weight > 0.0 {
+                    points.for_each(block, |some| {
+                        let mut texels = [0; TOGETHER];
+                        for (k, texel) in texels.iter_mut().enumerate() {
+                            *texel = target.texel(target.place(some.at.map(|at| at[k])), width);
+                        }
+                        for (&number, texel) in some.numbers[..some.count].iter().zip(texels) {
+                            self.add_point(points, number, &target, texel);
+                        }
+                    });
+                }
+            }
+            Below::Any(Some(around)) => {
+                let few = finder.bvh.few(around, points.origin);
+                let mut targets = [Target::default(); AROUND];
+                let of_triangles = finder.bvh.numbers(around).zip(finder.bvh.frames(around));
+                for (target, (triangle, [start, along, across])) in targets.iter_mut().zip(of_triangles) {
+                    let frame = [start, start + along, start + across, start];
+                    *target = self.target(points, triangle, frame.map(|point| finder.places.place(triangle, point)));
+                }
+                let steps = points.run.steps.map(|step| step.to_array());
+                points.for_each(block, |some| {
+                    let mut places = [[0.0; TOGETHER]; 3];
+                    for (axis, places) in places.iter_mut().enumerate() {
+                        for (k, place) in places.iter_mut().enumerate() {
+                            *place = (0..3).map(|step| steps[step][axis] * some.at[step][k]).sum();
+                        }
+                    }
+                    let feet = few.closest(&places);
+                    for (k, &number) in some.numbers[..some.count].iter().enumerate() {
+                        let target = &targets[feet.which[k] as usize];
+                        let texel = target.texel(target.place(feet.at.map(|at| at[k])), width);
+                        self.add_point(points, number, target, texel);
+                    }
                 });
             }
-            Below::Any(around) => points.for_each(block, |number, at| {
-                let closest = self.finder.closest(around.as_ref(), points.place(at), &mut self.hint);
-                if closest.triangle != NONE {
-                    let place = self.finder.places.place(closest.triangle, closest.point);
-                    self.add_point(points, number, closest.triangle, place);
+            Below::Any(None) => points.for_each(block, |some| {
+                for (k, &number) in some.numbers[..some.count].iter().enumerate() {
+                    let at = some.at.map(|at| f64::from(at[k]));
+                    let closest = finder.bvh.closest(points.place(at), &mut self.hint);
+                    if closest.triangle != NONE {
+                        let place = finder.places.place(closest.triangle, closest.point);
+                        let target = self.target(points, closest.triangle, [place; 4]);
+                        self.add_point(points, number, &target, target.texel(target.place([]), width));
+                    }
                 }
             }),
         }
     }
 
-    /// Adds a point to the texel of a place in the piece of a triangle.
-    #[inline]
-    fn add_point(&mut self, points: &Lattice<'_>, number: usize, triangle: u32, place: [f64; 2]) {
-        let Lattice { surfels, run, .. } = *points;
-        let share = if self.finder.faces(triangle, run.normal) { 1.0 } else { self.of_opposite };
-        let texel = self.finder.places.texel(triangle, place);
-        if share > 0.0 && self.drawn.is_used[texel] && !self.is_strange(points, number, triangle) {
-            let packed = surfels.packed(number, self.sums.storage);
-            self.sums.add_packed(texel, packed, points.weight * share, &mut self.values);
+    /// Where the points of a run are shown that are closest to a triangle; it is known which place has the first of some points, and which the one has
+    /// where one number is larger by 1.
+    fn target(&self, points: &Lattice<'_>, triangle: u32, [first, others @ ..]: [[f64; 2]; 4]) -> Target {
+        let [x, y, z] = others.map(|place| [0, 1].map(|k| (place[k] - first[k]) as f32));
+        let share = if self.finder.faces(triangle, points.run.normal) { 1.0 } else { self.of_opposite };
+        Target {
+            place: [first.map(|x| x as f32), x, y, z],
+            range: self.finder.places.range(triangle).map(|corner| corner.map(|x| x as f32)),
+            piece: usize::from(self.finder.places.map.labels[triangle as usize]),
+            weight: points.weight * share,
         }
     }
 
-    /// Whether the piece of a triangle must not show a point.
-    fn is_strange(&self, points: &Lattice<'_>, number: usize, triangle: u32) -> bool {
-        let strangers = self.strangers.of(usize::from(self.map.labels[triangle as usize]));
-        !strangers.is_empty()
-            && points.surfels.area(points.run, number).is_some_and(|area| strangers.binary_search(&area).is_ok())
+    /// Adds a point to a texel.
+    #[inline]
+    fn add_point(&mut self, points: &Lattice<'_>, number: u32, target: &Target, texel: u32) {
+        let (number, texel) = (number as usize, texel as usize);
+        let is_wanted = target.weight > 0.0 && self.finder.places.drawn.is_used[texel];
+        if is_wanted && !self.is_strange(points, number, target.piece) {
+            self.sums.add_packed(texel, points.surfels.packed(number, self.bytes), target.weight, &mut self.values);
+        }
     }
+
+    /// Whether a piece must not show a point.
+    #[inline]
+    fn is_strange(&self, points: &Lattice<'_>, number: usize, piece: usize) -> bool {
+        !self.strangers.of(piece).is_empty()
+            && points.surfels.area(points.run, number).is_some_and(|area| self.strangers.has(piece, area))
+    }
+}
+
+/// Some points of a run.
+struct SomePoints {
+    /// The texel of each.
+    numbers: [u32; TOGETHER],
+    /// Column, row and depth of each.
+    at: [Numbers; 3],
+    count: usize,
 }
 
 /// The points of a run: its texels, or four of each.
@@ -164,6 +245,12 @@ impl<'a> Lattice<'a> {
         self.origin + (0..3).map(|k| self.steps[k] * at[k]).sum::<DVec3>()
     }
 
+    /// The first point, and those of which the column, the row or the depth is larger by 1.
+    fn frame(&self) -> [DVec3; 4] {
+        let [beside, below, deeper] = self.steps;
+        [self.origin, self.origin + beside, self.origin + below, self.origin + deeper]
+    }
+
     /// The texels of a row of the run that have points in some columns.
     fn texels(&self, row: usize, columns: &Range<usize>) -> Range<usize> {
         let below = |column: usize| (1_u32 << column) - 1;
@@ -178,23 +265,36 @@ impl<'a> Lattice<'a> {
         block.rows.start / self.fineness..block.rows.end.div_ceil(self.fineness)
     }
 
-    /// Calls a function with the texel of each point of a block, and its column, row and depth.
-    fn for_each(&self, block: &Square, mut visit: impl FnMut(usize, [f64; 3])) {
+    /// Calls a function with the points of a block.
+    #[inline]
+    fn for_each(&self, block: &Square, mut visit: impl FnMut(&SomePoints)) {
+        let mut some = SomePoints { numbers: [0; TOGETHER], at: [[0.0; TOGETHER]; 3], count: 0 };
         let fineness = self.fineness;
         for y in block.rows.clone() {
-            let row = y / fineness;
-            let texels = self.texels(row, &block.columns);
+            let (row, down) = (y / fineness, self.at(y) as f32);
             let mut bits = self.run.rows[row] >> (block.columns.start / fineness);
             let mut column = block.columns.start / fineness;
-            for number in texels {
+            for number in self.texels(row, &block.columns) {
                 let gap = bits.trailing_zeros();
                 (bits, column) = (bits >> gap, column + gap as usize);
-                let depth = f64::from(self.surfels.depths[number]);
+                let depth = f32::from(self.surfels.depths[number]);
                 let own =
                     (column * fineness).max(block.columns.start)..((column + 1) * fineness).min(block.columns.end);
-                own.for_each(|x| visit(number, [self.at(x), self.at(y), depth]));
+                for x in own {
+                    some.numbers[some.count] = number as u32;
+                    [some.at[0][some.count], some.at[1][some.count], some.at[2][some.count]] =
+                        [self.at(x) as f32, down, depth];
+                    some.count += 1;
+                    if some.count == TOGETHER {
+                        visit(&some);
+                        some.count = 0;
+                    }
+                }
                 (bits, column) = (bits >> 1, column + 1);
             }
+        }
+        if some.count > 0 {
+            visit(&some);
         }
     }
 }
@@ -362,7 +462,10 @@ mod tests {
                 let mut open = vec![points.whole()];
                 while let Some(block) = open.pop() {
                     let mut places = vec![];
-                    points.for_each(&block, |number, at| places.push((number, points.place(at))));
+                    points.for_each(&block, |some| {
+                        let at = |k: usize| points.place(some.at.map(|at| f64::from(at[k])));
+                        places.extend((0..some.count).map(|k| (some.numbers[k] as usize, at(k))));
+                    });
                     assert!(places.len() <= points.count_in(&block));
                     if places.is_empty() {
                         continue;

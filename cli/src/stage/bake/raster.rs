@@ -11,7 +11,7 @@ use super::{BakedPatch, Points};
 use crate::mesh::NONE;
 
 /// A point is moved by no more texels than patches are widened by.
-pub(super) const MAX_STEP: f32 = 1.5;
+const MAX_STEP: f32 = 1.5;
 /// Up to so many columns, looking at each takes less time than finding which of them are inside.
 const FEW_COLUMNS: usize = 8;
 /// Depths that differ by less than this many texels are those of one sheet.

@@ -74,9 +74,9 @@ impl Surfels {
         }
     }
 
-    /// The values of a texel.
-    pub(super) fn packed(&self, number: usize, storage: &Storage) -> &[u8] {
-        let bytes = storage.packed_bytes();
+    /// The values of a texel, of which each has so many bytes.
+    #[inline]
+    pub(super) fn packed(&self, number: usize, bytes: usize) -> &[u8] {
         &self.values[number * bytes..][..bytes]
     }
 

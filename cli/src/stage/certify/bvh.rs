@@ -5,7 +5,10 @@
 //! their first use, so walking either is spatially coherent.
 
 mod around;
-pub use around::Around;
+mod together;
+pub use around::{AROUND, Around};
+pub(super) use together::Single;
+pub use together::{Few, Numbers, TOGETHER};
 
 use glam::{DVec3, Vec4};
 

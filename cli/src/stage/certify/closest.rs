@@ -7,6 +7,8 @@
 
 use glam::DVec3;
 
+use super::bvh::Single;
+
 /// Apex heights below this share of the longest edge count as zero: the direction of such a height is mostly rounding,
 /// and moving the apex that far is well within the inflation of the final bound.
 const FLAT: f64 = 1e-14;
@@ -102,6 +104,23 @@ impl PreparedTriangle {
             }
         };
         in_plane + z * z
+    }
+
+    /// Where the longest edge starts, the direction of this, and that towards the apex.
+    pub(super) fn frame(&self) -> [DVec3; 3] {
+        [self.start, self.axes[0], self.axes[1]]
+    }
+
+    /// The same in single precision, relative to a point.
+    pub(super) fn single(&self, about: DVec3) -> Single {
+        let side = |side: Side| [side.along, side.across, side.length].map(|x| x as f32);
+        Single {
+            start: (self.start - about).as_vec3().to_array(),
+            axes: self.axes.map(|axis| axis.as_vec3().to_array()),
+            base: self.base as f32,
+            apex: self.apex as f32,
+            sides: self.sides.map(side),
+        }
     }
 
     /// The closest point of the triangle.

@@ -33,7 +33,7 @@ mod unchanged;
 use bound::Search;
 use glam::DVec3;
 
-pub use bvh::{Around, Closest, Hint, Near, TriangleBvh};
+pub use bvh::{AROUND, Around, Closest, Few, Hint, Near, Numbers, TOGETHER, TriangleBvh};
 pub use by_part::Comparison;
 pub use drape::{BorderPairing, PairedVertex};
 pub use surface::Surface;

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec4};
 use super::{Closest, EMPTY, Hint, INNER, SLACK, STACK, STEADY, TriangleBvh};
 
 /// The most triangles of an [`Around`].
-const AROUND: usize = 8;
+pub const AROUND: usize = 8;
 
 /// A few triangles among which the closest one is.
 #[derive(Clone, Copy, Debug, Default)]
@@ -21,6 +21,11 @@ impl Around {
         *free = slot;
         self.count += 1;
         true
+    }
+
+    /// Where the triangles are.
+    pub(super) fn slots(&self) -> &[u32] {
+        &self.slots[..self.count]
     }
 }
 
