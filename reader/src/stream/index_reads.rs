@@ -89,7 +89,6 @@ impl<U: Copy + Ord> IndexReads<U> {
         self.failures.clear();
     }
 
-    #[cfg(feature = "threads")]
     pub fn is_idle(&self) -> bool {
         self.wanted.is_empty() && self.flying.is_empty()
     }

@@ -359,6 +359,11 @@ impl<C: Content> Loader<C> {
         None
     }
 
+    /// Whether something that the running frame wants may still come.
+    pub fn has_coming(&self) -> bool {
+        self.wants.values().any(|want| want.frame == self.frame) || !self.index_reads.is_idle()
+    }
+
     /// Whether nothing is left to do for the running frame.
     #[cfg(feature = "threads")]
     pub fn is_idle(&self) -> bool {

@@ -24,6 +24,10 @@ use crate::{
     source::ReadAt,
 };
 
+/// How often a frame that waits looks at all that it lacks while some of it may still come. To look for thousands of roots takes milliseconds, in
+/// which nobody else gets at the loader.
+const LOOK: Duration = Duration::from_millis(50);
+
 /// Draws a file frame by frame while it is being loaded: see the [module](super).
 ///
 /// Times are counted from any moment that the caller chooses, and never go back.
@@ -39,6 +43,8 @@ pub struct Session {
     antichain: Antichain,
     drawable: Drawable,
     begun: Duration,
+    /// When the running frame last looked at all that it lacks.
+    looked: Duration,
     has_stalled: bool,
     textures: Textures,
     /// What the view shows gets its images first.
@@ -86,6 +92,7 @@ impl Session {
             antichain: Antichain::default(),
             drawable: Drawable::default(),
             begun: Duration::ZERO,
+            looked: Duration::ZERO,
             has_stalled: false,
             textures: Textures::default(),
             view: None,
@@ -135,7 +142,7 @@ impl Session {
         if !self.wanted.is(wanted) {
             self.antichain.set(&self.content, wanted)?;
         }
-        self.begun = now;
+        (self.begun, self.looked) = (now, now);
         self.waiting = None;
         let mut loading = self.shared.lock();
         let loader = &mut loading.geometry;
@@ -170,6 +177,12 @@ impl Session {
     /// again.
     pub fn end(&mut self, now: Duration) -> Option<Frame> {
         let waits = self.options.mode == Mode::Synchronous;
+        if self.waiting.is_some() {
+            let has_coming = self.shared.lock().texels.as_ref().is_some_and(|texels| texels.loader.has_coming());
+            if !looks_again(&mut self.looked, has_coming, now) {
+                return None;
+            }
+        }
         let mut frame = match self.waiting.take() {
             Some(frame) => frame,
             None => self.end_geometry(now)?,
@@ -207,6 +220,9 @@ impl Session {
         let mut loading = self.shared.lock();
         let loader = &mut loading.geometry;
         if self.options.mode == Mode::Synchronous && !self.drawable.is_complete {
+            if !looks_again(&mut self.looked, loader.has_coming(), now) {
+                return None;
+            }
             self.drawable = self.wanted.demand(loader, &self.picture, self.options.may_stay_finer, now);
             if !self.drawable.is_complete {
                 return None;
@@ -334,6 +350,13 @@ impl Session {
     pub(crate) fn shared(&self) -> &Arc<Shared> {
         &self.shared
     }
+}
+
+/// Whether a frame that waits looks again at what it lacks.
+fn looks_again(looked: &mut Duration, has_coming: bool, now: Duration) -> bool {
+    let looks = !has_coming || now.saturating_sub(*looked) >= LOOK;
+    *looked = if looks { now } else { *looked };
+    looks
 }
 
 /// How a loader behaves whose caches have these bounds.
