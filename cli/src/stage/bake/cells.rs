@@ -30,6 +30,8 @@ pub struct Seen {
     pub sum: f64,
     /// The area of what they stand for.
     pub area: f64,
+    /// The sum of squares of distances, by area.
+    pub distances: f64,
     /// Points where colours are far off, with their part of the sum.
     pub far: Vec<(DVec3, f64)>,
 }
@@ -38,6 +40,11 @@ impl Seen {
     /// The mean square. None if nothing is seen.
     pub fn mean(&self) -> Option<f64> {
         (self.area > 0.0).then(|| self.sum / self.area)
+    }
+
+    /// How far off the points are, in the root mean square.
+    pub fn distance(&self) -> f64 {
+        (self.distances / self.area).sqrt()
     }
 
     /// The points where colours are farthest off, which make up a share of all squares.
@@ -97,7 +104,8 @@ impl Sampled {
         let mut sums = vec![[0.0_f32; 4]; cells.count];
         let finder = Finder::new(positions, triangles, cells, self.size);
         let find = |(&corners, rows): (&[DVec3; 3], &Rows)| finder.find(corners, rows);
-        let found: Vec<Vec<u32>> = self.triangles.par_iter().zip(&self.rows).map(find).collect();
+        let found: Vec<(Vec<u32>, f64)> = self.triangles.par_iter().zip(&self.rows).map(find).collect();
+        let (found, distances): (Vec<Vec<u32>>, Vec<f64>) = found.into_iter().unzip();
         for ((texels, rows), &first) in found.iter().zip(&self.rows).zip(&self.first) {
             let weight = rows.area / texels.len().max(1) as f64 / (self.size * self.size);
             for (&texel, colour) in texels.iter().zip(&self.colours[first..]) {
@@ -119,9 +127,11 @@ impl Sampled {
             f64::from(x * x + y * y + z * z) / 3.0
         };
         let mut seen = Seen::default();
-        for ((texels, rows), &first) in found.iter().zip(&self.rows).zip(&self.first) {
+        for (((texels, distances), rows), &first) in found.iter().zip(distances).zip(&self.rows).zip(&self.first) {
             let squares = texels.iter().zip(&self.colours[first..]).map(|(&texel, colour)| square(texel, colour));
-            seen.sum += squares.sum::<f64>() * rows.area / texels.len().max(1) as f64;
+            let weight = rows.area / texels.len().max(1) as f64;
+            seen.sum += squares.sum::<f64>() * weight;
+            seen.distances += distances * weight;
             seen.area += rows.area;
         }
         let far = FAR * seen.sum / seen.area;
@@ -236,6 +246,8 @@ mod tests {
         let wanted = 1e4 * 0.5 * (share * share + (1.0 - share) * (1.0 - share));
         assert!(seen.mean().is_some_and(|mean| (mean / wanted - 1.0).abs() < 0.02), "{:?} {wanted}", seen.mean());
         assert_eq!(seen.area, 128.0);
+        // One of them is twice as far from the patch as the other.
+        assert!((seen.distance() / 2.5_f64.sqrt() - 1.0).abs() < 1e-9, "{}", seen.distance());
     }
 
     #[test]

@@ -37,6 +37,16 @@ pub(super) fn share_of_opposite(storage: &Storage) -> f32 {
     if storage.is_plain() { SHARE_OF_OPPOSITE } else { 0.0 }
 }
 
+/// In what colours are averaged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Means {
+    /// In light, as it adds up where somebody is far away.
+    Light,
+    /// In square roots of it, which are about what screens encode: where somebody is close enough to see that a texel has two colours, such a mean
+    /// is off least from both.
+    Roots,
+}
+
 /// Adds to covered texels those points of the source that lie closest to them. Of each texel says whether there is one that faces the same way.
 pub(super) fn show_closest(
     patch: &BakedPatch<'_>,
@@ -44,6 +54,7 @@ pub(super) fn show_closest(
     drawn: &Drawn,
     source: &mut impl Source,
     sums: &mut Sums<'_>,
+    means: Means,
 ) -> Vec<bool> {
     let finder = Finder::on_map(patch, map, drawn);
     let size = finder.size;
@@ -57,7 +68,7 @@ pub(super) fn show_closest(
     for (first, some) in (0..).step_by(CHUNK).zip(sources.chunks(CHUNK)) {
         let find = |&corners: &[DVec3; 3]| {
             let rows = Rows::new(corners, size * SPACING);
-            let texels = finder.find(corners, &rows);
+            let (texels, _) = finder.find(corners, &rows);
             (rows, texels)
         };
         let found: Vec<(Rows, Vec<u32>)> = some.par_iter().map(find).collect();
@@ -69,6 +80,9 @@ pub(super) fn show_closest(
             let weight = (area / texels.len() as f64 / (size * size)) as f32;
             values.clear();
             source.shade(triangle, &rows, (size * SPACING) as f32, &mut values);
+            if means == Means::Roots {
+                sums.storage.take_roots(&mut values);
+            }
             for (side, share) in sides.into_iter().filter(|(_, share)| *share > 0.0) {
                 of_side.clear();
                 values_of_side.clear();
@@ -84,6 +98,9 @@ pub(super) fn show_closest(
                 }
             }
         }
+    }
+    if means == Means::Roots {
+        sums.square_means();
     }
     is_seen
 }
@@ -224,20 +241,22 @@ impl<'a, P: Places> Finder<'a, P> {
         }
     }
 
-    /// What is closest to each of the points of a triangle, [`OPPOSITE`] if it faces the other way.
-    pub fn find(&self, corners: [DVec3; 3], rows: &Rows) -> Vec<u32> {
-        let mut texels = vec![NOWHERE; rows.count()];
+    /// What is closest to each of the points of a triangle, [`OPPOSITE`] if it faces the other way, and the sum of squares of distances.
+    pub fn find(&self, corners: [DVec3; 3], rows: &Rows) -> (Vec<u32>, f64) {
+        let (mut texels, mut squares) = (vec![NOWHERE; rows.count()], 0.0);
         let normal = doubled_area(corners);
         let mut hint = Hint::default();
         self.divide(rows, &mut Hint::default(), |block, below| match below {
-            Below::One(triangle) => self.add_block(rows, block, triangle, normal, &mut texels),
+            Below::One(triangle) => squares += self.add_block(rows, block, triangle, normal, &mut texels),
             Below::Any(around) => {
                 for (at, point) in rows.points(block) {
-                    texels[at] = self.texel(self.closest(around.as_ref(), point, &mut hint), normal);
+                    let closest = self.closest(around.as_ref(), point, &mut hint);
+                    squares += closest.distance * closest.distance;
+                    texels[at] = self.texel(closest, normal);
                 }
             }
         });
-        texels
+        (texels, squares)
     }
 
     /// Whether a triangle faces the same way as a normal.
@@ -328,19 +347,45 @@ impl<'a, P: Places> Finder<'a, P> {
     }
 
     /// Notes the texels of a block of points to all of which one triangle is closest ([`Below::One`]): those of a row are as far from one another.
-    fn add_block(&self, rows: &Rows, block: &Block, triangle: u32, of_source: DVec3, texels: &mut [u32]) {
+    /// Returns the sum of squares of their distances.
+    fn add_block(&self, rows: &Rows, block: &Block, triangle: u32, of_source: DVec3, texels: &mut [u32]) -> f64 {
         let side = self.side(triangle, of_source);
+        let (corner, up) = (self.corners(triangle)[0], self.normals[triangle as usize].normalize_or_zero());
+        let mut squares = 0.0;
         for (first, points, count) in rows.in_rows(block) {
+            let [height, next] = points.map(|point| (point - corner).dot(up));
+            squares += squares_of_row(height, next - height, count as f64);
             let [start, next] = points.map(|point| self.foot(triangle, point));
             for (k, texel) in texels[first..first + count].iter_mut().enumerate() {
                 let place = [0, 1].map(|axis| start[axis] + k as f64 * (next[axis] - start[axis]));
                 *texel = self.number(triangle, place, side);
             }
         }
+        squares
     }
+}
+
+/// The sum of squares of so many numbers, each of which is larger than the one before by as much.
+fn squares_of_row(first: f64, growth: f64, count: f64) -> f64 {
+    let last = count - 1.0;
+    count * (first * first + first * growth * last + growth * growth * last * (2.0 * last + 1.0) / 6.0)
 }
 
 /// Twice the area of a triangle, as a vector along its normal.
 pub(super) fn doubled_area([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_of_a_row_are_those_of_its_numbers() {
+        for (first, growth, count) in [(3.0, -0.7, 9), (-2.0, 0.0, 4), (5.0, 1.0, 1)] {
+            let each = (0..count).map(|k| first + growth * f64::from(k));
+            let wanted: f64 = each.map(|number| number * number).sum();
+            assert!((squares_of_row(first, growth, f64::from(count)) - wanted).abs() < 1e-9);
+        }
+    }
 }

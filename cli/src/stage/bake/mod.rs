@@ -36,7 +36,7 @@ use crate::stage::areas::Areas;
 use borders::Borders;
 pub use borders::Located;
 pub use cells::{Sampled, Seen};
-use closest::show_closest;
+use closest::{Means, show_closest};
 use coarser::gather_surfels;
 use fill::finished;
 pub use gather::barycentric;
@@ -200,24 +200,30 @@ impl<'s> Baker<'s> {
         source: &mut Located<S>,
         exponent: u32,
     ) -> Option<Baked> {
-        let mapped = self.closest(patch, &mut source.source, exponent)?;
+        let mapped = self.closest(patch, &mut source.source, exponent, Means::Light)?;
         let (streams, _) = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
         // Nobody makes coarser ones of them.
         Some(Baked { streams, surfels: Surfels::default() })
     }
 
-    /// As [`Baker::bake_closest`], but both sides of borders show the mean of what both do.
+    /// As [`Baker::bake_closest`], of a cut that is looked at as closely as its source, but both sides of borders show the mean of what both do.
     pub fn bake_cut(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
-        let mapped = self.closest(patch, source, exponent)?;
+        let mapped = self.closest(patch, source, exponent, Means::Roots)?;
         let (streams, _) = self.streams(patch, mapped, |_, shown| shown.means(patch));
         Some(Baked { streams, surfels: Surfels::default() })
     }
 
     /// Gives texels what lies closest to them.
-    fn closest(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Mapped> {
+    fn closest(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        source: &mut impl Source,
+        exponent: u32,
+        means: Means,
+    ) -> Option<Mapped> {
         let mapped = self.mapped(patch, exponent, None)?;
         let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
-        let taken = show_closest(patch, &mapped.map, &self.drawn, source, &mut sums);
+        let taken = show_closest(patch, &mapped.map, &self.drawn, source, &mut sums, means);
         let sums = gather(patch, &mapped.map, (&self.drawn, &taken), source, sums);
         self.kept = finished(sums, patch, &mapped.map, &self.drawn);
         Some(mapped)

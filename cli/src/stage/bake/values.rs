@@ -194,6 +194,20 @@ impl Storage {
         starts.filter(|(channel, _)| is_wanted(channel)).map(|(_, start)| start).collect()
     }
 
+    /// Replaces colours without opacity by their square roots.
+    pub(super) fn take_roots(&self, values: &mut [f32]) {
+        if self.is_plain {
+            values.iter_mut().for_each(|value| *value = value.sqrt());
+            return;
+        }
+        let colours = self.opaque_colours();
+        for values in values.chunks_exact_mut(self.count) {
+            for &first in &colours {
+                values[first..first + 3].iter_mut().for_each(|value| *value = value.sqrt());
+            }
+        }
+    }
+
     /// The image of each channel, of texels that have these values, as [`Sums`] has them. Texels that are not used may have any value
     /// afterwards. `memory` serves one image after another.
     pub(super) fn encode(
@@ -412,6 +426,20 @@ impl<'a> Sums<'a> {
         }
     }
 
+    /// Replaces sums of square roots of colours without opacity by those of colours whose mean has the mean of the roots.
+    pub fn square_means(&mut self) {
+        let Storage { count, .. } = *self.storage;
+        let colours = self.storage.opaque_colours();
+        for texel in self.kept.sums.chunks_exact_mut(self.storage.stride()) {
+            let weight = texel[count];
+            if weight > 0.0 {
+                for &first in &colours {
+                    texel[first..first + 3].iter_mut().for_each(|sum| *sum *= *sum / weight);
+                }
+            }
+        }
+    }
+
     /// Where the labels lie among the values of a texel.
     pub fn labels(&self) -> Vec<usize> {
         self.storage.labels()
@@ -512,5 +540,29 @@ mod tests {
         storage.unpack(&packed, &mut values);
         assert_eq!([values[0], values[1], values[2], values[6]], [1.0, 0.0, 0.0, 1.0]);
         assert!((values[9] + 0.5).abs() < 1e-4 && values[8] == 1.0 && values[10] == 1.0);
+    }
+
+    #[test]
+    fn means_of_roots_are_squared_and_other_channels_stay() {
+        let colour = |components: u8| Stored::Colour { components, step: 1 };
+        for (channels, wanted) in [
+            (vec![colour(3)], vec![0.36, 0.25, 1.0]),
+            (vec![Stored::Factor { step: 1 }, colour(3)], vec![0.5, 0.36, 0.25, 1.0]),
+        ] {
+            let storage = Storage::new(channels);
+            let first = storage.count() - 3;
+            let mut sums = Sums::new(2, &storage, Kept::default());
+            for (value, weight) in [(0.0, 0.4), (1.0, 0.6)] {
+                let mut values = vec![0.5; first];
+                values.extend([value, 0.25, 1.0]);
+                storage.take_roots(&mut values);
+                sums.add_all(&[1], &values, 2.0 * weight);
+            }
+            sums.square_means();
+            sums.divide();
+            assert_eq!(sums.kept.known, [false, true]);
+            let texel = &sums.kept.sums[storage.stride()..][..storage.count()];
+            assert!(texel.iter().zip(&wanted).all(|(is, wanted)| (is - wanted).abs() < 1e-6), "{texel:?}");
+        }
     }
 }
