@@ -75,6 +75,12 @@ impl Place {
         Self { texel: first[1] * width as u32 + first[0], right, down }
     }
 
+    /// In the middle between four texels.
+    #[cfg(test)]
+    pub fn between(texel: u32) -> Self {
+        Self { texel, right: 0.5, down: 0.5 }
+    }
+
     /// The four texels with their shares.
     #[inline]
     pub fn texels(&self, width: usize) -> [(usize, f32); 4] {
@@ -221,6 +227,13 @@ impl Borders {
         self.places.iter().chain(self.far_beside().map(|beside| &beside.place))
     }
 
+    /// The places of all points of an inner edge on both sides.
+    pub fn pairs<'a>(&'a self, edge: &'a Edge) -> impl Iterator<Item = [Place; 2]> + use<'a> {
+        let mut sides = self.sides(edge).map(|side| side.all_places());
+        let both = sides.next().zip(sides.next()).map(|(one, other)| one.zip(other));
+        both.into_iter().flatten().map(|(one, other)| [one, other])
+    }
+
     /// The sides of an edge.
     pub fn sides<'a>(&'a self, edge: &'a Edge) -> impl Iterator<Item = EdgeSide<'a>> {
         edge.sides[..edge.count()].iter().map(move |side| EdgeSide { borders: self, edge, side })
@@ -269,8 +282,13 @@ impl<'a> EdgeSide<'a> {
 
     /// The places of [`Edge::points`].
     pub fn places(&self) -> impl Iterator<Item = Place> + use<'a> {
+        self.all_places().step_by(2)
+    }
+
+    /// Those, and between each two of them another one.
+    pub fn all_places(&self) -> impl Iterator<Item = Place> + use<'a> {
         let first = self.side.first as usize;
-        self.borders.places[first..=first + self.edge.steps as usize].iter().step_by(2).copied()
+        self.borders.places[first..=first + self.edge.steps as usize].iter().copied()
     }
 
     /// Those points, and for each one that lies a little inside of the side.
