@@ -284,7 +284,7 @@ mod tests {
         let worst = place - DVec3::from(lattice.origin);
         let compare = |way: Finished| {
             let value = 1000.0 - around(&way) as f64;
-            Compared { seen: Seen { sum: value, area: 1.0, distances: 0.0, far: vec![(worst, value)] }, value, way }
+            Compared { seen: Seen { sum: value, area: 1.0, far: vec![(worst, value)], ..Seen::default() }, value, way }
         };
         let best = recollapse.best(vec![compare(first.clone())], &compare).expect("one at least");
         assert!(around(&best) > around(&first), "{} and {}", around(&best), around(&first));

@@ -140,7 +140,8 @@ impl<'a> CutPainter<'a> {
         let origin = DVec3::from(self.lattice.origin);
         let positions = way.positions.iter().map(|&p| DVec3::from(p) - origin).collect();
         let seen = sampled.seen(positions, &way.triangles);
-        let value = seen.mean().map_or(f64::INFINITY, |mean| mean * seen.distance());
+        let distance = seen.distance().max(f64::MIN_POSITIVE);
+        let value = seen.mean().map_or(f64::INFINITY, |mean| mean * distance);
         Compared { way, seen, value }
     }
 

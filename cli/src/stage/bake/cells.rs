@@ -6,11 +6,15 @@ use rayon::prelude::*;
 
 use super::blocks::Rows;
 use super::closest::{Finder, NOWHERE, OPPOSITE, Places, SHARE_OF_OPPOSITE, SPACING, doubled_area};
+use crate::stage::certify::{Closest, Hint, TriangleBvh};
 
 /// Of the points whose colours are farthest off those are kept whose square is so many times the mean one.
 const FAR: f64 = 2.0;
 /// The most cells of a patch, unless it has more triangles: they become larger if need be.
 const MOST_CELLS: u64 = 1 << 22;
+
+/// About so many points of a patch tell how far it is from the surface.
+const OWN_POINTS: f64 = 16384.0;
 
 /// Points of a surface with their colours.
 pub struct Sampled {
@@ -21,6 +25,8 @@ pub struct Sampled {
     colours: Vec<[f32; 3]>,
     /// The size of a cell.
     size: f64,
+    /// All of the surface, also what has no colours.
+    bvh: TriangleBvh,
 }
 
 /// How far off the colours are that are seen.
@@ -30,8 +36,10 @@ pub struct Seen {
     pub sum: f64,
     /// The area of what they stand for.
     pub area: f64,
-    /// The sum of squares of distances, by area.
+    /// The sum of squares of their distances from the patch, by area.
     pub distances: f64,
+    /// The mean square of distances of the patch from the surface.
+    pub of_patch: f64,
     /// Points where colours are far off, with their part of the sum.
     pub far: Vec<(DVec3, f64)>,
 }
@@ -42,9 +50,9 @@ impl Seen {
         (self.area > 0.0).then(|| self.sum / self.area)
     }
 
-    /// How far off the points are, in the root mean square.
+    /// How far surface and patch are from each other, in the root mean square both ways: what a patch has too much, points of the surface do not see.
     pub fn distance(&self) -> f64 {
-        (self.distances / self.area).sqrt()
+        (0.5 * (self.distances / self.area + self.of_patch)).sqrt()
     }
 
     /// The points where colours are farthest off, which make up a share of all squares.
@@ -72,7 +80,9 @@ impl Sampled {
     ) -> Self {
         let area = 0.5 * triangles.iter().map(|&corners| doubled_area(corners).length()).sum::<f64>();
         let size = (area / cells).sqrt().max(least);
-        let mut this = Self { triangles: vec![], rows: vec![], first: vec![], colours: vec![], size };
+        let numbers: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        let bvh = TriangleBvh::new(triangles.as_flattened(), &numbers);
+        let mut this = Self { triangles: vec![], rows: vec![], first: vec![], colours: vec![], size, bvh };
         if size.is_nan() || size <= 0.0 {
             return this;
         }
@@ -100,6 +110,7 @@ impl Sampled {
         if self.triangles.is_empty() {
             return Seen::default();
         }
+        let of_patch = self.square_distance(triangles.iter().map(|t| t.map(|v| positions[v as usize])).collect());
         let cells = Cells::new(&positions, triangles, self.size);
         let mut sums = vec![[0.0_f32; 4]; cells.count];
         let finder = Finder::new(positions, triangles, cells, self.size);
@@ -126,7 +137,7 @@ impl Sampled {
             let [x, y, z] = [0, 1, 2].map(|k| shown[k] - colour[k]);
             f64::from(x * x + y * y + z * z) / 3.0
         };
-        let mut seen = Seen::default();
+        let mut seen = Seen { of_patch, ..Seen::default() };
         for (((texels, distances), rows), &first) in found.iter().zip(distances).zip(&self.rows).zip(&self.first) {
             let squares = texels.iter().zip(&self.colours[first..]).map(|(&texel, colour)| square(texel, colour));
             let weight = rows.area / texels.len().max(1) as f64;
@@ -146,6 +157,26 @@ impl Sampled {
             }
         }
         seen
+    }
+}
+
+impl Sampled {
+    /// The mean square of distances of triangles from the surface.
+    fn square_distance(&self, triangles: Vec<[DVec3; 3]>) -> f64 {
+        let area = |&corners: &[DVec3; 3]| 0.5 * doubled_area(corners).length();
+        let spacing = (triangles.iter().map(area).sum::<f64>() / OWN_POINTS).sqrt();
+        let of_triangle = |&corners: &[DVec3; 3]| {
+            let (rows, mut hint) = (Rows::new(corners, spacing), Hint::default());
+            let square = |(_, point)| {
+                let Closest { distance, .. } = self.bvh.closest(point, &mut hint);
+                distance * distance
+            };
+            let sum: f64 = rows.points_of_all().map(square).sum();
+            [sum * rows.area / rows.count().max(1) as f64, rows.area]
+        };
+        let all: Vec<[f64; 2]> = triangles.par_iter().map(of_triangle).collect();
+        let [squares, area] = [0, 1].map(|k| all.iter().map(|each| each[k]).sum::<f64>());
+        if area > 0.0 { squares / area } else { 0.0 }
     }
 }
 
@@ -246,8 +277,8 @@ mod tests {
         let wanted = 1e4 * 0.5 * (share * share + (1.0 - share) * (1.0 - share));
         assert!(seen.mean().is_some_and(|mean| (mean / wanted - 1.0).abs() < 0.02), "{:?} {wanted}", seen.mean());
         assert_eq!(seen.area, 128.0);
-        // One of them is twice as far from the patch as the other.
-        assert!((seen.distance() / 2.5_f64.sqrt() - 1.0).abs() < 1e-9, "{}", seen.distance());
+        // One of them is twice as far from the patch as the other, and the patch is as far from the nearer one.
+        assert!((seen.distance() / 1.75_f64.sqrt() - 1.0).abs() < 1e-9, "{}", seen.distance());
     }
 
     #[test]

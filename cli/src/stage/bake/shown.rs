@@ -218,29 +218,36 @@ impl Shown<'_> {
                     self.show(place, colour, first, covered);
                 }
             }
+            let mut open: Vec<[Place; 2]> = wanted.alike.clone();
             for _ in 0..ROUNDS {
-                wanted.alike.iter().for_each(|&pair| self.bring_together(pair, first));
+                open.retain(|&pair| self.bring_together(pair, first));
             }
         }
     }
 
-    /// Changes texels so that two places show the mean of what they do.
-    fn bring_together(&mut self, places: [Place; 2], first: usize) {
+    /// Changes texels so that two places show the mean of what they do. Says whether that made a difference.
+    fn bring_together(&mut self, places: [Place; 2], first: usize) -> bool {
         let [one, other] = places.map(|place| self.shown(place, first));
         let half: [f32; 3] = std::array::from_fn(|k| 0.5 * (other[k] - one[k]));
-        if half.iter().all(|half| half.abs() < 0.5 * SAME) {
-            return;
+        let differs = half.iter().any(|half| half.abs() >= 0.5 * SAME);
+        if differs {
+            for (place, change) in places.into_iter().zip([half, half.map(|half| -half)]) {
+                self.change(place, change, first, COVERED_WITHOUT_SOURCE);
+            }
         }
-        for (place, change) in places.into_iter().zip([half, half.map(|half| -half)]) {
-            self.change(place, change, first, COVERED_WITHOUT_SOURCE);
-        }
+        differs
     }
 
     /// The colour at a place.
     fn shown(&self, place: Place, first: usize) -> [f32; 3] {
-        let stride = self.storage.stride();
+        let (stride, texels) = (self.storage.stride(), place.texels(self.borders.width));
+        if self.storage.is_plain() {
+            let all = self.values.as_chunks::<4>().0;
+            let [a, b, c, d] = texels.map(|(texel, share)| all[texel].map(|value| share * value));
+            return std::array::from_fn(|k| a[k] + b[k] + c[k] + d[k]);
+        }
         let mut sums = [0.0; 3];
-        for (texel, share) in place.texels(self.borders.width) {
+        for (texel, share) in texels {
             let colour = colour_at(self.values, texel * stride + first);
             (0..3).for_each(|k| sums[k] += share * colour[k]);
         }
@@ -258,7 +265,8 @@ impl Shown<'_> {
         let (stride, texels) = (self.storage.stride(), place.texels(self.borders.width));
         let gains = texels.map(|(texel, share)| if self.is_covered[texel] { covered * share } else { share });
         let sum: f32 = gains.iter().zip(texels).map(|(gain, (_, share))| gain * share).sum();
-        let steps = change.map(|change| change / sum);
+        let inverse = 1.0 / sum;
+        let steps = change.map(|change| change * inverse);
         for ((texel, _), gain) in texels.into_iter().zip(gains).filter(|(_, gain)| *gain > 0.0) {
             let colour = &mut self.values[texel * stride + first..][..3];
             (0..3).for_each(|k| colour[k] = (colour[k] + gain * steps[k]).clamp(0.0, 1.0));
