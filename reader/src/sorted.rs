@@ -42,7 +42,6 @@ impl<K, V> SortedMap<K, V> {
         self.count
     }
 
-    #[cfg(feature = "threads")]
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
