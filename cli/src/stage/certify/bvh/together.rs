@@ -100,7 +100,7 @@ impl TriangleBvh {
         few
     }
 
-    /// Of some triangles where the longest side starts, and unit vectors along it and across it, as [`Feet`] count them.
+    /// Of some triangles where the longest side starts, and unit vectors along it and across it, as the feet of [`Few::closest`] count them.
     pub fn frames(&self, around: &Around) -> impl Iterator<Item = [DVec3; 3]> {
         around.slots().iter().map(|&slot| {
             let [start, along, across] = self.prepared[slot as usize].frame();
