@@ -165,6 +165,10 @@ impl Sampled {
     fn square_distance(&self, triangles: Vec<[DVec3; 3]>) -> f64 {
         let area = |&corners: &[DVec3; 3]| 0.5 * doubled_area(corners).length();
         let spacing = (triangles.iter().map(area).sum::<f64>() / OWN_POINTS).sqrt();
+        // Lines have no area, but rows of any number of points.
+        if spacing.is_nan() || spacing <= 0.0 {
+            return 0.0;
+        }
         let of_triangle = |&corners: &[DVec3; 3]| {
             let (rows, mut hint) = (Rows::new(corners, spacing), Hint::default());
             let square = |(_, point)| {
