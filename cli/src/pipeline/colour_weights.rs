@@ -14,10 +14,11 @@ use super::coarse::{CoarseSurface, collapsed_in_areas};
 use super::far_weights::raise;
 use super::finish::{Finished, local_surface};
 use super::moved_nearer::{Whole, moved_nearer};
+use super::moved_singly::moved_singly;
 use super::reduce::{ALL_STOPS, Reduced, Topology, areas_of_chart, differing_stops};
 use crate::mesh::Mesh;
 use crate::stage::areas::{Areas, Jumps};
-use crate::stage::bake::Seen;
+use crate::stage::bake::{Sampled, Seen};
 use crate::stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
 use crate::stage::chart::ChartMesh;
 
@@ -41,6 +42,8 @@ const SHARES_AT_TOP: [f64; 4] = [0.15, 0.08, 0.04, 0.5];
 const MOVED: usize = 4;
 /// Of a cut with more triangles one way is collapsed again, with one factor, and nothing is moved nearer, which takes long.
 const LARGE: usize = 20_000;
+/// Vertices of a cut that has at most so many triangles are moved one at a time at last. With more, little is gained for the time that it takes.
+const FEW: usize = 200;
 
 /// A reduced cut, what colours are seen on it, and how bad that is.
 pub(super) struct Compared {
@@ -122,7 +125,7 @@ impl<'a> Recollapse<'a> {
 
     /// The best of some reduced cuts, the first of which are best already, of those that are made in the same ways with other weights, and of
     /// the best of these moved nearer. `compare` says what colours are seen on a cut.
-    pub fn best(&self, firsts: Vec<Compared>, compare: &(impl Fn(Finished) -> Compared + Sync)) -> Option<Finished> {
+    pub fn best(&self, firsts: Vec<Compared>, compare: &(impl Fn(Finished) -> Compared + Sync)) -> Option<Compared> {
         let (ways, steps) = if self.is_large() { (1, &STEPS[..1]) } else { (WAYS, &STEPS[..]) };
         let most = firsts.first().map_or(0.0, |first| WORSE * first.value);
         let mut last: Vec<Last> = vec![];
@@ -172,7 +175,7 @@ impl<'a> Recollapse<'a> {
             }
         }
         let moved: Vec<Compared> = best.into_par_iter().map(|one| self.or_nearer(one, compare)).collect();
-        moved.into_iter().min_by(|one, other| one.value.total_cmp(&other.value)).map(|best| best.way)
+        moved.into_iter().min_by(|one, other| one.value.total_cmp(&other.value))
     }
 
     /// What is made in the same way with more weight around the points that have a share of all squares.
@@ -219,6 +222,17 @@ impl<'a> Recollapse<'a> {
         let nearer =
             compare(Finished { topology: first.way.topology, ..self.finished(moved, first.way.areas.clone()) });
         if nearer.value < first.value { nearer } else { first }
+    }
+
+    /// A cut, or if it has few triangles and that is better, the same with its vertices [moved one at a time](moved_singly).
+    pub fn or_singly(&self, first: Compared, sampled: &Sampled, compare: &impl Fn(Finished) -> Compared) -> Compared {
+        if first.way.triangles.len() > FEW {
+            return first;
+        }
+        let Some(moved) = moved_singly(sampled, &self.local(&first.way)) else { return first };
+        let singly =
+            compare(Finished { topology: first.way.topology, ..self.finished(moved, first.way.areas.clone()) });
+        if singly.value < first.value { singly } else { first }
     }
 
     fn is_large(&self) -> bool {
@@ -286,14 +300,14 @@ mod tests {
             let value = 1000.0 - around(&way) as f64;
             Compared { seen: Seen { sum: value, area: 1.0, far: vec![(worst, value)], ..Seen::default() }, value, way }
         };
-        let best = recollapse.best(vec![compare(first.clone())], &compare).expect("one at least");
+        let best = recollapse.best(vec![compare(first.clone())], &compare).expect("one at least").way;
         assert!(around(&best) > around(&first), "{} and {}", around(&best), around(&first));
         assert!(best.triangles.len() <= 300);
         // What was made otherwise is moved at most.
         let mut other = first;
         other.triangles.pop();
         assert!(recollapse.made_by(&other).is_none());
-        let best = recollapse.best(vec![compare(other.clone())], &compare).expect("one at least");
+        let best = recollapse.best(vec![compare(other.clone())], &compare).expect("one at least").way;
         assert_eq!(best.triangles, other.triangles);
         assert!(recollapse.best(vec![], &compare).is_none());
     }

@@ -34,6 +34,7 @@ mod irregular;
 mod join;
 mod manifold;
 mod moved_nearer;
+mod moved_singly;
 mod options;
 mod other_topology;
 mod overview;

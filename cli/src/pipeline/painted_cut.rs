@@ -130,7 +130,10 @@ impl<'a> CutPainter<'a> {
         let mut all: Vec<Compared> = ways.into_par_iter().map(compare).collect();
         all.sort_by(|one, other| one.value.total_cmp(&other.value));
         match recollapse {
-            Some(recollapse) => recollapse.best(all, &compare),
+            Some(recollapse) => {
+                let best = recollapse.best(all, &compare)?;
+                Some(recollapse.or_singly(best, &sampled, &compare).way)
+            }
             None => all.into_iter().next().map(|first| first.way),
         }
     }

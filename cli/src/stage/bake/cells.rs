@@ -11,7 +11,7 @@ use crate::stage::certify::{Closest, Hint, TriangleBvh};
 /// Of the points whose colours are farthest off those are kept whose square is so many times the mean one.
 const FAR: f64 = 2.0;
 /// The most cells of a patch, unless it has more triangles: they become larger if need be.
-const MOST_CELLS: u64 = 1 << 22;
+pub(super) const MOST_CELLS: u64 = 1 << 22;
 
 /// About so many points of a patch tell how far it is from the surface.
 const OWN_POINTS: f64 = 16384.0;
@@ -107,7 +107,7 @@ impl Sampled {
     /// How far off the colours are that are seen on a patch.
     pub fn seen(&self, positions: Vec<DVec3>, triangles: &[[u32; 3]]) -> Seen {
         // There may be no size of cells either.
-        if self.triangles.is_empty() {
+        if self.is_empty() {
             return Seen::default();
         }
         let of_patch = self.square_distance(triangles.iter().map(|t| t.map(|v| positions[v as usize])).collect());
@@ -161,6 +161,22 @@ impl Sampled {
 }
 
 impl Sampled {
+    /// Whether nothing has colours.
+    pub fn is_empty(&self) -> bool {
+        self.triangles.is_empty()
+    }
+
+    /// The size of a cell.
+    pub(super) fn size(&self) -> f64 {
+        self.size
+    }
+
+    /// The triangles that have colours, their points and the colours of these.
+    pub(super) fn of_triangles(&self) -> impl Iterator<Item = ([DVec3; 3], &Rows, &[[f32; 3]])> {
+        let all = self.triangles.iter().zip(&self.rows).zip(&self.first);
+        all.map(|((&corners, rows), &first)| (corners, rows, &self.colours[first..first + rows.count()]))
+    }
+
     /// The mean square of distances of triangles from the surface.
     fn square_distance(&self, triangles: Vec<[DVec3; 3]>) -> f64 {
         let area = |&corners: &[DVec3; 3]| 0.5 * doubled_area(corners).length();
@@ -169,18 +185,20 @@ impl Sampled {
         if spacing.is_nan() || spacing <= 0.0 {
             return 0.0;
         }
-        let of_triangle = |&corners: &[DVec3; 3]| {
-            let (rows, mut hint) = (Rows::new(corners, spacing), Hint::default());
-            let square = |(_, point)| {
-                let Closest { distance, .. } = self.bvh.closest(point, &mut hint);
-                distance * distance
-            };
-            let sum: f64 = rows.points_of_all().map(square).sum();
-            [sum * rows.area / rows.count().max(1) as f64, rows.area]
-        };
-        let all: Vec<[f64; 2]> = triangles.par_iter().map(of_triangle).collect();
+        let all: Vec<[f64; 2]> = triangles.par_iter().map(|&corners| self.squares_of(corners, spacing)).collect();
         let [squares, area] = [0, 1].map(|k| all.iter().map(|each| each[k]).sum::<f64>());
         if area > 0.0 { squares / area } else { 0.0 }
+    }
+
+    /// Squares of the distances of a triangle's points from the surface, by area, and its area.
+    pub(super) fn squares_of(&self, corners: [DVec3; 3], spacing: f64) -> [f64; 2] {
+        let (rows, mut hint) = (Rows::new(corners, spacing), Hint::default());
+        let square = |(_, point)| {
+            let Closest { distance, .. } = self.bvh.closest(point, &mut hint);
+            distance * distance
+        };
+        let sum: f64 = rows.points_of_all().map(square).sum();
+        [sum * rows.area / rows.count().max(1) as f64, rows.area]
     }
 }
 

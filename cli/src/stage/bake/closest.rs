@@ -47,7 +47,7 @@ pub(super) enum Means {
     Roots,
 }
 
-/// Adds to covered texels those points of the source that lie closest to them. Of each texel says whether there is one that faces the same way.
+/// Adds to texels those points of the source that lie closest to them. Of each texel says whether there is one.
 pub(super) fn show_closest(
     patch: &BakedPatch<'_>,
     map: &Map,
@@ -93,9 +93,7 @@ pub(super) fn show_closest(
                     }
                 }
                 sums.add_all(&of_side, &values_of_side, weight * share);
-                if side == 0 {
-                    of_side.iter().for_each(|&texel| is_seen[texel as usize] = true);
-                }
+                of_side.iter().for_each(|&texel| is_seen[texel as usize] = true);
             }
         }
     }
@@ -145,7 +143,8 @@ impl Places for OnMap<'_> {
 
     fn number(&self, triangle: u32, place: [f64; 2]) -> u32 {
         let texel = self.texel(triangle, place);
-        if self.drawn.is_covered[texel] { texel as u32 } else { NOWHERE }
+        // Also beside the patch: what lies beyond an edge is closest to a point of it, whose texel may have its middle there.
+        if self.drawn.is_used[texel] { texel as u32 } else { NOWHERE }
     }
 
     fn are_together(&self, triangle: u32, other: u32) -> bool {

@@ -23,6 +23,7 @@ mod shown;
 mod strangers;
 mod surfels;
 mod values;
+mod watched;
 
 use glam::DVec3;
 use lodpack::{
@@ -50,6 +51,7 @@ use shown::{Shown, Wanted};
 pub use surfels::Surfels;
 use values::{Kept, Steps, Sums};
 pub use values::{Storage, Stored};
+pub use watched::Watched;
 
 /// The most texels of a patch.
 pub const MAX_TEXELS: u64 = 1 << 24;

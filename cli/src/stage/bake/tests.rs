@@ -508,3 +508,71 @@ fn the_far_side_of_a_sheet_counts_a_little() {
     let wanted = f64::from(srgb_byte(1.0 / (1.3 * 1.3)));
     assert!((shown - wanted).abs() < 3.0, "{shown} {wanted}");
 }
+
+/// Squares of one grey each, which faces up or down.
+struct Squares(Vec<(DVec3, f64, f32, bool)>);
+
+impl Squares {
+    fn add(&mut self, [x, y, z]: [f64; 3], side: f64, light: f32, is_up: bool) {
+        self.0.push((DVec3::new(x, y, z), side, light, is_up));
+    }
+}
+
+impl Source for Squares {
+    fn triangle_count(&self) -> usize {
+        2 * self.0.len()
+    }
+    fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        let (at, side, _, is_up) = self.0[triangle / 2];
+        let [b, c, d] = [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| at + DVec3::new(x, y, 0.0) * side);
+        let [one, other] = if triangle % 2 == 0 { [b, c] } else { [c, d] };
+        if is_up { [at, one, other] } else { [at, other, one] }
+    }
+    fn shade(&mut self, triangle: usize, points: &[Points], _: f32, values: &mut Vec<f32>) {
+        let (_, _, light, _) = self.0[triangle / 2];
+        points.iter().flat_map(|points| points.weights()).for_each(|_| values.extend([light; 3]));
+    }
+}
+
+/// What a cut with this source shows at points of triangles.
+fn shown_of_cut(
+    positions: &[[i64; 3]],
+    triangles: &[[u32; 3]],
+    source: &mut Squares,
+    at: &[(usize, [f64; 3])],
+) -> Vec<f64> {
+    let patch = BakedPatch { positions, triangles, reach: 6.0, areas: None, finer: 0, is_sharp: false };
+    let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
+    let streams = Baker::new(&storage).bake_cut(&patch, source, 2).expect("it has an image").streams;
+    let map = Map::decode(&streams[0], positions, triangles, MAX_TEXELS).expect("sound");
+    let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+    at.iter().map(|&(triangle, point)| image.interpolated(map.piece(triangle).unbounded(point))[0]).collect()
+}
+
+#[test]
+fn what_is_closest_to_nothing_but_a_far_side_is_shown_there() {
+    // A black square on the upper sheet, and a white one below the lower sheet, which faces down.
+    let mut source = Squares(vec![]);
+    source.add([0.0, 0.0, 5.0], 64.0, 0.0, true);
+    source.add([0.0, 0.0, -2.0], 64.0, 1.0, false);
+    let sheet = |z: i64| [[0, 0, z], [64, 0, z], [64, 64, z], [0, 64, z]];
+    let positions = [sheet(0), sheet(5)].concat();
+    let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+    let at = [(0, [40.0, 24.0, 0.0]), (2, [40.0, 24.0, 5.0])];
+    let shown = shown_of_cut(&positions, &triangles, &mut source, &at);
+    assert!(shown[0] > 250.0 && shown[1] < 5.0, "{shown:?}");
+}
+
+#[test]
+fn what_lies_beyond_an_edge_is_shown_at_it_on_all_sides() {
+    // Black squares around a white one, which alone is left of them.
+    let mut source = Squares(vec![]);
+    for (x, y) in (-1..2).flat_map(|x| (-1..2).map(move |y| (x, y))) {
+        let light = if (x, y) == (0, 0) { 1.0 } else { 0.0 };
+        source.add([f64::from(64 * x), f64::from(64 * y), 0.0], 64.0, light, true);
+    }
+    let positions = [[0, 0, 0], [64, 0, 0], [64, 64, 0], [0, 64, 0]];
+    let edges = [(0, [32.0, 0.0, 0.0]), (0, [64.0, 32.0, 0.0]), (1, [32.0, 64.0, 0.0]), (1, [0.0, 32.0, 0.0])];
+    let shown = shown_of_cut(&positions, &[[0, 1, 2], [0, 2, 3]], &mut source, &edges);
+    assert!(shown.iter().all(|&shown| shown < 200.0), "{shown:?}");
+}

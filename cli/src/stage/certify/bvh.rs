@@ -7,8 +7,7 @@
 mod around;
 mod together;
 pub use around::{AROUND, Around};
-pub(super) use together::Single;
-pub use together::{Few, Numbers, TOGETHER};
+pub use together::{Feet, Few, Numbers, Single, TOGETHER};
 
 use glam::{DVec3, Vec4};
 

@@ -33,7 +33,7 @@ mod unchanged;
 use bound::Search;
 use glam::DVec3;
 
-pub use bvh::{AROUND, Around, Closest, Few, Hint, Near, Numbers, TOGETHER, TriangleBvh};
+pub use bvh::{AROUND, Around, Closest, Feet, Few, Hint, Near, Numbers, Single, TOGETHER, TriangleBvh};
 pub use by_part::Comparison;
 pub use drape::{BorderPairing, PairedVertex};
 pub use surface::Surface;

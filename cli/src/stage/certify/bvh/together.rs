@@ -4,7 +4,7 @@
 use glam::DVec3;
 
 use super::around::AROUND;
-use super::{Around, TriangleBvh};
+use super::{Around, PreparedTriangle, TriangleBvh};
 
 /// How many points are looked at together.
 pub const TOGETHER: usize = 16;
@@ -19,47 +19,75 @@ pub struct Few {
     count: usize,
 }
 
-/// A triangle, as [`PreparedTriangle`](super::PreparedTriangle) has it.
+/// A triangle, as [`PreparedTriangle`] has it.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in super::super) struct Single {
-    pub start: [f32; 3],
-    pub axes: [[f32; 3]; 3],
-    pub base: f32,
-    pub apex: f32,
+pub struct Single {
+    pub(in super::super) start: [f32; 3],
+    pub(in super::super) axes: [[f32; 3]; 3],
+    pub(in super::super) base: f32,
+    pub(in super::super) apex: f32,
     /// Of the sides left and right of the apex the unit direction towards it, and the length.
-    pub sides: [[f32; 3]; 2],
+    pub(in super::super) sides: [[f32; 3]; 2],
 }
 
 /// What is closest to some points.
 #[derive(Clone, Debug)]
 pub struct Feet {
-    /// Which of the triangles.
+    /// The number of the triangle.
     pub which: [u32; TOGETHER],
     /// How far the closest point is from where the triangle's longest side starts: along that side, and across it in the triangle's plane.
     pub at: [Numbers; 2],
+    /// The square of its distance.
+    pub squares: Numbers,
+}
+
+impl Feet {
+    /// Of nothing yet.
+    pub fn nowhere() -> Self {
+        Self { which: [0; TOGETHER], at: [[0.0; TOGETHER]; 2], squares: [f32::INFINITY; TOGETHER] }
+    }
+
+    /// Looks at one more triangle, which has a number.
+    #[inline(always)]
+    pub fn add(&mut self, number: u32, triangle: &Single, points: &[Numbers; 3]) {
+        // Two loops: of one alone compilers make no vectors.
+        let (mut squares, mut x, mut y) = ([0.0; TOGETHER], [0.0; TOGETHER], [0.0; TOGETHER]);
+        for k in 0..TOGETHER {
+            (squares[k], [x[k], y[k]]) = triangle.closest([points[0][k], points[1][k], points[2][k]]);
+        }
+        for k in 0..TOGETHER {
+            let is_closer = squares[k] < self.squares[k];
+            self.squares[k] = if is_closer { squares[k] } else { self.squares[k] };
+            self.which[k] = if is_closer { number } else { self.which[k] };
+            self.at[0][k] = if is_closer { x[k] } else { self.at[0][k] };
+            self.at[1][k] = if is_closer { y[k] } else { self.at[1][k] };
+        }
+    }
 }
 
 impl Few {
     /// The closest of these to each of some points, whose coordinates are relative to what these are relative to.
     #[inline]
     pub fn closest(&self, points: &[Numbers; 3]) -> Feet {
-        let mut feet = Feet { which: [0; TOGETHER], at: [[0.0; TOGETHER]; 2] };
-        let mut least = [f32::INFINITY; TOGETHER];
+        let mut feet = Feet::nowhere();
         for (number, triangle) in (0..).zip(&self.triangles[..self.count]) {
-            for k in 0..TOGETHER {
-                let (square, at) = triangle.closest([points[0][k], points[1][k], points[2][k]]);
-                let is_closer = square < least[k];
-                least[k] = if is_closer { square } else { least[k] };
-                feet.which[k] = if is_closer { number } else { feet.which[k] };
-                feet.at[0][k] = if is_closer { at[0] } else { feet.at[0][k] };
-                feet.at[1][k] = if is_closer { at[1] } else { feet.at[1][k] };
-            }
+            feet.add(number, triangle, points);
         }
         feet
     }
 }
 
 impl Single {
+    /// Of any three points.
+    pub fn new(corners: [DVec3; 3]) -> Self {
+        PreparedTriangle::new(corners).single(DVec3::ZERO)
+    }
+
+    /// How far it reaches from where its longest side starts: along that side, and across it.
+    pub fn extent(&self) -> [f32; 2] {
+        [self.base, self.sides[0][1] * self.sides[0][2]]
+    }
+
     /// The squared distance of a point, and where the closest one is.
     #[inline(always)]
     fn closest(&self, point: [f32; 3]) -> (f32, [f32; 2]) {
