@@ -28,7 +28,7 @@ pub(super) const NOWHERE: u32 = u32::MAX;
 /// Beside the number of a texel: its triangle faces the other way.
 pub(super) const OPPOSITE: u32 = 1 << 31;
 /// What a point counts whose closest triangle faces the other way. Who looks at one side of a sheet does not see the other one, but who asks what is
-/// shown close to a point does; and where that is all that anything lies closest to, a texel shows nearly what is projected.
+/// shown close to a point does; and where that is all that anything lies closest to, a texel shows it.
 pub(super) const SHARE_OF_OPPOSITE: f32 = 0.3;
 
 /// What a point counts whose closest triangle faces the other way, of what is stored so.

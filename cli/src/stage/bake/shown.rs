@@ -210,68 +210,110 @@ impl Shown<'_> {
 
     /// Changes texels so that places show what is wanted.
     pub fn show_all(&mut self, wanted: &Wanted) {
+        let spreads: Vec<Spread> = wanted.places.iter().map(|&(place, covered)| self.spread(place, covered)).collect();
+        let alike: Vec<[Spread; 2]> =
+            wanted.alike.iter().map(|pair| pair.map(|place| self.spread(place, COVERED_WITHOUT_SOURCE))).collect();
         let colours = self.storage.opaque_colours();
         for (number, &first) in colours.iter().enumerate() {
             for _ in 0..SWEEPS {
                 let of_places = wanted.colours.iter().skip(number).step_by(colours.len());
-                for (&(place, covered), &colour) in wanted.places.iter().zip(of_places) {
-                    self.show(place, colour, first, covered);
+                for (spread, colour) in spreads.iter().zip(of_places) {
+                    let shown = self.shown_at(spread, first);
+                    self.change(spread, std::array::from_fn(|k| colour[k] - shown[k]), first);
                 }
             }
-            let mut open: Vec<[Place; 2]> = wanted.alike.clone();
+            let mut open: Vec<&[Spread; 2]> = alike.iter().collect();
             for _ in 0..ROUNDS {
-                open.retain(|&pair| self.bring_together(pair, first));
+                open.retain(|pair| self.bring_together(pair, first));
             }
         }
     }
 
     /// Changes texels so that two places show the mean of what they do. Says whether that made a difference.
-    fn bring_together(&mut self, places: [Place; 2], first: usize) -> bool {
-        let [one, other] = places.map(|place| self.shown(place, first));
+    fn bring_together(&mut self, places: &[Spread; 2], first: usize) -> bool {
+        let [one, other] = [0, 1].map(|k| self.shown_at(&places[k], first));
         let half: [f32; 3] = std::array::from_fn(|k| 0.5 * (other[k] - one[k]));
         let differs = half.iter().any(|half| half.abs() >= 0.5 * SAME);
         if differs {
-            for (place, change) in places.into_iter().zip([half, half.map(|half| -half)]) {
-                self.change(place, change, first, COVERED_WITHOUT_SOURCE);
+            for (spread, change) in places.iter().zip([half, half.map(|half| -half)]) {
+                self.change(spread, change, first);
             }
         }
         differs
     }
 
+    /// Which texels a place shows, and how a change is spread over them.
+    fn spread(&self, place: Place, covered: f32) -> Spread {
+        let texels = place.texels(self.borders.width);
+        let gains = texels.map(|(texel, share)| if self.is_covered[texel] { covered * share } else { share });
+        let sum: f32 = gains.iter().zip(texels).map(|(gain, (_, share))| gain * share).sum();
+        Spread {
+            texels: texels.map(|(texel, _)| texel as u32),
+            shares: texels.map(|(_, share)| share),
+            gains: gains.map(|gain| gain / sum),
+        }
+    }
+
     /// The colour at a place.
     fn shown(&self, place: Place, first: usize) -> [f32; 3] {
-        let (stride, texels) = (self.storage.stride(), place.texels(self.borders.width));
+        self.shown_at(&self.spread(place, 1.0), first)
+    }
+
+    #[inline]
+    fn shown_at(&self, Spread { texels, shares, .. }: &Spread, first: usize) -> [f32; 3] {
         if self.storage.is_plain() {
             let all = self.values.as_chunks::<4>().0;
-            let [a, b, c, d] = texels.map(|(texel, share)| all[texel].map(|value| share * value));
+            let [a, b, c, d] = std::array::from_fn(|k| all[texels[k] as usize].map(|value| shares[k] * value));
             return std::array::from_fn(|k| a[k] + b[k] + c[k] + d[k]);
         }
-        let mut sums = [0.0; 3];
-        for (texel, share) in texels {
-            let colour = colour_at(self.values, texel * stride + first);
+        let (stride, mut sums) = (self.storage.stride(), [0.0; 3]);
+        for (&texel, share) in texels.iter().zip(shares) {
+            let colour = colour_at(self.values, texel as usize * stride + first);
             (0..3).for_each(|k| sums[k] += share * colour[k]);
         }
         sums
     }
 
-    /// Changes texels so that a place shows a colour, as far as they can.
-    fn show(&mut self, place: Place, wanted: [f32; 3], first: usize, covered: f32) {
-        let shown = self.shown(place, first);
-        self.change(place, std::array::from_fn(|k| wanted[k] - shown[k]), first, covered);
-    }
-
     /// Changes texels so that what a place shows grows by `change`, as far as they stay between 0 and 1.
-    fn change(&mut self, place: Place, change: [f32; 3], first: usize, covered: f32) {
-        let (stride, texels) = (self.storage.stride(), place.texels(self.borders.width));
-        let gains = texels.map(|(texel, share)| if self.is_covered[texel] { covered * share } else { share });
-        let sum: f32 = gains.iter().zip(texels).map(|(gain, (_, share))| gain * share).sum();
-        let inverse = 1.0 / sum;
-        let steps = change.map(|change| change * inverse);
-        for ((texel, _), gain) in texels.into_iter().zip(gains).filter(|(_, gain)| *gain > 0.0) {
-            let colour = &mut self.values[texel * stride + first..][..3];
-            (0..3).for_each(|k| colour[k] = (colour[k] + gain * steps[k]).clamp(0.0, 1.0));
+    #[inline]
+    fn change(&mut self, Spread { texels, gains, .. }: &Spread, change: [f32; 3], first: usize) {
+        let parts = texels.iter().zip(gains).filter(|(_, gain)| **gain > 0.0);
+        if self.storage.is_plain() {
+            let all = self.values.as_chunks_mut::<4>().0;
+            let [red, green, blue] = change;
+            for (&texel, gain) in parts {
+                let before = all[texel as usize];
+                let grown: [f32; 4] = std::array::from_fn(|k| before[k] + gain * [red, green, blue, 0.0][k]);
+                all[texel as usize] = std::array::from_fn(|k| bounded(grown[k], LOW[k], HIGH[k]));
+            }
+            return;
+        }
+        let stride = self.storage.stride();
+        for (&texel, gain) in parts {
+            let colour = &mut self.values[texel as usize * stride + first..][..3];
+            (0..3).for_each(|k| colour[k] = bounded(colour[k] + gain * change[k], 0.0, 1.0));
         }
     }
+}
+
+/// The texels of a place.
+struct Spread {
+    texels: [u32; 4],
+    /// How much of each is shown.
+    shares: [f32; 4],
+    /// By how much each grows where what is shown grows by one.
+    gains: [f32; 4],
+}
+
+/// Between these lie colours; the fourth number of a texel is its weight.
+const LOW: [f32; 4] = [0.0, 0.0, 0.0, f32::NEG_INFINITY];
+const HIGH: [f32; 4] = [1.0, 1.0, 1.0, f32::INFINITY];
+
+/// Comparisons that vectors have.
+#[inline(always)]
+fn bounded(value: f32, low: f32, high: f32) -> f32 {
+    let value = if value > low { value } else { low };
+    if value < high { value } else { high }
 }
 
 /// Takes a mean over each three points that lie one after another on an edge, but not at its ends, which belong to other edges, too. What changes
