@@ -525,7 +525,7 @@ impl Source for Squares {
     fn corners(&self, triangle: usize) -> [DVec3; 3] {
         let (at, side, _, is_up) = self.0[triangle / 2];
         let [b, c, d] = [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| at + DVec3::new(x, y, 0.0) * side);
-        let [one, other] = if triangle % 2 == 0 { [b, c] } else { [c, d] };
+        let [one, other] = [[b, c], [c, d]][triangle % 2];
         if is_up { [at, one, other] } else { [at, other, one] }
     }
     fn shade(&mut self, triangle: usize, points: &[Points], _: f32, values: &mut Vec<f32>) {
