@@ -19,7 +19,7 @@ pub struct Few {
     count: usize,
 }
 
-/// A triangle, as [`PreparedTriangle`] has it.
+/// A triangle in single precision, in a basis whose first axis is its longest side.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Single {
     pub(in super::super) start: [f32; 3],
