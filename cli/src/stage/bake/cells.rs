@@ -180,11 +180,8 @@ impl Sampled {
     /// The mean square of distances of triangles from the surface.
     fn square_distance(&self, triangles: Vec<[DVec3; 3]>) -> f64 {
         let area = |&corners: &[DVec3; 3]| 0.5 * doubled_area(corners).length();
-        let spacing = (triangles.iter().map(area).sum::<f64>() / OWN_POINTS).sqrt();
-        // Lines have no area, but rows of any number of points.
-        if spacing.is_nan() || spacing <= 0.0 {
-            return 0.0;
-        }
+        // Lines have hardly any area, but would have rows of any number of points.
+        let spacing = (triangles.iter().map(area).sum::<f64>() / OWN_POINTS).sqrt().max(self.size);
         let all: Vec<[f64; 2]> = triangles.par_iter().map(|&corners| self.squares_of(corners, spacing)).collect();
         let [squares, area] = [0, 1].map(|k| all.iter().map(|each| each[k]).sum::<f64>());
         if area > 0.0 { squares / area } else { 0.0 }
@@ -309,6 +306,16 @@ mod tests {
         assert!(Sampled::new(line, 256.0, 0.0, |_, _| Some([1.0; 3])).seen(square(0.0), &SQUARE).mean().is_none());
         let whole = SQUARE.map(|t| corners(&square(0.0), t)).to_vec();
         assert!(Sampled::new(whole, 256.0, 0.0, |_, _| None).seen(square(0.0), &SQUARE).mean().is_none());
+    }
+
+    #[test]
+    fn a_needle_has_few_points() {
+        let whole = SQUARE.map(|t| corners(&square(0.0), t)).to_vec();
+        let sampled = Sampled::new(whole, 256.0, 0.0, |_, _| Some([1.0; 3]));
+        // As long as the square, and without any width to speak of: it would have billions of points.
+        let needle = [DVec3::ZERO, DVec3::X * 8.0, DVec3::new(4.0, 1e-18, 0.0)].map(|point| point + DVec3::Z).to_vec();
+        let seen = sampled.seen(needle, &[[0, 1, 2]]);
+        assert!((seen.of_patch - 1.0).abs() < 1e-9, "{}", seen.of_patch);
     }
 
     #[test]

@@ -148,8 +148,8 @@ impl Cell {
 }
 
 impl Found {
-    fn new(is_known: impl Fn(usize) -> (u32, f32, u32, bool)) -> Self {
-        let known: [_; TOGETHER] = std::array::from_fn(is_known);
+    fn new(of_point: impl Fn(usize) -> (u32, f32, u32, bool)) -> Self {
+        let known: [_; TOGETHER] = std::array::from_fn(of_point);
         let mut this = Self {
             triangles: known.map(|(triangle, ..)| triangle),
             squares: known.map(|(_, square, ..)| square),
@@ -202,10 +202,11 @@ impl<'a> Watched<'a> {
     pub fn new(surface: &'a Sampled, positions: Vec<DVec3>, triangles: &'a [[u32; 3]]) -> Option<Self> {
         let corners = |t: &[u32; 3]| t.map(|v| positions[v as usize]);
         let doubled: f64 = triangles.iter().map(|t| doubled_area(corners(t)).length()).sum();
-        let spacing = (0.5 * doubled / OWN_POINTS).sqrt();
-        if surface.is_empty() || spacing.is_nan() || spacing <= 0.0 {
+        if surface.is_empty() || doubled.is_nan() || doubled <= 0.0 {
             return None;
         }
+        // Lines have hardly any area, but would have rows of any number of points.
+        let spacing = (0.5 * doubled / OWN_POINTS).sqrt().max(surface.size());
         let mut around = vec![vec![]; positions.len()];
         for (number, corners) in (0..).zip(triangles) {
             corners.iter().for_each(|&v| around[v as usize].push(number));
