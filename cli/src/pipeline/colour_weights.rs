@@ -219,9 +219,7 @@ impl<'a> Recollapse<'a> {
             return first;
         }
         let moved = moved_nearer(&self.local(&first.way), Whole { mesh: &self.whole, bvh: &self.of_chart });
-        let nearer =
-            compare(Finished { topology: first.way.topology, ..self.finished(moved, first.way.areas.clone()) });
-        if nearer.value < first.value { nearer } else { first }
+        self.or_moved(first, moved, compare)
     }
 
     /// A cut, or if it has few triangles and that is better, the same with its vertices [moved one at a time](moved_singly).
@@ -229,10 +227,16 @@ impl<'a> Recollapse<'a> {
         if first.way.triangles.len() > FEW {
             return first;
         }
-        let Some(moved) = moved_singly(sampled, &self.local(&first.way)) else { return first };
-        let singly =
-            compare(Finished { topology: first.way.topology, ..self.finished(moved, first.way.areas.clone()) });
-        if singly.value < first.value { singly } else { first }
+        match moved_singly(sampled, &self.local(&first.way)) {
+            Some(moved) => self.or_moved(first, moved, compare),
+            None => first,
+        }
+    }
+
+    /// A cut, or the same with its vertices where they are in a mesh, if that is better.
+    fn or_moved(&self, first: Compared, moved: Mesh, compare: &impl Fn(Finished) -> Compared) -> Compared {
+        let moved = compare(Finished { topology: first.way.topology, ..self.finished(moved, first.way.areas.clone()) });
+        if moved.value < first.value { moved } else { first }
     }
 
     fn is_large(&self) -> bool {

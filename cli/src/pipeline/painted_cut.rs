@@ -138,14 +138,12 @@ impl<'a> CutPainter<'a> {
         }
     }
 
-    /// What is seen on a reduced cut. What is twice as far off in the mean must show 3 dB more: the largest distance says little of outlines.
+    /// What is seen on a reduced cut.
     fn compared(&self, sampled: &Sampled, way: Finished) -> Compared {
         let origin = DVec3::from(self.lattice.origin);
         let positions = way.positions.iter().map(|&p| DVec3::from(p) - origin).collect();
         let seen = sampled.seen(positions, &way.triangles);
-        let distance = seen.distance().max(f64::MIN_POSITIVE);
-        let value = seen.mean().map_or(f64::INFINITY, |mean| mean * distance);
-        Compared { way, seen, value }
+        Compared { way, value: seen.value(), seen }
     }
 
     /// The channel of colours.

@@ -55,6 +55,12 @@ impl Seen {
         (0.5 * (self.distances / self.area + self.of_patch)).sqrt()
     }
 
+    /// How bad all of it is: the mean square of colours times the distance; infinite if nothing is seen. What is twice as far off in the mean must show
+    /// 3 dB more: the largest distance says little of outlines.
+    pub fn value(&self) -> f64 {
+        self.mean().map_or(f64::INFINITY, |mean| mean * self.distance().max(f64::MIN_POSITIVE))
+    }
+
     /// The points where colours are farthest off, which make up a share of all squares.
     pub fn worst(&self, share: f64) -> Vec<DVec3> {
         let mut far = self.far.clone();

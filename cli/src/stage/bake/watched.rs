@@ -5,7 +5,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::cells::{MOST_CELLS, Sampled};
+use super::cells::{MOST_CELLS, Sampled, Seen};
 use super::closest::{SHARE_OF_OPPOSITE, doubled_area};
 use crate::stage::certify::{Feet, Numbers, Single, TOGETHER};
 
@@ -101,7 +101,7 @@ pub struct Moved {
     found: Vec<(usize, Found)>,
     states: Vec<(u32, Triangle)>,
     totals: Totals,
-    /// The mean square of colours times the root mean square of distances both ways.
+    /// As [`Seen::value`].
     pub value: f64,
 }
 
@@ -186,8 +186,8 @@ impl Triangle {
 impl Totals {
     fn value(&self, area: f64) -> f64 {
         let [squares, of_patch] = self.own;
-        let distance = (0.5 * (self.distances / area + squares / of_patch)).sqrt();
-        self.error / area * distance.max(f64::MIN_POSITIVE)
+        let &Self { error: sum, distances, .. } = self;
+        Seen { sum, area, distances, of_patch: squares / of_patch, far: vec![] }.value()
     }
 
     /// Counts what is seen on a triangle, once more or once less.
@@ -259,7 +259,7 @@ impl<'a> Watched<'a> {
         &self.positions
     }
 
-    /// The mean square of colours times the root mean square of distances both ways.
+    /// As [`Seen::value`].
     pub fn value(&self) -> f64 {
         self.totals.value(self.area)
     }
