@@ -1660,10 +1660,14 @@ class Map:
         piece_count = bits.number(NumberChances()) + 1
         must(piece_count <= min(len(patch.triangles), 65535), "a map has more pieces than its patch has triangles")
         width = bits.number(NumberChances())
-        size = float(2 ** (exponent // 2)) * (1.4142135623730951 if exponent % 2 == 1 else 1.0)
-        self.axes, self.normals, self.size = [], [], size
+        self.axes, self.normals, self.sizes = [], [], []
         for _ in range(piece_count):
-            axis = tuple(bits.raw(6) - 31 for _ in range(3))
+            first, larger = bits.raw(6), 0
+            if first == 63:
+                larger, first = bits.raw(5), bits.raw(6)
+            e = min(exponent + larger, 127)
+            size = float(2 ** (e // 2)) * (1.4142135623730951 if e % 2 == 1 else 1.0)
+            axis = (first - 31, bits.raw(6) - 31, bits.raw(6) - 31)
             must(max(axis) <= 31 and axis != (0, 0, 0), "a piece of a map has no axis")
             c, s = TURNS[bits.raw(3)]
             k = min(range(3), key=lambda k: abs(axis[k]))
@@ -1672,6 +1676,7 @@ class Map:
             v = scale(sub(scale(f.across, c), scale(f.along, s)), 1 / size)
             self.axes.append((u, v))
             self.normals.append(f.normal)
+            self.sizes.append(size)
         self.labels = decode_labels(bits, piece_count, patch.triangles)
         bits.end()
         points = [vector(p) for p in patch.border + patch.interior]
@@ -1858,8 +1863,9 @@ def decode_values(data, width, height, components):
 def directions(rows, map_):
     """Directions as three bytes, 128 + 127 times each coordinate; 0 beside all pieces."""
     result = [[(0, 0, 0)] * map_.width for _ in range(map_.height)]
-    for (u, v), normal, ((left, right), (top, bottom)) in zip(map_.axes, map_.normals, map_.ranges):
-        u, v = scale(u, map_.size), scale(v, map_.size)
+    pieces = zip(map_.axes, map_.normals, map_.sizes, map_.ranges)
+    for (u, v), normal, size, ((left, right), (top, bottom)) in pieces:
+        u, v = scale(u, size), scale(v, size)
         for y in range(int(top), int(bottom) + 1):
             for x in range(int(left), int(right) + 1):
                 a, b = ((byte - 128) / 127 for byte in rows[y][x])

@@ -24,6 +24,7 @@ mod choose;
 mod coarse;
 mod colour_weights;
 mod cut_areas;
+mod density;
 mod exact;
 mod far_weights;
 mod fill;

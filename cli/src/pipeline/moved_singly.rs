@@ -13,9 +13,9 @@ const FIRST_STEP: f64 = 0.5;
 /// become half as long where no direction is better, and end with this share.
 const LAST_STEP: f64 = 0.03;
 /// How often all vertices are moved.
-const ROUNDS: usize = 10;
+const ROUNDS: usize = 40;
 /// It ends where a round leaves more than this share of what counts.
-const GAIN: f64 = 0.99;
+const GAIN: f64 = 0.997;
 
 /// A reduced cut with its vertices moved to where it shows most of a surface for its distance from that. None if nothing is seen of it.
 pub(super) fn moved_singly(surface: &Sampled, reduced: &Mesh) -> Option<Mesh> {

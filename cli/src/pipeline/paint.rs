@@ -17,7 +17,9 @@ use crate::mesh::NONE;
 use crate::mesh::appearance::{Appearance, ScalarRange};
 use crate::mesh::attributes::RegionAttributes;
 use crate::stage::areas::{Areas, Jumps};
-use crate::stage::bake::{Baked, BakedPatch, Baker, Located, MAX_TEXELS, Storage, Surfels, baking_bytes};
+use crate::stage::bake::{
+    Baked, BakedPatch, Baker, Coarse, Located, MAX_TEXELS, Storage, Surfels, area_of_texel, baking_bytes,
+};
 use crate::stage::shade::Shader;
 use crate::storage::memory::{Pool, texel_memory};
 
@@ -174,6 +176,7 @@ impl<'a> Painting<'a> {
             painter: studio.shader.painter(attributes),
             areas: charted.areas.map_or(&[], |areas| &areas.of_triangles),
             own_count: charted.atlas.charts[chart as usize].triangles.len(),
+            larger: vec![],
             along_boundary: arcs.along_boundary(charted, chart),
         };
         let mut painted = Painted::default();
@@ -187,6 +190,8 @@ impl<'a> Painting<'a> {
         let mut baker = self.baker();
         let mut source = Located::new(source);
         let finest = exponent_of(1.0 / (across * scale.step()));
+        // Of the texels of the block before.
+        let mut before = finest;
         let (usual, is_sharp) = (finest + finer, !appearance.images.is_empty());
         for (level, block, drawn) in self.blocks(chart) {
             let patch = drawn.baked(block.error / scale.step(), charted.jumps());
@@ -195,7 +200,11 @@ impl<'a> Painting<'a> {
                 (usual, baker.bake(&BakedPatch { finer, is_sharp, ..patch }, &mut source, finest))
             } else {
                 let exponent = coarser(usual, usize::from(scale.finest()) - level);
-                (exponent, baker.bake_coarser(&patch, std::iter::once(&painted.surfels), Some(&mut source), exponent))
+                let fewer = area_of_texel(exponent - before.min(exponent));
+                let coarse = Coarse { exponent, texels: painted.surfels.count() as f64 / fewer };
+                let finer = std::iter::once(&painted.surfels);
+                before = exponent;
+                (exponent, baker.bake_coarser(&patch, finer, Some(&mut source), coarse))
             };
             painted.take(&mut streams[level], baked, exponent, level);
         }
@@ -222,9 +231,11 @@ impl<'a> Painting<'a> {
             let patch = drawn.baked(block.error / scale.step(), jumps);
             let exponent = coarser(base, at.saturating_sub(level));
             let baked = if painted.surfels.is_empty() {
-                baker.bake_coarser(&patch, known().map(|member| &member.surfels), NO_SOURCE, exponent)
+                let coarse = Coarse { exponent, texels: known().map(|member| member.texels_at(level)).sum() };
+                baker.bake_coarser(&patch, known().map(|member| &member.surfels), NO_SOURCE, coarse)
             } else {
-                baker.bake_coarser(&patch, std::iter::once(&painted.surfels), NO_SOURCE, exponent)
+                let coarse = Coarse { exponent, texels: painted.texels_at(level) };
+                baker.bake_coarser(&patch, std::iter::once(&painted.surfels), NO_SOURCE, coarse)
             };
             painted.take(&mut streams[level], baked, exponent, level);
         }
@@ -278,6 +289,11 @@ struct Painted {
 }
 
 impl Painted {
+    /// How many texels stand for its own at a coarser level.
+    fn texels_at(&self, level: usize) -> f64 {
+        self.surfels.count() as f64 / area_of_texel(2 * self.level.saturating_sub(level) as u32)
+    }
+
     /// Gives a block its texels.
     fn take(&mut self, streams: &mut Vec<Vec<u8>>, baked: Option<Baked>, exponent: u32, level: usize) {
         if let Some(baked) = baked {

@@ -4,6 +4,7 @@
 //! hand, but from the images of the cut.
 
 use glam::DVec3;
+use lodpack::decode::texels::Map;
 use lodpack::decode::{ChannelImage, Patch, Texture, TexturedMesh};
 use lodpack::index::{ChannelInfo, ChannelKind, TexelBytes};
 use lodpack::write::texel_size;
@@ -18,7 +19,9 @@ use super::shown_colours::sampled;
 use super::texels::exponent_of;
 use crate::mesh::NONE;
 use crate::stage::areas::{Areas, ColourAreas};
-use crate::stage::bake::{BakedPatch, Baker, Images, MAX_TEXELS, Points, Sampled, Source, Storage, Stored};
+use crate::stage::bake::{
+    BakedPatch, Baker, Images, Located, MAX_TEXELS, Points, Sampled, Source, Storage, Stored, larger,
+};
 
 /// The step of quantisation of images that are not stored.
 const STEP: u8 = 1;
@@ -27,6 +30,8 @@ const STEP: u8 = 1;
 const FINER: u32 = 4;
 /// So that there are no more than about this many.
 const FINE_TEXELS: f64 = 4_194_304.0;
+/// Sizes of texels that differ by less are alike.
+const MORE: f64 = 1.01;
 /// A reduced cut may be so many times as far off as the nearest one, if it shows more.
 const FARTHER: f64 = 3.0;
 
@@ -66,7 +71,7 @@ impl Target<'_> {
 impl<'a> CutPainter<'a> {
     /// `channels` are those of the cut. None if nothing is known of one of them.
     pub fn new(cut: &'a TexturedMesh, channels: &'a [&'a ChannelInfo], lattice: &'a Lattice) -> Option<Self> {
-        let sizes = cut.textures.iter().filter_map(|texture| Some(texture.map.as_ref()?.pieces.first()?.frame().1));
+        let sizes = cut.textures.iter().filter_map(|texture| smallest_texel(texture.map.as_ref()?));
         Some(Self {
             storage: storage(channels)?,
             areas: areas_of_cut(cut, channels),
@@ -154,7 +159,7 @@ impl<'a> CutPainter<'a> {
     /// A reduced cut with images of the channels. None if nothing can be projected.
     fn painted(&self, finished: &Finished, exponent: u32) -> Option<TexturedMesh> {
         let target = self.target(finished);
-        let mut source = CutSource::new(self);
+        let mut source = Located::new(CutSource::new(self));
         let baked = Baker::new(&self.storage).bake_cut(&target.patch(), &mut source, exponent)?;
         let mut streams = baked.streams.into_iter();
         let bytes = TexelBytes { level: 0, map: streams.next()?, images: streams.collect() };
@@ -192,11 +197,18 @@ fn storage(channels: &[&ChannelInfo]) -> Option<Storage> {
     Some(Storage::new(channels.iter().map(of).collect::<Option<_>>()?))
 }
 
-/// The images of a node, the size of a texel in lattice units, and the middle of the first and the last texel.
+/// The images of a node, the size of its smallest texels in lattice units, and the middle of the first and the last texel.
 struct PaintedNode<'a> {
     images: Images<&'a ChannelImage>,
     size: f64,
+    /// Whether all of them have it.
+    is_even: bool,
     range: [[f64; 2]; 2],
+}
+
+/// The size of the smallest texels of a map, lattice units.
+fn smallest_texel(map: &Map) -> Option<f64> {
+    map.pieces.iter().map(|piece| piece.frame().1).min_by(f64::total_cmp)
 }
 
 /// The triangles of a cut that have images.
@@ -209,6 +221,8 @@ struct CutSource<'a> {
     nodes: Vec<Option<PaintedNode<'a>>>,
     /// The area of each triangle of the cut; empty if colours jump nowhere.
     areas: &'a [u32],
+    /// The exponent of the smallest texels.
+    exponent: u32,
 }
 
 impl<'a> CutSource<'a> {
@@ -218,7 +232,9 @@ impl<'a> CutSource<'a> {
             let map = texture.map.as_ref()?;
             let images: Vec<&ChannelImage> = texture.images.iter().map(Option::as_ref).collect::<Option<_>>()?;
             let range = [[0.5; 2], map.size.map(|length| f64::from(length) - 0.5)];
-            Some(PaintedNode { images: Images::new(storage, images), size: map.pieces.first()?.frame().1, range })
+            let size = smallest_texel(map)?;
+            let is_even = map.pieces.iter().all(|piece| piece.frame().1 < size * MORE);
+            Some(PaintedNode { images: Images::new(storage, images), size, is_even, range })
         };
         let nodes: Vec<_> = cut.textures.iter().map(node).collect();
         let is_known = |&number: &u32| {
@@ -229,9 +245,27 @@ impl<'a> CutSource<'a> {
             own: (0..cut.mesh.triangles.len() as u32).filter(is_known).collect(),
             positions: cut.mesh.positions.iter().map(|&p| DVec3::from(lattice.units(p))).collect(),
             cut,
+            exponent: painter.exponent,
             nodes,
             areas: areas.as_ref().map_or(&[], |areas| &areas.of_triangles),
         }
+    }
+}
+
+impl CutSource<'_> {
+    /// The size of the texels of a triangle. Sizes of a node differ by powers of two, and a piece leans away from its axis by less than that.
+    fn texel_size(&self, triangle: usize) -> f64 {
+        let number = self.own[triangle] as usize;
+        let Some(Some(node)) = self.nodes.get(self.cut.mesh.triangle_nodes[number] as usize) else { return 1.0 };
+        if node.is_even {
+            return node.size;
+        }
+        let [a, b, c] = self.cut.places[number].map(|place| place.map(f64::from));
+        let texels = ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs();
+        let [a, b, c] = self.corners(triangle);
+        let ratio = ((b - a).cross(c - a).length() / texels).sqrt() / node.size;
+        // Without an area there is nothing to see.
+        if ratio.is_finite() { node.size * texel_size(larger(ratio * MORE).into()) } else { node.size }
     }
 }
 
@@ -244,6 +278,14 @@ impl Source for CutSource<'_> {
         self.areas.get(self.own[triangle] as usize).copied().unwrap_or(NONE)
     }
 
+    fn has_sizes(&self) -> bool {
+        self.nodes.iter().flatten().any(|node| !node.is_even)
+    }
+
+    fn larger(&self, triangle: usize) -> u8 {
+        larger(self.texel_size(triangle) / texel_size(self.exponent) * MORE)
+    }
+
     fn corners(&self, triangle: usize) -> [DVec3; 3] {
         self.cut.mesh.triangles[self.own[triangle] as usize].map(|vertex| self.positions[vertex as usize])
     }
@@ -251,7 +293,8 @@ impl Source for CutSource<'_> {
     fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>) {
         let number = self.own[triangle] as usize;
         let node = self.cut.mesh.triangle_nodes[number] as usize;
-        let Some(Some(PaintedNode { images, size, range })) = self.nodes.get(node) else { return };
+        let Some(Some(PaintedNode { images, range, .. })) = self.nodes.get(node) else { return };
+        let size = self.texel_size(triangle);
         let places = self.cut.places[number];
         for weights in points.iter().flat_map(|points| points.weights()) {
             let place = [0, 1].map(|axis| (0..3).map(|k| f64::from(places[k][axis] * weights[k])).sum());

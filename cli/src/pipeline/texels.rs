@@ -7,6 +7,7 @@ use lodpack::LatticePoint;
 use lodpack::index::{ChannelInfo, ChannelKind};
 
 use super::Scale;
+use super::density::{Density, larger_by_density};
 use crate::mesh::NONE;
 use crate::mesh::appearance::{
     Appearance, COLOUR, DRAWING, EMISSIVE, METALLIC, MaterialMaps, NORMAL, OCCLUSION, ROUGHNESS, ScalarRange,
@@ -147,6 +148,8 @@ pub(super) struct InputSource<'a> {
     pub areas: &'a [u32],
     /// How many of the triangles that are shown are the chart's own.
     pub own_count: usize,
+    /// How much larger the texels of each of those should be than the smallest; empty if all are alike.
+    pub larger: Vec<u8>,
     /// Points from which the chart's border runs on along the boundary of the mesh.
     pub along_boundary: HashSet<LatticePoint>,
 }
@@ -156,20 +159,31 @@ impl InputSource<'_> {
         self.all[self.own[triangle] as usize].map(|vertex| self.scale.local(self.positions[vertex as usize]))
     }
 
-    /// Texels per unit of length that show everything, and the area. None where there is no area.
+    /// Texels per unit of length that show everything, in the mean, and the area. None where there is no area.
     pub fn density(&mut self) -> Option<[f64; 2]> {
-        let (mut sum, mut areas) = (0.0, 0.0);
+        let has_others = self.appearance.has_colour || self.appearance.has_materials();
+        let has_images = has_others && !self.appearance.images.is_empty();
+        let (mut densities, mut sums) = (vec![], [0.0; 2]);
         for triangle in 0..self.own.len() {
             let points = self.points(triangle);
-            let area = (points[1] - points[0]).cross(points[2] - points[0]).length();
+            let area = 0.5 * (points[1] - points[0]).cross(points[2] - points[0]).length();
             let face = self.painter.face(self.own[triangle] as usize, points);
-            let has_others = self.appearance.has_colour || self.appearance.has_materials();
-            let density = if has_others { face.image_density() } else { face.scalar_density() };
-            sum += area * f64::from(density);
-            areas += area;
+            let mean = f64::from(if has_others { face.image_density() } else { face.scalar_density() });
+            sums = [sums[0] + mean * area, sums[1] + area];
+            if has_images {
+                densities.push(Density { mean, most: f64::from(face.most_density()), area });
+            }
         }
-        let density = sum / areas;
-        (density > 0.0 && density.is_finite()).then_some([density, 0.5 * areas])
+        let [sum, area] = sums;
+        let mean = sum / area;
+        if !(mean > 0.0 && mean.is_finite()) {
+            return None;
+        }
+        if has_images {
+            let triangles: Vec<[u32; 3]> = self.own.iter().map(|&triangle| self.all[triangle as usize]).collect();
+            self.larger = larger_by_density(&triangles, &densities);
+        }
+        Some([mean, area])
     }
 }
 
@@ -189,6 +203,14 @@ impl Source for InputSource<'_> {
         };
         let (own, beside) = (of(own), of(beside));
         beside.difference(&own).copied().collect()
+    }
+
+    fn has_sizes(&self) -> bool {
+        !self.larger.is_empty()
+    }
+
+    fn larger(&self, triangle: usize) -> u8 {
+        self.larger.get(triangle).copied().unwrap_or(0)
     }
 
     fn ends_along(&self, start: LatticePoint) -> bool {

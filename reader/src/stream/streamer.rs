@@ -183,7 +183,8 @@ impl Streamer {
         self.picture().error_px(view)
     }
 
-    /// The size of the largest texel of the picture in a view, pixels; 0 without texels. Above 1 images are blurred there.
+    /// The size of the largest texel of the picture in a view, pixels; 0 without texels. Above 1 images are blurred there. Of each block the smallest
+    /// texels count: others are larger because the input has no more there.
     ///
     /// # Errors
     /// As [`Streamer::error_px`].
@@ -192,8 +193,8 @@ impl Streamer {
         let step = index.lattice().step();
         self.picture().roots().try_fold(0.0, |most, drawn| {
             let Some(texture) = drawn.texture() else { return Ok(most) };
-            let Some(piece) = texture.texture.map.as_ref().and_then(|map| map.pieces.first()) else { return Ok(most) };
-            let (_, size) = piece.frame();
+            let pieces = texture.texture.map.iter().flat_map(|map| &map.pieces);
+            let Some(size) = pieces.map(|piece| piece.frame().1).min_by(f64::total_cmp) else { return Ok(most) };
             Ok(view.error_px(index.root_bounds(drawn.surface.root)?, size * step)?.max(most))
         })
     }

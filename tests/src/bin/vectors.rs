@@ -349,7 +349,9 @@ fn drawn_cube() -> Result<Vec<u8>, Failure> {
             let RootPatch { patch, loops, .. } = file.decode_root(number as u32, level)?;
             let border = loops.iter().flatten().map(|vertex| vertex.position);
             let positions: Vec<LatticePoint> = border.chain(patch.interior.iter().copied()).collect();
-            let shapes = [PieceShape { axis: axis_of(&positions) }];
+            // One root has texels of another size.
+            let larger = if number == 4 { 3 } else { 0 };
+            let shapes = [PieceShape { axis: axis_of(&positions), larger }];
             let labels = vec![0; patch.triangles.len()];
             let (map, bytes) = encode_map(&positions, &patch.triangles, 10, &shapes, &labels, 1 << 20)?;
             let [width, height] = map.size;

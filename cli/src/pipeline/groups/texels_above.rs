@@ -15,6 +15,8 @@ pub(super) struct KnownTop {
     positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     map: Map,
+    /// The size of the texels of each piece, lattice units.
+    sizes: Vec<f64>,
     images: Images,
 }
 
@@ -28,19 +30,32 @@ impl KnownTop {
         let image = |channel: &Stored| channel.decode(images.next()?, &map);
         let images = storage.channels().iter().map(image).collect::<Option<Vec<_>>>()?;
         let images = Images::new(storage, images);
-        Some(Self { positions, triangles: node.surface.triangles.clone(), map, images })
+        let sizes = map.pieces.iter().map(|piece| piece.frame().1).collect();
+        Some(Self { positions, triangles: node.surface.triangles.clone(), map, sizes, images })
     }
 
-    /// The size of its texels, lattice units.
-    fn texel_size(&self) -> f64 {
-        self.map.pieces.first().map_or(1.0, |piece| piece.frame().1)
+    /// The size of the texels of a triangle, lattice units.
+    fn texel_size(&self, triangle: usize) -> f64 {
+        self.sizes[usize::from(self.map.labels[triangle])]
+    }
+
+    /// The size of texels of one size of which it would have as many.
+    fn mean_size(&self) -> f64 {
+        let corners = |&corners: &[u32; 3]| corners.map(|vertex| self.positions[vertex as usize]);
+        let doubled = self.triangles.iter().map(corners).map(|[a, b, c]| (b - a).cross(c - a).length());
+        let (mut area, mut texels) = (0.0, 0.0);
+        for (triangle, doubled) in doubled.enumerate() {
+            let size = self.texel_size(triangle);
+            (area, texels) = (area + doubled, texels + doubled / (size * size));
+        }
+        if texels > 0.0 { (area / texels).sqrt() } else { self.sizes.first().copied().unwrap_or(1.0) }
     }
 
     /// Appends the values at a point of a triangle.
     fn sample(&self, triangle: usize, point: DVec3, footprint: f64, values: &mut Vec<f32>) {
         let piece = self.map.piece(triangle);
         let place = piece.unbounded(point.to_array());
-        self.images.sample(place, piece.range(), footprint / self.texel_size(), values);
+        self.images.sample(place, piece.range(), footprint / self.texel_size(triangle), values);
     }
 }
 
@@ -65,7 +80,7 @@ pub(super) fn paint_above(
     let mut baker = Baker::new(storage);
     for (number, record) in records.iter_mut().enumerate().skip(count) {
         let known: Vec<&KnownTop> = below[number].iter().filter_map(|&top| tops[top as usize].1.as_ref()).collect();
-        let size = known.iter().map(|top| top.texel_size()).fold(f64::INFINITY, f64::min);
+        let size = known.iter().map(|top| top.mean_size()).fold(f64::INFINITY, f64::min);
         if !size.is_finite() {
             continue;
         }

@@ -104,6 +104,8 @@ pub(super) struct Edge {
     pub triangles: [u32; 2],
     /// What lies on each side.
     sides: [Side; 2],
+    /// The size of the smaller texels beside it.
+    pub size: f64,
 }
 
 /// What lies on a side of an edge.
@@ -124,8 +126,6 @@ pub(super) struct Borders {
     places: Vec<Place>,
     /// Of each point along edges of the outer border what lies beside it on the border of finer patches, if they are known.
     beside: Vec<Option<Beside>>,
-    /// The size of a texel.
-    pub size: f64,
     /// Texels in a row.
     pub width: usize,
 }
@@ -138,6 +138,8 @@ pub(super) struct Beside {
     pub place: Place,
     /// Whether it is so far from the point that it makes a difference.
     is_far: bool,
+    /// The size of a texel of the patch there.
+    pub size: f64,
 }
 
 /// A side of an edge.
@@ -152,22 +154,23 @@ impl Borders {
     /// Those of a patch, which is made from finer ones if there is an outline of them.
     pub fn new(patch: &BakedPatch<'_>, map: &Map, outline: Option<&Outline<'_>>) -> Self {
         let (projections, width) = (projections(patch, map), map.size[0] as usize);
-        let size = projections.first().map_or(1.0, |projection| projection.size);
         let (mut edges, mut places, mut found, mut hint) = (vec![], vec![], vec![], Hint::default());
         let middle = |triangle: u32| {
             patch.triangles[triangle as usize].iter().map(|&corner| patch.position(corner)).sum::<DVec3>() / 3.0
         };
         let piece = |triangle: u32| map.labels[triangle as usize];
+        let size = |triangle: u32| projections[usize::from(piece(triangle))].size;
         for ((number, corners), beside) in (0..).zip(patch.triangles).zip(neighbours(patch.triangles)) {
             for (edge, &other) in beside.iter().enumerate() {
                 // Each edge once.
                 if other != NONE && (other < number || piece(other) == piece(number)) {
                     continue;
                 }
+                let size = if other == NONE { size(number) } else { size(number).min(size(other)) };
                 let ends = [edge, (edge + 1) % 3].map(|k| patch.position(corners[k]));
                 let steps = (ends[0].distance(ends[1]) / size * FINENESS).ceil().clamp(1.0, MOST_POINTS) as u32;
                 let steps = steps.next_multiple_of(2);
-                let mut edge = Edge { ends, steps, triangles: [number, other], sides: [Side::default(); 2] };
+                let mut edge = Edge { ends, steps, triangles: [number, other], sides: [Side::default(); 2], size };
                 for k in 0..edge.count() {
                     let triangle = edge.triangles[k];
                     let (piece, first) = (piece(triangle), places.len() as u32);
@@ -185,13 +188,13 @@ impl Borders {
                         // What lies beyond an end of the outline is not on it.
                         let most = if on.is_end { FAR * size } else { most };
                         let place = Place::new(projection, beside, width);
-                        (distance <= most).then_some(Beside { on, place, is_far: distance > FAR * size })
+                        (distance <= most).then_some(Beside { on, place, is_far: distance > FAR * size, size })
                     }));
                 }
                 edges.push(edge);
             }
         }
-        Self { edges, places, beside: found, size, width }
+        Self { edges, places, beside: found, width }
     }
 
     /// Notes all texels that borders are seen with, which triangles that are smaller than texels need not cover.
@@ -293,7 +296,7 @@ impl<'a> EdgeSide<'a> {
 
     /// Those points, and for each one that lies a little inside of the side.
     pub fn insides(&self) -> impl Iterator<Item = [DVec3; 2]> {
-        let (middle, inwards) = (self.side.middle, INWARDS * self.borders.size);
+        let (middle, inwards) = (self.side.middle, INWARDS * self.edge.size);
         self.edge.points().map(move |point| {
             let share = (inwards / point.distance(middle)).min(MOST_INWARDS);
             [point, point.lerp(middle, share)]

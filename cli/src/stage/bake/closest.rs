@@ -179,7 +179,7 @@ impl<'a> Finder<'a, OnMap<'a>> {
     pub fn on_map(patch: &BakedPatch<'a>, map: &'a Map, drawn: &'a Drawn) -> Self {
         let positions = (0..patch.positions.len() as u32).map(|vertex| patch.position(vertex)).collect();
         let places = OnMap { map, drawn, projections: projections(patch, map) };
-        let size = places.projections.first().map_or(1.0, |projection| projection.size);
+        let size = places.projections.iter().map(|projection| projection.size).fold(f64::INFINITY, f64::min);
         Self::new(positions, patch.triangles, places, size)
     }
 }

@@ -340,7 +340,7 @@ mod tests {
     use lodpack::LatticePoint;
     use lodpack::decode::texels::Image;
 
-    use super::super::{Baker, Located, MAX_TEXELS, Points, Source, Storage, Stored};
+    use super::super::{Baker, Coarse, Located, MAX_TEXELS, Points, Source, Storage, Stored};
     use super::*;
     use crate::mesh::srgb::srgb_byte;
 
@@ -392,7 +392,7 @@ mod tests {
             let coarse = BakedPatch { reach: 40.0, ..patch };
             const NO_SOURCE: Option<&mut Located<Floors>> = None;
             let streams = baker
-                .bake_coarser(&coarse, std::iter::once(&fine), NO_SOURCE, exponent)
+                .bake_coarser(&coarse, std::iter::once(&fine), NO_SOURCE, Coarse::even(exponent))
                 .expect("it has an image")
                 .streams;
             let map = Map::decode(&streams[0], &positions, &TRIANGLES, MAX_TEXELS).expect("sound");
@@ -427,8 +427,10 @@ mod tests {
         let surfels = baker.bake(&patch, &mut source, 2).expect("it has an image").surfels;
         const NO_SOURCE: Option<&mut Located<Floors>> = None;
         let patch = BakedPatch { positions: &coarse, reach: 64.0, ..patch };
-        let streams =
-            baker.bake_coarser(&patch, std::iter::once(&surfels), NO_SOURCE, 4).expect("it has an image").streams;
+        let streams = baker
+            .bake_coarser(&patch, std::iter::once(&surfels), NO_SOURCE, Coarse::even(4))
+            .expect("it has an image")
+            .streams;
         let map = Map::decode(&streams[0], &coarse, &TRIANGLES, MAX_TEXELS).expect("sound");
         let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
         for (y, z) in (4..61).step_by(4).flat_map(|y| (4..61).step_by(4).map(move |z| (y, z))) {

@@ -20,6 +20,7 @@ mod raster;
 mod rim;
 mod sharpen;
 mod shown;
+mod sizes;
 mod strangers;
 mod surfels;
 mod values;
@@ -37,7 +38,7 @@ use crate::stage::areas::Areas;
 use borders::Borders;
 pub use borders::Located;
 pub use cells::{Sampled, Seen};
-use closest::{Means, show_closest};
+use closest::{Means, doubled_area, show_closest};
 use coarser::gather_surfels;
 use fill::finished;
 pub use gather::barycentric;
@@ -48,6 +49,8 @@ use raster::Drawn;
 use rim::{Outline, Rim};
 use sharpen::sharpen;
 use shown::{Shown, Wanted};
+use sizes::{Sizes, covered_area};
+pub use sizes::{area_of_texel, larger};
 pub use surfels::Surfels;
 use values::{Kept, Steps, Sums};
 pub use values::{Storage, Stored};
@@ -87,6 +90,16 @@ impl BakedPatch<'_> {
         self.positions.first().map_or(DVec3::ZERO, |&point| to_f64(point))
     }
 
+    /// The area of a triangle, square lattice units.
+    fn area(&self, corners: [u32; 3]) -> f64 {
+        0.5 * doubled_area(corners.map(|corner| self.position(corner))).length()
+    }
+
+    /// That of all.
+    fn whole_area(&self) -> f64 {
+        self.triangles.iter().map(|&corners| self.area(corners)).sum()
+    }
+
     /// A vertex relative to the origin.
     fn position(&self, vertex: u32) -> DVec3 {
         to_f64(self.positions[vertex as usize]) - self.origin()
@@ -118,6 +131,16 @@ pub trait Source {
     /// Whether the surface ends along the edge of the patch's border that begins at a point: then nothing lies beyond.
     fn ends_along(&self, _start: LatticePoint) -> bool {
         false
+    }
+
+    /// Whether its texels have several sizes.
+    fn has_sizes(&self) -> bool {
+        false
+    }
+
+    /// How much larger the texels of a triangle are than the smallest, as a power of the root of two.
+    fn larger(&self, _triangle: usize) -> u8 {
+        0
     }
 
     /// Appends the values at points of a triangle: of each point those of all channels. They are means over `footprint` lattice units.
@@ -157,6 +180,23 @@ pub struct Baked {
     pub surfels: Surfels,
 }
 
+/// How large the texels of a coarse patch are.
+#[derive(Clone, Copy, Debug)]
+pub struct Coarse {
+    /// 2^(exponent / 2) lattice units, if all are alike.
+    pub exponent: u32,
+    /// About how many there are, if not.
+    pub texels: f64,
+}
+
+#[cfg(test)]
+impl Coarse {
+    /// All alike.
+    fn even(exponent: u32) -> Self {
+        Self { exponent, texels: 0.0 }
+    }
+}
+
 /// Bytes of memory that baking a map of so many texels takes: the depth and slope of each and how it is used, sums with their weights, the
 /// image, and what is handed on.
 pub fn baking_bytes(texels: u64, storage: &Storage) -> u64 {
@@ -183,9 +223,11 @@ impl<'s> Baker<'s> {
         (DRAWN_BYTES * self.drawn.depth.capacity() + 4 * self.kept.sums.capacity() + self.image.capacity()) as u64
     }
 
-    /// The images of a patch, with texels of 2^(exponent / 2) lattice units. None if nothing can be projected.
+    /// The images of a patch, with texels of 2^(exponent / 2) lattice units, or as many of several sizes. None if nothing can be projected.
     pub fn bake<S: Source>(&mut self, patch: &BakedPatch<'_>, source: &mut Located<S>, exponent: u32) -> Option<Baked> {
-        let mapped = self.mapped(patch, exponent, None)?;
+        let sizes = Sizes::of_source(patch, source);
+        let exponent = sizes.exponent(patch, exponent, patch.whole_area() / area_of_texel(exponent));
+        let mapped = self.mapped(patch, exponent, sizes, None)?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         let sums = gather(patch, &mapped.map, (&self.drawn, &[]), &mut source.source, sums);
         self.kept = finished(sums, patch, &mapped.map, &self.drawn);
@@ -202,15 +244,21 @@ impl<'s> Baker<'s> {
         source: &mut Located<S>,
         exponent: u32,
     ) -> Option<Baked> {
-        let mapped = self.closest(patch, &mut source.source, exponent, Means::Light)?;
+        let mapped = self.closest(patch, &mut source.source, exponent, Sizes::default(), Means::Light)?;
         let (streams, _) = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
         // Nobody makes coarser ones of them.
         Some(Baked { streams, surfels: Surfels::default() })
     }
 
     /// As [`Baker::bake_closest`], of a cut that is looked at as closely as its source, but both sides of borders show the mean of what both do.
-    pub fn bake_cut(&mut self, patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32) -> Option<Baked> {
-        let mapped = self.closest(patch, source, exponent, Means::Roots)?;
+    pub fn bake_cut<S: Source>(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        source: &mut Located<S>,
+        exponent: u32,
+    ) -> Option<Baked> {
+        let sizes = Sizes::of_source(patch, source);
+        let mapped = self.closest(patch, &mut source.source, exponent, sizes, Means::Roots)?;
         let (streams, _) = self.streams(patch, mapped, |_, shown| shown.means(patch));
         Some(Baked { streams, surfels: Surfels::default() })
     }
@@ -221,9 +269,10 @@ impl<'s> Baker<'s> {
         patch: &BakedPatch<'_>,
         source: &mut impl Source,
         exponent: u32,
+        sizes: Sizes,
         means: Means,
     ) -> Option<Mapped> {
-        let mapped = self.mapped(patch, exponent, None)?;
+        let mapped = self.mapped(patch, exponent, sizes, None)?;
         let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         let taken = show_closest(patch, &mapped.map, &self.drawn, source, &mut sums, means);
         let sums = gather(patch, &mapped.map, (&self.drawn, &taken), source, sums);
@@ -237,10 +286,14 @@ impl<'s> Baker<'s> {
         patch: &BakedPatch<'_>,
         finer: impl Iterator<Item = &'a Surfels> + Clone,
         source: Option<&mut Located<S>>,
-        exponent: u32,
+        coarse: Coarse,
     ) -> Option<Baked> {
         let outline = Outline::new(finer.clone().map(|surfels| &surfels.rim));
-        let mapped = self.mapped(patch, exponent, Some(&outline))?;
+        let sizes = Sizes::of_surfels(patch, finer.clone());
+        // A piece covers less than the surface that it shows.
+        let wanted = coarse.texels * patch.whole_area() / covered_area(finer.clone());
+        let exponent = sizes.exponent(patch, coarse.exponent, wanted);
+        let mapped = self.mapped(patch, exponent, sizes, Some(&outline))?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         self.kept = gather_surfels(patch, &mapped.map, &self.drawn, finer, sums);
         let mut surfels = self.surfels(patch, &mapped.map);
@@ -292,11 +345,17 @@ impl<'s> Baker<'s> {
     }
 
     /// Finds a map whose pieces do not overlap themselves by much, and draws the patch on it.
-    fn mapped(&mut self, patch: &BakedPatch<'_>, mut exponent: u32, outline: Option<&Outline<'_>>) -> Option<Mapped> {
+    fn mapped(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        mut exponent: u32,
+        sizes: Sizes,
+        outline: Option<&Outline<'_>>,
+    ) -> Option<Mapped> {
         let BakedPatch { positions, triangles, .. } = *patch;
-        let mut pieces = divide(patch);
+        let mut pieces = divide(patch, sizes);
         for round in 0.. {
-            let Pieces { shapes, labels } = &pieces;
+            let Pieces { shapes, labels, .. } = &pieces;
             let Ok((map, bytes)) = encode_map(positions, triangles, exponent, shapes, labels, MAX_TEXELS) else {
                 // Fewer texels, until they fit.
                 exponent += 1;

@@ -6,6 +6,7 @@ use glam::DVec3;
 use lodpack::{LatticePoint, write::PieceShape};
 
 use super::BakedPatch;
+use super::sizes::Sizes;
 use crate::mesh::NONE;
 use crate::stage::areas::Areas;
 
@@ -22,6 +23,7 @@ pub(super) struct Pieces {
     pub shapes: Vec<PieceShape>,
     /// The piece of each triangle.
     pub labels: Vec<u16>,
+    sizes: Sizes,
 }
 
 /// A triangle that waits to be added to a piece.
@@ -81,10 +83,10 @@ pub(super) fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
 }
 
 /// Divides a patch: a piece grows from the largest triangle that is left, over neighbours that are inclined like it. It never has areas
-/// between which colours jump.
-pub(super) fn divide(patch: &BakedPatch<'_>) -> Pieces {
+/// between which colours jump, nor texels of several sizes.
+pub(super) fn divide(patch: &BakedPatch<'_>, sizes: Sizes) -> Pieces {
     let all: Vec<u32> = (0..patch.triangles.len() as u32).collect();
-    let mut pieces = Pieces { shapes: vec![], labels: vec![u16::MAX; patch.triangles.len()] };
+    let mut pieces = Pieces { shapes: vec![], labels: vec![u16::MAX; patch.triangles.len()], sizes };
     pieces.grow(&all, patch);
     pieces
 }
@@ -130,7 +132,7 @@ impl Pieces {
                         again.push(member);
                     }
                 }
-                self.shapes.push(PieceShape { axis });
+                self.shapes.push(PieceShape { axis, larger: self.larger(seed) });
             }
         }
     }
@@ -156,7 +158,7 @@ impl Pieces {
                 let lengths = area.length() * sum.length();
                 if lengths > 0.0 { area.dot(sum) / lengths } else { 1.0 }
             };
-            if cosine(area, sum) < FLAT {
+            if cosine(area, sum) < FLAT || self.larger(triangle) != self.larger(seed) {
                 continue;
             }
             if let Some(colours) = colours {
@@ -178,6 +180,11 @@ impl Pieces {
             }
         }
         (members, sum)
+    }
+
+    /// How much larger the texels of a triangle are than the smallest.
+    fn larger(&self, triangle: u32) -> u8 {
+        self.sizes.larger.get(triangle as usize).copied().unwrap_or(0)
     }
 
     /// Renumbers pieces, without those that have no triangle.

@@ -201,7 +201,7 @@ impl<'a> Outline<'a> {
 mod tests {
     use lodpack::decode::texels::{Image, Map};
 
-    use super::super::{BakedPatch, Baker, Located, MAX_TEXELS, Points, Source, Storage, Stored};
+    use super::super::{BakedPatch, Baker, Coarse, Located, MAX_TEXELS, Points, Source, Storage, Stored};
     use super::*;
     use crate::mesh::srgb::srgb_byte;
 
@@ -322,7 +322,7 @@ mod tests {
                 let triangles = straight(right, is_left);
                 let coarser = patch(&positions, &triangles);
                 let no_source: Option<&mut Located<Slope>> = None;
-                let baked = baker.bake_coarser(&coarser, std::iter::once(&surfels), no_source, 6);
+                let baked = baker.bake_coarser(&coarser, std::iter::once(&surfels), no_source, Coarse::even(6));
                 let streams = baked.expect("it has an image").streams;
                 let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).expect("sound");
                 let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");

@@ -85,11 +85,12 @@ impl Shown<'_> {
             return wanted;
         }
         let strangers = Strangers::new(patch, map, &source.areas_beyond());
-        let (mut hints, enough) = ([Hint::default(); 2], CLOSE * borders.size);
+        let mut hints = [Hint::default(); 2];
         let (mut points, mut values, mut inner_points) = (vec![], vec![], vec![]);
         // Where points begin that lie one after another on an edge.
         let mut runs = vec![];
         for (side, hint) in borders.edges().iter().flat_map(|edge| borders.sides(edge).zip(0..)) {
+            let size = side.edge().size;
             // Nobody has to show the same as what is handed up of the boundary of the mesh.
             let is_outer = side.edge().is_outer() && !source.ends_along(side.edge().start(patch));
             if is_outer {
@@ -99,7 +100,7 @@ impl Shown<'_> {
             // Points of one triangle are shaded together.
             let mut of = None;
             for (place, [point, inside]) in side.places().zip(side.insides()) {
-                let triangle = bvh.close(inside + patch.origin(), enough, &mut hints[hint]) as usize;
+                let triangle = bvh.close(inside + patch.origin(), CLOSE * size, &mut hints[hint]) as usize;
                 let is_stranger = strangers.has(side.piece(), source.area(triangle));
                 let number = if is_stranger { NONE } else { wanted.places.len() as u32 };
                 if is_outer {
@@ -112,7 +113,7 @@ impl Shown<'_> {
                     continue;
                 }
                 if let Some(before) = of.replace(triangle).filter(|&before| before != triangle) {
-                    source.shade(before, &points, borders.size as f32, &mut values);
+                    source.shade(before, &points, size as f32, &mut values);
                     points.clear();
                 }
                 let weights = barycentric(source.corners(triangle), point + patch.origin());
@@ -121,7 +122,7 @@ impl Shown<'_> {
                 wanted.places.push((place, COVERED));
             }
             if let Some(last) = of {
-                source.shade(last, &points, borders.size as f32, &mut values);
+                source.shade(last, &points, size as f32, &mut values);
                 points.clear();
             }
         }
@@ -189,7 +190,7 @@ impl Shown<'_> {
         for edge in borders.edges().iter().filter(|edge| edge.is_outer()) {
             wanted.add_edge(edge);
             for (place, beside) in borders.sides(edge).flat_map(|side| side.places()).zip(beside.by_ref()) {
-                let is_known = beside.is_some_and(|beside| outline.means(beside.on, borders.size, &mut wanted.colours));
+                let is_known = beside.is_some_and(|beside| outline.means(beside.on, beside.size, &mut wanted.colours));
                 wanted.outer_points.push(if is_known { wanted.places.len() as u32 } else { NONE });
                 if is_known {
                     wanted.places.push((place, COVERED_WITHOUT_SOURCE));
@@ -202,7 +203,7 @@ impl Shown<'_> {
     /// Adds what is seen of the patch beside finer neighbours, along the border that these have.
     pub fn add_beside_finer(&self, outline: &Outline<'_>, wanted: &mut Wanted) {
         for beside in self.borders.far_beside() {
-            if outline.means(beside.on, self.borders.size, &mut wanted.colours) {
+            if outline.means(beside.on, beside.size, &mut wanted.colours) {
                 wanted.places.push((beside.place, COVERED_WITHOUT_SOURCE));
             }
         }

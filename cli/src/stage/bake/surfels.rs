@@ -11,7 +11,7 @@ use super::rim::Rim;
 use super::values::Storage;
 
 /// Texels along each side of a run.
-const SIDE: usize = LANES;
+pub(super) const SIDE: usize = LANES;
 
 /// The covered texels of a patch, in few bytes: the input has billions of them, and those of a group's members wait for one another.
 #[derive(Clone, Debug, Default)]

@@ -24,6 +24,14 @@ impl<S: Source> Source for &mut S {
         (**self).ends_along(start)
     }
 
+    fn has_sizes(&self) -> bool {
+        (**self).has_sizes()
+    }
+
+    fn larger(&self, triangle: usize) -> u8 {
+        (**self).larger(triangle)
+    }
+
     fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>) {
         (**self).shade(triangle, points, footprint, values);
     }
@@ -275,7 +283,7 @@ fn both_sides_of_a_border_show_the_mean_where_no_source_is_at_hand_unless_colour
             BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0, areas, finer: 0, is_sharp: false };
         let fine = bake(&mut Baker::new(&storage), &patch, &mut Slopes, 2).unwrap();
         let finer = std::iter::once(&fine.surfels);
-        let streams = Baker::new(&storage).bake_coarser(&patch, finer, NO_SOURCE, 6).unwrap().streams;
+        let streams = Baker::new(&storage).bake_coarser(&patch, finer, NO_SOURCE, Coarse::even(6)).unwrap().streams;
         let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
         let image = Image::decode_colours(&streams[1], map.size, 3).unwrap();
         let shown = |side: usize, y: f64| image.interpolated(map.piece(side).unbounded([0.0, y, 80.0]))[0];
@@ -302,7 +310,9 @@ fn a_piece_of_which_nothing_is_known_shows_what_lies_beside_it_on_the_surface() 
             finer: 0,
             is_sharp: false,
         };
-        let baked = Baker::new(&numbers()).bake_coarser(&patch, std::iter::once(&finer.surfels), NO_SOURCE, 4).unwrap();
+        let baked = Baker::new(&numbers())
+            .bake_coarser(&patch, std::iter::once(&finer.surfels), NO_SOURCE, Coarse::even(4))
+            .unwrap();
         assert_eq!(numbers_shown(&positions, &triangles, &baked), [[700; 2]; 2]);
     }
 }
@@ -352,7 +362,8 @@ fn a_texel_has_the_label_of_most_of_it_and_none_between() {
         BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0, areas: None, finer: 0, is_sharp: false };
     let storage = Storage::new(vec![Stored::Label { low: 3.0 }]);
     let fine = bake(&mut Baker::new(&storage), &patch, &mut Numbered(source), 2).unwrap();
-    let coarse = Baker::new(&storage).bake_coarser(&patch, std::iter::once(&fine.surfels), NO_SOURCE, 7).unwrap();
+    let coarse =
+        Baker::new(&storage).bake_coarser(&patch, std::iter::once(&fine.surfels), NO_SOURCE, Coarse::even(7)).unwrap();
     for (baked, size) in [(&fine, 2.0), (&coarse, 11.4)] {
         let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
         let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
@@ -403,7 +414,9 @@ fn nothing_is_blurred_over_a_line_at_which_colours_jump() {
     let patch =
         BakedPatch { positions: &positions, triangles: &triangles, reach: 5.0, areas, finer: 0, is_sharp: false };
     let fine = bake(&mut Baker::new(&numbers()), &patch, &mut source, 6).unwrap();
-    let coarse = Baker::new(&numbers()).bake_coarser(&patch, std::iter::once(&fine.surfels), NO_SOURCE, 8).unwrap();
+    let coarse = Baker::new(&numbers())
+        .bake_coarser(&patch, std::iter::once(&fine.surfels), NO_SOURCE, Coarse::even(8))
+        .unwrap();
     for baked in [fine, coarse] {
         let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
         let image = Image::decode_values(&baked.streams[1], map.size, 1).unwrap();
@@ -457,7 +470,7 @@ fn texels_show_what_lies_closest_however_far_it_is() {
     let mut baker = Baker::new(&storage);
     let mut error = |is_closest: bool| {
         let baked = match is_closest {
-            true => baker.bake_cut(&patch, &mut source, 2),
+            true => baker.bake_cut(&patch, &mut Located::new(&mut source), 2),
             false => bake(&mut baker, &patch, &mut source, 2),
         };
         let streams = baked.expect("it has an image").streams;
@@ -501,7 +514,7 @@ fn the_far_side_of_a_sheet_counts_a_little() {
     let patch =
         BakedPatch { positions: &positions, triangles: &triangles, reach: 6.0, areas: None, finer: 0, is_sharp: false };
     let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
-    let streams = Baker::new(&storage).bake_cut(&patch, &mut Sheet, 2).expect("it has an image").streams;
+    let streams = Baker::new(&storage).bake_cut(&patch, &mut Located::new(Sheet), 2).expect("it has an image").streams;
     let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).expect("sound");
     let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
     let shown = image.interpolated(map.piece(0).unbounded([40.0, 24.0, 0.0]))[0];
@@ -543,7 +556,7 @@ fn shown_of_cut(
 ) -> Vec<f64> {
     let patch = BakedPatch { positions, triangles, reach: 6.0, areas: None, finer: 0, is_sharp: false };
     let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
-    let streams = Baker::new(&storage).bake_cut(&patch, source, 2).expect("it has an image").streams;
+    let streams = Baker::new(&storage).bake_cut(&patch, &mut Located::new(source), 2).expect("it has an image").streams;
     let map = Map::decode(&streams[0], positions, triangles, MAX_TEXELS).expect("sound");
     let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
     at.iter().map(|&(triangle, point)| image.interpolated(map.piece(triangle).unbounded(point))[0]).collect()
@@ -575,4 +588,95 @@ fn what_lies_beyond_an_edge_is_shown_at_it_on_all_sides() {
     let edges = [(0, [32.0, 0.0, 0.0]), (0, [64.0, 32.0, 0.0]), (1, [32.0, 64.0, 0.0]), (1, [0.0, 32.0, 0.0])];
     let shown = shown_of_cut(&positions, &[[0, 1, 2], [0, 2, 3]], &mut source, &edges);
     assert!(shown.iter().all(|&shown| shown < 200.0), "{shown:?}");
+}
+
+/// A floor of squares with brightness along it, of which one has finer texels.
+struct Label(Vec<[DVec3; 3]>);
+
+/// The side of a square of the floor.
+const SQUARE: i64 = 256;
+
+impl Source for Label {
+    fn triangle_count(&self) -> usize {
+        self.0.len()
+    }
+
+    fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.0[triangle]
+    }
+
+    fn has_sizes(&self) -> bool {
+        true
+    }
+
+    fn larger(&self, triangle: usize) -> u8 {
+        if triangle / 2 == 4 { 0 } else { 6 }
+    }
+
+    fn shade(&mut self, triangle: usize, points: &[Points], _: f32, values: &mut Vec<f32>) {
+        let corners = self.corners(triangle);
+        for weights in points.iter().flat_map(|points| points.weights()) {
+            let x: f64 = (0..3).map(|k| corners[k].x * f64::from(weights[k])).sum();
+            values.extend([0.2 + 0.6 * (x / (3 * SQUARE) as f64) as f32; 3]);
+        }
+    }
+}
+
+/// A floor of three by three squares.
+fn floor() -> (Vec<LatticePoint>, Vec<[u32; 3]>) {
+    let positions = (0..16).map(|k| [k % 4 * SQUARE, k / 4 * SQUARE, 0]).collect();
+    let squares = (0..9).map(|k| k / 3 * 4 + k % 3);
+    (positions, squares.flat_map(|a| [[a, a + 1, a + 4], [a + 1, a + 5, a + 4]]).collect())
+}
+
+/// The size of texels of each triangle, and how far brightness is off at most.
+fn sizes_and_error(streams: &[Vec<u8>], positions: &[LatticePoint], triangles: &[[u32; 3]]) -> (Vec<f64>, f64) {
+    let map = Map::decode(&streams[0], positions, triangles, MAX_TEXELS).expect("sound");
+    let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+    let mut largest = 0.0_f64;
+    for (number, corners) in triangles.iter().enumerate() {
+        let piece = map.piece(number);
+        let middle: DVec3 = corners.iter().map(|&corner| to_f64(positions[corner as usize])).sum::<DVec3>() / 3.0;
+        let places = corners.iter().map(|&corner| to_f64(positions[corner as usize])).chain([middle]);
+        for point in places {
+            let wanted = srgb_byte(0.2 + 0.6 * (point.x / (3 * SQUARE) as f64) as f32);
+            let shown = image.interpolated(piece.unbounded(point.to_array()))[0];
+            largest = largest.max((shown - f64::from(wanted)).abs());
+        }
+    }
+    ((0..triangles.len()).map(|number| map.piece(number).frame().1).collect(), largest)
+}
+
+#[test]
+fn a_label_keeps_finer_texels_at_all_levels() {
+    let (positions, triangles) = floor();
+    let corners = |corners: &[u32; 3]| corners.map(|corner| to_f64(positions[corner as usize]));
+    let mut source = Label(triangles.iter().map(corners).collect());
+    let patch =
+        BakedPatch { positions: &positions, triangles: &triangles, reach: 0.0, areas: None, finer: 0, is_sharp: false };
+    let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
+    let mut baker = Baker::new(&storage);
+    let is_label = |number: usize| number / 2 == 4;
+    let Baked { streams, surfels } = bake(&mut baker, &patch, &mut source, 4).expect("it has an image");
+    let (sizes, error) = sizes_and_error(&streams, &positions, &triangles);
+    assert!(error < 3.0, "{error}");
+    let [label, around] = [sizes[8], sizes[0]];
+    assert!((around / label - 8.0).abs() < 1e-9, "{sizes:?}");
+    assert!((0..18).all(|number| sizes[number] == if is_label(number) { label } else { around }), "{sizes:?}");
+    // As many as there would be of one size.
+    let texels = (SQUARE * SQUARE) as f64 * (1.0 / (label * label) + 8.0 / (around * around));
+    let even = (9 * SQUARE * SQUARE) as f64 / 16.0;
+    assert!((0.7..1.45).contains(&(texels / even)), "{texels} {even}");
+
+    let coarse = Coarse { exponent: 6, texels: surfels.count() as f64 / 4.0 };
+    const NO_LABEL: Option<&mut Located<Label>> = None;
+    let baked = baker.bake_coarser(&patch, std::iter::once(&surfels), NO_LABEL, coarse).expect("it has an image");
+    let (coarser, error) = sizes_and_error(&baked.streams, &positions, &triangles);
+    assert!(error < 6.0, "{error}");
+    assert!((0..18).all(|number| (coarser[number] / sizes[number] - 2.0).abs() < 1e-9), "{coarser:?}");
+
+    let streams = baker.bake_cut(&patch, &mut Located::new(source), 4).expect("it has an image").streams;
+    let (sizes, error) = sizes_and_error(&streams, &positions, &triangles);
+    assert!(error < 6.0, "{error}");
+    assert_eq!([sizes[8], sizes[0]], [4.0, 32.0]);
 }

@@ -215,6 +215,21 @@ impl TexturedFace {
         self.with(&self.filter(footprint), weights)
     }
 
+    /// Texels per unit of length, in the direction in which there are most.
+    fn most_along(&self, corners: &[DVec3; 3]) -> f32 {
+        let size = self.texture.size().map(f64::from);
+        let texels = [1, 2].map(|i| [0, 1].map(|k| (self.uv[i][k] - self.uv[0][k]) * size[k]));
+        let sides = [1, 2].map(|i| corners[i] - corners[0]);
+        let products = |dot: &dyn Fn(usize, usize) -> f64| [dot(0, 0), dot(0, 1), dot(1, 1)];
+        let [a, b, c] = products(&|i, j| texels[i][0] * texels[j][0] + texels[i][1] * texels[j][1]);
+        let [p, q, r] = products(&|i, j| sides[i].dot(sides[j]));
+        // The greater root of what the squares of lengths grow by.
+        let determinant = p * r - q * q;
+        let half = 0.5 * (a * r - 2.0 * b * q + c * p) / determinant;
+        let square = half + (half * half - (a * c - b * b) / determinant).max(0.0).sqrt();
+        if determinant > 0.0 && square.is_finite() { square.sqrt() as f32 } else { self.density }
+    }
+
     fn filter(&self, footprint: f32) -> texture::Filter<'_> {
         self.texture.filter(footprint * self.density)
     }
@@ -357,6 +372,12 @@ impl Face<'_> {
         let has_values = self.colour.is_some() || self.appearance.maps.normal || !self.appearance.scalars.is_empty();
         let is_even = !has_values && self.textures.iter().all(Option::is_none);
         self.material_density() * if is_even { EVEN } else { 1.0 }
+    }
+
+    /// As [`Face::image_density`], along the direction in which there are most of them.
+    pub fn most_density(&self) -> f32 {
+        let along = |face: &TexturedFace| face.most_along(&self.corners);
+        self.textures.iter().flatten().map(along).fold(self.image_density(), f32::max)
     }
 
     /// Samples per unit of length that scalars of the input have here: about one for each vertex.

@@ -23,6 +23,11 @@ pub(super) const LONGEST: u32 = 1 << 14;
 const MAX_EXPONENT: u32 = 127;
 /// Axes have coordinates of at most this.
 const AXIS_LIMIT: i32 = 31;
+/// Stands before the axis of a piece with larger texels.
+const LARGER: u32 = 63;
+/// Texels of a piece are larger by at most this power of the root of two.
+#[cfg(feature = "write")]
+const MOST_LARGER: u8 = 31;
 /// Cosine and sine of the turns of a piece in its plane: k / 8 of a right angle.
 const TURNS: [[f64; 2]; 8] = [
     [1.0, 0.0],
@@ -88,11 +93,13 @@ pub struct Map {
     pub labels: Vec<u16>,
 }
 
-/// Axis and turn of a piece.
+/// Axis, turn and texels of a piece.
 #[derive(Clone, Copy, Debug)]
 struct Shape {
     axis: [i32; 3],
     turn: u8,
+    /// How much larger its texels are than those of the map, as a power of the root of two.
+    larger: u8,
 }
 
 impl Shape {
@@ -109,7 +116,7 @@ impl Shape {
         direction[least] = 1.0;
         let frame = LocalFrame::new(axis, direction);
         let [cosine, sine] = TURNS[usize::from(self.turn) % TURNS.len()];
-        let inverse = 1.0 / texel_size(exponent);
+        let inverse = 1.0 / texel_size((exponent + u32::from(self.larger)).min(MAX_EXPONENT));
         let u = add(scale(frame.along, cosine), scale(frame.across, sine));
         let v = sub(scale(frame.across, cosine), scale(frame.along, sine));
         [scale(u, inverse), scale(v, inverse)]
@@ -227,12 +234,16 @@ impl Map {
         let mut across = vec![];
         for _ in 0..count {
             bits.check()?;
-            let mut coordinate = || bits.raw(6) as i32 - AXIS_LIMIT;
-            let axis = [coordinate(), coordinate(), coordinate()];
+            let mut first = bits.raw(6);
+            let mut larger = 0;
+            if first == LARGER {
+                (larger, first) = (bits.raw(5) as u8, bits.raw(6));
+            }
+            let axis = [first, bits.raw(6), bits.raw(6)].map(|x| x as i32 - AXIS_LIMIT);
             if axis == [0; 3] || axis.iter().any(|&x| x > AXIS_LIMIT) {
                 return Err(Error::format("a piece of a map has no axis"));
             }
-            across.push(Shape { axis, turn: bits.raw(3) as u8 }.across(exponent));
+            across.push(Shape { axis, turn: bits.raw(3) as u8, larger }.across(exponent));
         }
         let labels = decode_labels(&mut bits, count, triangles)?;
         bits.finish()?;
@@ -307,10 +318,19 @@ fn decode_labels(bits: &mut BitDecoder<'_>, pieces: usize, triangles: &[[u32; 3]
 pub struct PieceShape {
     /// The direction along which it is projected: from -31 to 31 each, not all 0.
     pub axis: [i8; 3],
+    /// How much larger its texels are than those of the map, as a power of the root of two: at most 31.
+    pub larger: u8,
 }
 
-/// Codes a map: texels of 2^(exponent / 2) lattice units, pieces along these axes, and the piece of each triangle. Pieces may get other
-/// numbers.
+#[cfg(feature = "write")]
+impl PieceShape {
+    fn turned(self, turn: u8) -> Shape {
+        Shape { axis: self.axis.map(i32::from), turn, larger: self.larger.min(MOST_LARGER) }
+    }
+}
+
+/// Codes a map: texels of 2^(exponent / 2) lattice units where they are not larger, pieces along these axes, and the piece of each triangle. Pieces
+/// may get other numbers.
 ///
 /// # Errors
 /// If the pieces break a rule of the format, or have more texels than `limit`.
@@ -330,7 +350,7 @@ pub fn encode_map(
     // The turn whose rectangle is smallest.
     let mut best: Vec<Option<(f64, Shape, [u32; 2])>> = vec![None; shapes.len()];
     for turn in 0..TURNS.len() as u8 {
-        let turned: Vec<Shape> = shapes.iter().map(|shape| Shape { axis: shape.axis.map(i32::from), turn }).collect();
+        let turned: Vec<Shape> = shapes.iter().map(|shape| shape.turned(turn)).collect();
         let across: Vec<[Vec3; 2]> = turned.iter().map(|shape| shape.across(exponent)).collect();
         for ((extent, shape), best) in
             extents(&across, labels, positions, triangles).into_iter().zip(turned).zip(&mut best)
@@ -369,6 +389,10 @@ pub fn encode_map(
     bits.number(&mut NumberChances::default(), shapes.len() as u32 - 1);
     bits.number(&mut NumberChances::default(), width);
     for shape in &shapes {
+        if shape.larger > 0 {
+            bits.raw(6, LARGER);
+            bits.raw(5, u32::from(shape.larger));
+        }
         shape.axis.iter().for_each(|&x| bits.raw(6, (x + AXIS_LIMIT) as u32));
         bits.raw(3, u32::from(shape.turn));
     }
@@ -432,7 +456,7 @@ mod tests {
     #[test]
     fn maps_come_back_and_their_pieces_do_not_overlap() {
         let (positions, triangles, labels) = roof();
-        let shapes = [[-7, 0, 7], [7, 0, 7], [0, 0, 1]].map(|axis| PieceShape { axis });
+        let shapes = [[-7, 0, 7], [7, 0, 7], [0, 0, 1]].map(|axis| PieceShape { axis, larger: 0 });
         let (map, bytes) = encode_map(&positions, &triangles, 9, &shapes, &labels, 1 << 20).unwrap();
         assert_eq!(Map::decode(&bytes, &positions, &triangles, 1 << 20).unwrap(), map);
         assert!(bytes.len() < 30, "{}", bytes.len());
@@ -453,9 +477,38 @@ mod tests {
     }
 
     #[test]
+    fn pieces_have_texels_of_their_own_sizes() {
+        let (positions, triangles, labels) = roof();
+        let of = |larger: [u8; 3]| {
+            let axes = [[-7, 0, 7], [7, 0, 7], [0, 0, 1]];
+            let shapes = [0, 1, 2].map(|k| PieceShape { axis: axes[k], larger: larger[k] });
+            encode_map(&positions, &triangles, 9, &shapes, &labels, 1 << 20).unwrap()
+        };
+        let (map, bytes) = of([4, 0, 3]);
+        assert_eq!(Map::decode(&bytes, &positions, &triangles, 1 << 20).unwrap(), map);
+        for (triangle, exponent) in [(0, 6.5), (50, 4.5), (100, 6.0)] {
+            let (_, size) = map.piece(triangle).frame();
+            assert!((size - 2.0_f64.powf(exponent)).abs() < 1e-9, "{size}");
+        }
+        // What has the size of the map costs nothing, and a size of its own eleven bits.
+        let (even, usual) = of([0; 3]);
+        assert!(bytes.len() <= usual.len() + 4 && map.size[0] * map.size[1] < even.size[0] * even.size[1] / 2);
+        // More than can be written, and more than any texel has.
+        let (map, bytes) = of([255, 31, 40]);
+        assert_eq!(Map::decode(&bytes, &positions, &triangles, 1 << 20).unwrap(), map);
+        for at in 0..bytes.len() {
+            for flipped in 1..=255 {
+                let mut damaged = bytes.clone();
+                damaged[at] ^= flipped;
+                let _ = Map::decode(&damaged, &positions, &triangles, 1 << 20);
+            }
+        }
+    }
+
+    #[test]
     fn damaged_maps_are_refused_or_decoded_but_never_panic() {
         let (positions, triangles, labels) = roof();
-        let shapes = [[-7, 0, 7], [7, 0, 7], [0, 0, 1]].map(|axis| PieceShape { axis });
+        let shapes = [[-7, 0, 7], [7, 0, 7], [0, 0, 1]].map(|axis| PieceShape { axis, larger: 0 });
         let (_, bytes) = encode_map(&positions, &triangles, 9, &shapes, &labels, 1 << 20).unwrap();
         for at in 0..bytes.len() {
             for flip in 1..=255 {

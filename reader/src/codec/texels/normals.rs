@@ -104,7 +104,7 @@ mod tests {
     #[test]
     fn directions_of_a_hemisphere_come_back_within_a_degree_and_others_at_its_edge() {
         let positions = [[0, 0, 0], [4000, 0, -3000], [0, 4000, 0]];
-        let shapes = [PieceShape { axis: [3, 0, 4] }];
+        let shapes = [PieceShape { axis: [3, 0, 4], larger: 0 }];
         let (map, _) = encode_map(&positions, &[[0, 1, 2]], 12, &shapes, &[0], 1 << 20).unwrap();
         let count = (map.size[0] * map.size[1]) as usize;
         let axis = [0.6, 0.0, 0.8];

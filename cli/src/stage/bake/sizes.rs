@@ -1,0 +1,110 @@
+//! How large the texels of each triangle are: where the input has fewer texels, so have its images.
+
+use glam::DVec3;
+use lodpack::write::texel_size;
+
+use super::borders::Located;
+use super::surfels::{Run, SIDE, Surfels};
+use super::{BakedPatch, Source};
+use crate::stage::certify::{Hint, TriangleBvh};
+
+/// The most that texels are larger than others of their map.
+const MOST_LARGER: u8 = 30;
+/// The largest exponent of a texel's size.
+const MAX_EXPONENT: u32 = 127;
+/// What differs by less from a power of two is one.
+const ROUNDED: f64 = 1.01;
+
+/// How much larger the texels of each triangle of a patch are than the smallest, as a power of the root of two; empty if all are alike. Sizes differ by
+/// powers of two: pieces of images end where sizes do.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Sizes {
+    pub larger: Vec<u8>,
+}
+
+impl Sizes {
+    /// Those of a source that is close.
+    pub fn of_source(patch: &BakedPatch<'_>, source: &mut Located<impl Source>) -> Self {
+        if !source.source.has_sizes() || source.source.triangle_count() == 0 {
+            return Self::default();
+        }
+        let (source, bvh) = source.parts();
+        let mut hint = Hint::default();
+        Self::of(patch, |point| source.larger(bvh.close(point, 0.0, &mut hint) as usize))
+    }
+
+    /// Those of finer patches.
+    pub fn of_surfels<'a>(patch: &BakedPatch<'_>, finer: impl Iterator<Item = &'a Surfels>) -> Self {
+        let runs: Vec<&Run> = finer.flat_map(|surfels| &surfels.runs).collect();
+        let least = runs.iter().map(|run| run.size).fold(f32::INFINITY, f32::min);
+        let larger: Vec<u8> = runs.iter().map(|run| larger(f64::from(run.size / least).sqrt() * ROUNDED)).collect();
+        if larger.iter().all(|&larger| larger == 0) {
+            return Self::default();
+        }
+        let positions: Vec<DVec3> = runs.iter().flat_map(|run| run.corners()).collect();
+        let triangles: Vec<[u32; 3]> =
+            (0..runs.len() as u32).flat_map(|run| [[0, 1, 2], [1, 3, 2]].map(|one| one.map(|k| 4 * run + k))).collect();
+        let bvh = TriangleBvh::new(&positions, &triangles);
+        let mut hint = Hint::default();
+        Self::of(patch, |point| larger[bvh.close(point, 0.0, &mut hint) as usize / 2])
+    }
+
+    /// Asks at points of each triangle. The smallest size decides.
+    fn of(patch: &BakedPatch<'_>, mut at: impl FnMut(DVec3) -> u8) -> Self {
+        let mut of_triangle = |corners: &[u32; 3]| {
+            let corners = corners.map(|corner| patch.origin() + patch.position(corner));
+            let middle = corners.iter().sum::<DVec3>() / 3.0;
+            let inner = corners.map(|corner| at(corner.lerp(middle, 0.5)));
+            inner.into_iter().fold(at(middle), u8::min)
+        };
+        let mut larger: Vec<u8> = patch.triangles.iter().map(&mut of_triangle).collect();
+        let least = larger.iter().copied().min().unwrap_or(0);
+        larger.iter_mut().for_each(|larger| *larger -= least);
+        if larger.iter().all(|&larger| larger == 0) { Self::default() } else { Self { larger } }
+    }
+
+    /// How large the smallest texels must be, as a power of the root of two, so that the patch has about as many as are `wanted`; `before` if all are
+    /// alike.
+    pub fn exponent(&self, patch: &BakedPatch<'_>, before: u32, wanted: f64) -> u32 {
+        if self.larger.is_empty() || wanted <= 0.0 {
+            return before;
+        }
+        let triangles = patch.triangles.iter().zip(&self.larger);
+        let area: f64 =
+            triangles.map(|(&corners, &larger)| patch.area(corners) / area_of_texel(u32::from(larger))).sum();
+        let is_small = |&exponent: &u32| area_of_texel(exponent) <= area / wanted * std::f64::consts::SQRT_2;
+        (0..=MAX_EXPONENT).take_while(is_small).last().unwrap_or(0)
+    }
+}
+
+/// What finer texels cover, square lattice units.
+pub(super) fn covered_area<'a>(finer: impl Iterator<Item = &'a Surfels>) -> f64 {
+    let covered = |run: &Run| f64::from(run.size) * f64::from(run.rows.iter().map(|row| row.count_ones()).sum::<u32>());
+    finer.flat_map(|surfels| &surfels.runs).map(covered).sum()
+}
+
+/// The area of a texel of 2^(exponent / 2) lattice units.
+pub fn area_of_texel(exponent: u32) -> f64 {
+    let size = texel_size(exponent);
+    size * size
+}
+
+/// By how much texels are larger that may be so many times as large, as a power of the root of two: sizes differ by powers of two, so that pieces are
+/// few.
+pub fn larger(times: f64) -> u8 {
+    let mut larger = 0;
+    while larger < MOST_LARGER && texel_size(u32::from(larger) + 2) <= times {
+        larger += 2;
+    }
+    larger
+}
+
+impl Run {
+    /// Around its texels, in the middle of its depth.
+    fn corners(&self) -> [DVec3; 4] {
+        let [beside, below, deeper] = self.steps.map(|step| step.as_dvec3());
+        let middle = self.origin + deeper * f64::from(u16::MAX / 2);
+        let most = SIDE as f64 - 0.5;
+        [[-0.5, -0.5], [most, -0.5], [-0.5, most], [most, most]].map(|[x, y]| middle + beside * x + below * y)
+    }
+}
