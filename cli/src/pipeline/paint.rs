@@ -11,14 +11,14 @@ use rayon::prelude::*;
 use super::ChartedMesh;
 use super::chart_work::{DrawnBlocks, DrawnPatch};
 use super::shared_arcs::SharedArcs;
-use super::texels::{DENSITY, InputSource, MAX_EXPONENT, TrianglesAround, exponent_of, storage};
+use super::texels::{DENSITY, InputSource, TrianglesAround, exponent_of, storage};
 use crate::machine::{return_large_blocks, thread_cpu_time};
 use crate::mesh::NONE;
 use crate::mesh::appearance::{Appearance, ScalarRange};
 use crate::mesh::attributes::RegionAttributes;
 use crate::stage::areas::{Areas, Jumps};
 use crate::stage::bake::{
-    Baked, BakedPatch, Baker, Coarse, Located, MAX_TEXELS, Storage, Surfels, area_of_texel, baking_bytes,
+    Baked, BakedPatch, Baker, Coarse, Located, MAX_EXPONENT, MAX_TEXELS, Storage, Surfels, area_of_texel, baking_bytes,
 };
 use crate::stage::shade::Shader;
 use crate::storage::memory::{Pool, texel_memory};

@@ -12,7 +12,7 @@ use crate::mesh::NONE;
 use crate::mesh::appearance::{
     Appearance, COLOUR, DRAWING, EMISSIVE, METALLIC, MaterialMaps, NORMAL, OCCLUSION, ROUGHNESS, ScalarRange,
 };
-use crate::stage::bake::{Points, Source, Storage, Stored};
+use crate::stage::bake::{MAX_EXPONENT, Points, Source, Storage, Stored};
 use crate::stage::shade::Painter;
 
 /// Steps between the least and the largest value of a scalar that is not whole: 12 bits, of which neighbours predict most.
@@ -22,8 +22,6 @@ const SCALAR_STEPS: f64 = 4095.0;
 pub(super) const DENSITY: f64 = 1.4;
 /// How much larger than wanted texels may be, because their size is a power of the root of two.
 const LARGER: f64 = 1.1;
-/// The largest exponent of a texel's size.
-pub(super) const MAX_EXPONENT: u32 = 127;
 
 /// The channels of a file whose input looks like this.
 pub(super) fn channels(appearance: &Appearance) -> Vec<ChannelInfo> {

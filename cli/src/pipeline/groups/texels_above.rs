@@ -5,9 +5,11 @@ use lodpack::decode::texels::Map;
 use lodpack::write::RootRecord;
 
 use super::super::chart_work::DrawnBlocks;
-use super::super::texels::{MAX_EXPONENT, exponent_of};
+use super::super::texels::exponent_of;
 use super::Node;
-use crate::stage::bake::{BakedPatch, Baker, Images, Located, MAX_TEXELS, Points, Source, Storage, Stored};
+use crate::stage::bake::{
+    BakedPatch, Baker, Images, Located, MAX_EXPONENT, MAX_TEXELS, Points, Source, Storage, Stored,
+};
 
 /// A top whose texels are known.
 pub(super) struct KnownTop {

@@ -56,6 +56,8 @@ use values::{Kept, Steps, Sums};
 pub use values::{Storage, Stored};
 pub use watched::Watched;
 
+/// The largest exponent of a texel's size.
+pub const MAX_EXPONENT: u32 = 127;
 /// The most texels of a patch.
 pub const MAX_TEXELS: u64 = 1 << 24;
 /// Bytes of a texel of a patch as its map shows it.
@@ -226,7 +228,7 @@ impl<'s> Baker<'s> {
     /// The images of a patch, with texels of 2^(exponent / 2) lattice units, or as many of several sizes. None if nothing can be projected.
     pub fn bake<S: Source>(&mut self, patch: &BakedPatch<'_>, source: &mut Located<S>, exponent: u32) -> Option<Baked> {
         let sizes = Sizes::of_source(patch, source);
-        let exponent = sizes.exponent(patch, exponent, patch.whole_area() / area_of_texel(exponent));
+        let exponent = sizes.exponent(patch, exponent, || patch.whole_area() / area_of_texel(exponent));
         let mapped = self.mapped(patch, exponent, sizes, None)?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         let sums = gather(patch, &mapped.map, (&self.drawn, &[]), &mut source.source, sums);
@@ -291,7 +293,7 @@ impl<'s> Baker<'s> {
         let outline = Outline::new(finer.clone().map(|surfels| &surfels.rim));
         let sizes = Sizes::of_surfels(patch, finer.clone());
         // A piece covers less than the surface that it shows.
-        let wanted = coarse.texels * patch.whole_area() / covered_area(finer.clone());
+        let wanted = || coarse.texels * patch.whole_area() / covered_area(finer.clone());
         let exponent = sizes.exponent(patch, coarse.exponent, wanted);
         let mapped = self.mapped(patch, exponent, sizes, Some(&outline))?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
@@ -359,7 +361,7 @@ impl<'s> Baker<'s> {
             let Ok((map, bytes)) = encode_map(positions, triangles, exponent, shapes, labels, MAX_TEXELS) else {
                 // Fewer texels, until they fit.
                 exponent += 1;
-                if exponent > 127 {
+                if exponent > MAX_EXPONENT {
                     return None;
                 }
                 continue;

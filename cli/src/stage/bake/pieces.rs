@@ -5,8 +5,9 @@ use std::collections::{BinaryHeap, HashMap};
 use glam::DVec3;
 use lodpack::{LatticePoint, write::PieceShape};
 
-use super::BakedPatch;
+use super::closest::doubled_area;
 use super::sizes::Sizes;
+use super::{BakedPatch, to_f64};
 use crate::mesh::NONE;
 use crate::stage::areas::Areas;
 
@@ -50,8 +51,7 @@ impl Ord for Candidate {
 
 /// Twice the area of a triangle, as a vector along its normal.
 fn area(positions: &[LatticePoint], corners: [u32; 3]) -> DVec3 {
-    let [a, b, c] = corners.map(|corner| DVec3::from(positions[corner as usize].map(|x| x as f64)));
-    (b - a).cross(c - a)
+    doubled_area(corners.map(|corner| to_f64(positions[corner as usize])))
 }
 
 /// The axis nearest to a direction.

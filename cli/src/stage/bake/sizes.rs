@@ -5,13 +5,11 @@ use lodpack::write::texel_size;
 
 use super::borders::Located;
 use super::surfels::{Run, SIDE, Surfels};
-use super::{BakedPatch, Source};
+use super::{BakedPatch, MAX_EXPONENT, Source};
 use crate::stage::certify::{Hint, TriangleBvh};
 
 /// The most that texels are larger than others of their map.
 const MOST_LARGER: u8 = 30;
-/// The largest exponent of a texel's size.
-const MAX_EXPONENT: u32 = 127;
 /// What differs by less from a power of two is one.
 const ROUNDED: f64 = 1.01;
 
@@ -64,9 +62,13 @@ impl Sizes {
     }
 
     /// How large the smallest texels must be, as a power of the root of two, so that the patch has about as many as are `wanted`; `before` if all are
-    /// alike.
-    pub fn exponent(&self, patch: &BakedPatch<'_>, before: u32, wanted: f64) -> u32 {
-        if self.larger.is_empty() || wanted <= 0.0 {
+    /// alike, when nobody asks how many that is.
+    pub fn exponent(&self, patch: &BakedPatch<'_>, before: u32, wanted: impl FnOnce() -> f64) -> u32 {
+        if self.larger.is_empty() {
+            return before;
+        }
+        let wanted = wanted();
+        if wanted <= 0.0 {
             return before;
         }
         let triangles = patch.triangles.iter().zip(&self.larger);
