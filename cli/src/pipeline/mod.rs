@@ -48,6 +48,7 @@ mod redundant_levels;
 mod roots;
 mod scale;
 mod shared_arcs;
+mod sharp;
 mod shown_colours;
 mod spread_points;
 pub mod summary;
