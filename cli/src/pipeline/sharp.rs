@@ -1,4 +1,4 @@
-//! Whether images are even but for a few sharp edges, as letters and drawings are.
+//! Whether what images of the base colour show is even but for a few sharp edges, as letters and drawings are.
 
 use glam::DVec3;
 
@@ -122,7 +122,7 @@ mod tests {
         let corners = [DVec3::ZERO, 3.0 * DVec3::X, 3.0 * DVec3::Y];
         let mut sharpness = Sharpness::default();
         let face = shader.painter(&region).face(0, corners);
-        // The painter looks at one triangle after the other: as much of them as a chart has.
+        // As many triangles as charts have.
         (0..8).for_each(|_| sharpness.look(&face, corners, face.image_density().into()));
         // Without an area nothing is seen.
         sharpness.look(&face, [DVec3::X; 3], face.image_density().into());
