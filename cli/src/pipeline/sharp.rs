@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::spread_points::weights_of;
 use crate::stage::shade::Face;
 
 /// Texels of the input for each point that is looked at.
@@ -16,9 +17,6 @@ const FEW: f64 = 0.25;
 const SHARP: f64 = 17.0;
 /// Fewer texels that are not even say nothing.
 const LEAST: f64 = 32.0;
-/// Neighbouring points of a sequence that fills the unit square evenly differ by this (Roberts, "The Unreasonable Effectiveness of Quasirandom
-/// Sequences").
-const NEXT: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];
 
 /// What points of a chart have shown. Sums are weighted by texels of the input.
 #[derive(Debug, Default)]
@@ -47,22 +45,19 @@ impl Sharpness {
         let steps = [along, normal.normalize().cross(along)]
             .map(|step| growth.map(|growth| growth.dot(step) / density))
             .map(|[b, c]| [-b - c, b, c]);
-        let colour_at = |weights: [f64; 3]| {
-            let is_inside = weights.iter().all(|&weight| weight >= 0.0);
-            is_inside.then(|| face.base_colour(weights.map(|weight| weight as f32), 0.0).map(about_srgb))
-        };
+        let is_inside = |weights: &[f64; 3]| weights.iter().all(|&weight| weight >= 0.0);
+        let colour_at = |weights: [f64; 3]| face.base_colour(weights.map(|weight| weight as f32), 0.0).map(about_srgb);
         let count = (texels / SPARSE).clamp(1.0, MOST_POINTS).floor();
         let each = texels / count;
         for _ in 0..count as u32 {
             self.points += 1;
-            let [b, c] = NEXT.map(|next| (f64::from(self.points) * next).fract());
-            let [b, c] = if b + c > 1.0 { [1.0 - b, 1.0 - c] } else { [b, c] };
-            let middle = [1.0 - b - c, b, c];
+            let middle = weights_of(self.points);
+            let mut here = None;
             for step in steps {
-                let beside = [-1.0, 1.0].map(|way| colour_at([0, 1, 2].map(|k| middle[k] + way * step[k])));
-                if let [Some(before), Some(after)] = beside
-                    && let Some(here) = colour_at(middle)
-                {
+                let beside = [-1.0, 1.0].map(|way| [0, 1, 2].map(|k| middle[k] + way * step[k]));
+                if beside.iter().all(is_inside) {
+                    let here = here.get_or_insert_with(|| colour_at(middle));
+                    let [before, after] = beside.map(colour_at);
                     let curved = |k: usize| before[k] - 2.0 * here[k] + after[k];
                     self.add((0..3).map(|k| curved(k) * curved(k)).sum::<f64>() / 3.0, each);
                 }

@@ -8,15 +8,19 @@ pub(super) fn for_each_point(areas: &[f64], count: usize, mut visit: impl FnMut(
     for (triangle, area) in areas.iter().enumerate() {
         passed += area;
         while next < passed && step > 0.0 {
-            // Points of a low-discrepancy sequence in the triangle.
-            let (u, v) = (f64::from(number) * 0.754_877_666, f64::from(number) * 0.569_840_291);
-            let (u, v) = (u.fract(), v.fract());
-            let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-            visit(triangle, [1.0 - u - v, u, v]);
+            visit(triangle, weights_of(number));
             number += 1;
             next += step;
         }
     }
+}
+
+/// The weights of a triangle's corners at a point of a sequence that fills it evenly (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences").
+pub(super) fn weights_of(number: u32) -> [f64; 3] {
+    let (u, v) = (f64::from(number) * 0.754_877_666, f64::from(number) * 0.569_840_291);
+    let (u, v) = (u.fract(), v.fract());
+    let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+    [1.0 - u - v, u, v]
 }
 
 #[cfg(test)]
