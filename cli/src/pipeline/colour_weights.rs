@@ -14,7 +14,7 @@ use super::coarse::{CoarseSurface, collapsed_in_areas};
 use super::far_weights::raise;
 use super::finish::{Finished, local_surface};
 use super::moved_nearer::{Whole, moved_nearer};
-use super::moved_singly::moved_singly;
+use super::moved_singly::{moved_again, moved_singly};
 use super::reduce::{ALL_STOPS, Reduced, Topology, areas_of_chart, differing_stops};
 use crate::mesh::Mesh;
 use crate::stage::areas::{Areas, Jumps};
@@ -44,6 +44,8 @@ const MOVED: usize = 4;
 const LARGE: usize = 20_000;
 /// Vertices of a cut that has at most so many triangles are moved one at a time at last. With more, little is gained for the time that it takes.
 const FEW: usize = 200;
+/// So many of the best of all are moved so.
+const MOVED_SINGLY: usize = 2;
 
 /// A reduced cut, what colours are seen on it, and how bad that is.
 pub(super) struct Compared {
@@ -96,6 +98,11 @@ impl Made {
     }
 }
 
+/// Whether vertices of a cut are moved one at a time.
+pub(super) fn is_small(way: &Finished) -> bool {
+    way.triangles.len() <= FEW
+}
+
 impl<'a> Recollapse<'a> {
     /// Of a cut as [`finished_ways`](super::finish::finished_ways) takes it. None if it is no manifold.
     pub fn new(
@@ -124,8 +131,8 @@ impl<'a> Recollapse<'a> {
     }
 
     /// The best of some reduced cuts, the first of which are best already, of those that are made in the same ways with other weights, and of
-    /// the best of these moved nearer. `compare` says what colours are seen on a cut.
-    pub fn best(&self, firsts: Vec<Compared>, compare: &(impl Fn(Finished) -> Compared + Sync)) -> Option<Compared> {
+    /// the best of these moved nearer: the best first. `compare` says what colours are seen on a cut.
+    pub fn best(&self, firsts: Vec<Compared>, compare: &(impl Fn(Finished) -> Compared + Sync)) -> Vec<Compared> {
         let (ways, steps) = if self.is_large() { (1, &STEPS[..1]) } else { (WAYS, &STEPS[..]) };
         let most = firsts.first().map_or(0.0, |first| WORSE * first.value);
         let mut last: Vec<Last> = vec![];
@@ -174,8 +181,9 @@ impl<'a> Recollapse<'a> {
                 break;
             }
         }
-        let moved: Vec<Compared> = best.into_par_iter().map(|one| self.or_nearer(one, compare)).collect();
-        moved.into_iter().min_by(|one, other| one.value.total_cmp(&other.value))
+        let mut moved: Vec<Compared> = best.into_par_iter().map(|one| self.or_nearer(one, compare)).collect();
+        moved.sort_by(|one, other| one.value.total_cmp(&other.value));
+        moved
     }
 
     /// What is made in the same way with more weight around the points that have a share of all squares.
@@ -222,21 +230,51 @@ impl<'a> Recollapse<'a> {
         self.or_moved(first, moved, compare)
     }
 
-    /// A cut, or if it has few triangles and that is better, the same with its vertices [moved one at a time](moved_singly).
-    pub fn or_singly(&self, first: Compared, sampled: &Sampled, compare: &impl Fn(Finished) -> Compared) -> Compared {
-        if first.way.triangles.len() > FEW {
-            return first;
+    /// The best of some cuts that come with the best first, and if that one has few triangles, of the first of them with their vertices
+    /// [moved one at a time](moved_singly).
+    pub fn best_singly(
+        &self,
+        all: Vec<Compared>,
+        sampled: &Sampled,
+        compare: &impl Fn(Finished) -> Compared,
+    ) -> Option<Compared> {
+        if !all.first().is_some_and(|first| is_small(&first.way)) {
+            return all.into_iter().next();
         }
-        match moved_singly(sampled, &self.local(&first.way)) {
+        let moved = |first: Compared| match moved_singly(sampled, &self.local(&first.way)) {
             Some(moved) => self.or_moved(first, moved, compare),
             None => first,
-        }
+        };
+        all.into_iter().take(MOVED_SINGLY).map(moved).min_by(|one, other| one.value.total_cmp(&other.value))
+    }
+
+    /// A cut of few triangles, or if that is better by a finer surface, the same moved [again](moved_again).
+    pub fn or_again(&self, first: Compared, finer: &Sampled, compare: &impl Fn(Finished) -> Compared) -> Compared {
+        let Some((moved, parts_of)) = moved_again(finer, &self.local(&first.way), self.triangles) else { return first };
+        let areas = if first.way.areas.is_empty() {
+            vec![]
+        } else {
+            parts_of.iter().map(|&t| first.way.areas[t as usize]).collect()
+        };
+        self.or_better(first, moved, areas, compare)
     }
 
     /// A cut, or the same with its vertices where they are in a mesh, if that is better.
     fn or_moved(&self, first: Compared, moved: Mesh, compare: &impl Fn(Finished) -> Compared) -> Compared {
-        let moved = compare(Finished { topology: first.way.topology, ..self.finished(moved, first.way.areas.clone()) });
-        if moved.value < first.value { moved } else { first }
+        let areas = first.way.areas.clone();
+        self.or_better(first, moved, areas, compare)
+    }
+
+    /// A cut, or a mesh that was made of it, if that is better.
+    fn or_better(
+        &self,
+        first: Compared,
+        mesh: Mesh,
+        areas: Vec<u32>,
+        compare: &impl Fn(Finished) -> Compared,
+    ) -> Compared {
+        let other = compare(Finished { topology: first.way.topology, ..self.finished(mesh, areas) });
+        if other.value < first.value { other } else { first }
     }
 
     fn is_large(&self) -> bool {
@@ -304,16 +342,16 @@ mod tests {
             let value = 1000.0 - around(&way) as f64;
             Compared { seen: Seen { sum: value, area: 1.0, far: vec![(worst, value)], ..Seen::default() }, value, way }
         };
-        let best = recollapse.best(vec![compare(first.clone())], &compare).expect("one at least").way;
+        let best = recollapse.best(vec![compare(first.clone())], &compare).swap_remove(0).way;
         assert!(around(&best) > around(&first), "{} and {}", around(&best), around(&first));
         assert!(best.triangles.len() <= 300);
         // What was made otherwise is moved at most.
         let mut other = first;
         other.triangles.pop();
         assert!(recollapse.made_by(&other).is_none());
-        let best = recollapse.best(vec![compare(other.clone())], &compare).expect("one at least").way;
+        let best = recollapse.best(vec![compare(other.clone())], &compare).swap_remove(0).way;
         assert_eq!(best.triangles, other.triangles);
-        assert!(recollapse.best(vec![], &compare).is_none());
+        assert!(recollapse.best(vec![], &compare).is_empty());
     }
 
     #[test]

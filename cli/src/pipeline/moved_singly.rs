@@ -6,24 +6,68 @@
 use glam::DVec3;
 
 use crate::mesh::Mesh;
-use crate::stage::bake::{Sampled, Watched};
+use crate::stage::bake::{Grouped, Sampled, Watched};
 
 /// Steps begin with this share of the shortest edge at a vertex,
 const FIRST_STEP: f64 = 0.5;
+/// or where vertices have been moved before, with this one,
+const FIRST_STEP_AGAIN: f64 = 0.25;
 /// become half as long where no direction is better, and end with this share.
 const LAST_STEP: f64 = 0.03;
 /// How often all vertices are moved.
 const ROUNDS: usize = 40;
 /// It ends where a round leaves more than this share of what counts.
 const GAIN: f64 = 0.997;
+/// Edges of so many triangles that show most wrongly are split,
+const WORST: usize = 4;
+/// and the new vertex is moved so often before they are compared.
+const ROUNDS_OF_NEW: usize = 6;
 
 /// A reduced cut with its vertices moved to where it shows most of a surface for its distance from that. None if nothing is seen of it.
 pub(super) fn moved_singly(surface: &Sampled, reduced: &Mesh) -> Option<Mesh> {
-    let mut watched = Watched::new(surface, reduced.positions.clone(), &reduced.triangles)?;
-    let mut steps = vec![FIRST_STEP; reduced.positions.len()];
-    for _ in 0..ROUNDS {
+    let points = Grouped::new(surface);
+    let mut watched = Watched::new(&points, reduced.positions.clone(), reduced.triangles.clone())?;
+    search(&mut watched, 0, FIRST_STEP, ROUNDS);
+    Some(Mesh { positions: watched.positions().to_vec(), triangles: reduced.triangles.clone() })
+}
+
+/// The same once more by a finer surface, and with one edge in two where that is better and makes no more than `most` triangles. And of each triangle the
+/// number of the one that it was or was a part of.
+pub(super) fn moved_again(surface: &Sampled, reduced: &Mesh, most: usize) -> Option<(Mesh, Vec<u32>)> {
+    let points = Grouped::new(surface);
+    let mut watched = Watched::new(&points, reduced.positions.clone(), reduced.triangles.clone())?;
+    search(&mut watched, 0, FIRST_STEP_AGAIN, ROUNDS);
+    let mut parts_of: Vec<u32> = (0..reduced.triangles.len() as u32).collect();
+    if let Some(split) = best_split(&watched, most) {
+        (watched, parts_of) = split;
+        search(&mut watched, 0, FIRST_STEP_AGAIN, ROUNDS);
+    }
+    Some((Mesh { positions: watched.positions().to_vec(), triangles: watched.triangles().to_vec() }, parts_of))
+}
+
+/// A patch with the edge in two that gains most. None if none does with at most so many triangles.
+fn best_split<'a>(watched: &Watched<'a>, most: usize) -> Option<(Watched<'a>, Vec<u32>)> {
+    let room = most.saturating_sub(watched.triangles().len());
+    let mut best: Option<(Watched<'a>, Vec<u32>)> = None;
+    for edge in watched.worst_edges(WORST) {
+        if watched.triangles_at(edge).len() > room {
+            continue;
+        }
+        let Some((mut split, parts_of)) = watched.split(edge) else { continue };
+        search(&mut split, watched.positions().len(), FIRST_STEP, ROUNDS_OF_NEW);
+        if split.value() < best.as_ref().map_or(watched.value(), |(best, _)| best.value()) {
+            best = Some((split, parts_of));
+        }
+    }
+    best
+}
+
+/// Moves the vertices from a number on.
+fn search(watched: &mut Watched<'_>, from: usize, first_step: f64, rounds: usize) {
+    let mut steps = vec![first_step; watched.positions().len()];
+    for _ in 0..rounds {
         let before = watched.value();
-        for (vertex, step) in steps.iter_mut().enumerate().filter(|(_, step)| **step >= LAST_STEP) {
+        for (vertex, step) in steps.iter_mut().enumerate().skip(from).filter(|(_, step)| **step >= LAST_STEP) {
             let mut has_moved = false;
             for axis in DVec3::AXES {
                 let (place, length) = (watched.positions()[vertex], *step * watched.shortest_edge(vertex));
@@ -43,7 +87,6 @@ pub(super) fn moved_singly(surface: &Sampled, reduced: &Mesh) -> Option<Mesh> {
             break;
         }
     }
-    Some(Mesh { positions: watched.positions().to_vec(), triangles: reduced.triangles.clone() })
 }
 
 #[cfg(test)]
@@ -65,6 +108,13 @@ mod tests {
         let distance = |mesh: &Mesh| surface.seen(mesh.positions.clone(), &mesh.triangles).distance();
         assert!(distance(&moved) < 0.2 * distance(&reduced), "{} {}", distance(&moved), distance(&reduced));
         assert_eq!(moved.triangles, reduced.triangles);
+        // There is room for one more triangle, and for two.
+        for (most, places) in [(4, 6), (5, 7), (6, 7)] {
+            let (again, parts_of) = moved_again(&surface, &moved, most).expect("it shows something");
+            assert!(distance(&again) <= distance(&moved), "{} {}", distance(&again), distance(&moved));
+            assert!(again.triangles.len() <= most && again.triangles.len() == parts_of.len());
+            assert!(again.positions.len() <= places);
+        }
         assert!(moved_singly(&Sampled::new(vec![], 900.0, 0.0, |_, _| None), &reduced).is_none());
     }
 }

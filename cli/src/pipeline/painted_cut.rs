@@ -11,7 +11,7 @@ use lodpack::write::texel_size;
 use lodpack::{Lattice, Mesh};
 use rayon::prelude::*;
 
-use super::colour_weights::{Compared, Recollapse};
+use super::colour_weights::{Compared, Recollapse, is_small};
 use super::cut_areas::areas_of_cut;
 use super::finish::{Finished, finished_ways};
 use super::reduce::Ways;
@@ -34,6 +34,10 @@ const FINE_TEXELS: f64 = 4_194_304.0;
 const MORE: f64 = 1.01;
 /// A reduced cut may be so many times as far off as the nearest one, if it shows more.
 const FARTHER: f64 = 3.0;
+/// About how many cells of a reduced cut are compared,
+const CELLS: f64 = 131_072.0;
+/// and where vertices are moved again.
+const FINE_CELLS: f64 = 524_288.0;
 
 /// What gives reduced cuts the look of the cut that they were made from.
 pub struct CutPainter<'a> {
@@ -130,17 +134,19 @@ impl<'a> CutPainter<'a> {
         ways.retain(|way| way.error <= FARTHER * least);
         let Some(colour) = self.colour() else { return ways.into_iter().next() };
         let texel = texel_size(self.shown_exponent()) * self.lattice.step();
-        let sampled = sampled(self.cut, colour, DVec3::from(self.lattice.origin), texel);
-        let compare = |way| self.compared(&sampled, way);
+        let sampled = |cells| sampled(self.cut, colour, DVec3::from(self.lattice.origin), [texel, cells]);
+        let coarse = sampled(CELLS);
+        let compare = |way| self.compared(&coarse, way);
         let mut all: Vec<Compared> = ways.into_par_iter().map(compare).collect();
         all.sort_by(|one, other| one.value.total_cmp(&other.value));
-        match recollapse {
-            Some(recollapse) => {
-                let best = recollapse.best(all, &compare)?;
-                Some(recollapse.or_singly(best, &sampled, &compare).way)
-            }
-            None => all.into_iter().next().map(|first| first.way),
+        let Some(recollapse) = recollapse else { return all.into_iter().next().map(|first| first.way) };
+        let best = recollapse.best_singly(recollapse.best(all, &compare), &coarse, &compare)?.way;
+        if !is_small(&best) {
+            return Some(best);
         }
+        let fine = sampled(FINE_CELLS);
+        let compare = |way| self.compared(&fine, way);
+        Some(recollapse.or_again(compare(best), &fine, &compare).way)
     }
 
     /// What is seen on a reduced cut.

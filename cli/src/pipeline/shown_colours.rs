@@ -5,9 +5,6 @@ use lodpack::decode::{ChannelImage, TexturedMesh};
 
 use crate::stage::bake::Sampled;
 
-/// About how many cells of a reduced cut are compared.
-const CELLS: f64 = 131_072.0;
-
 /// The colour that a triangle shows where its corners have these weights, of 255. None where it has no image.
 pub(super) fn colour_at(cut: &TexturedMesh, channel: usize, triangle: usize, weights: [f64; 3]) -> Option<[f64; 3]> {
     let texture = cut.textures.get(cut.mesh.triangle_nodes[triangle] as usize)?;
@@ -18,11 +15,11 @@ pub(super) fn colour_at(cut: &TexturedMesh, channel: usize, triangle: usize, wei
     Some([red, green, blue])
 }
 
-/// A cut with points of its colours, relative to an origin; `texel` is the size of its texels.
-pub(super) fn sampled(cut: &TexturedMesh, channel: usize, origin: DVec3, texel: f64) -> Sampled {
+/// A cut with points of its colours, relative to an origin, for about so many cells, which are no smaller than its texels.
+pub(super) fn sampled(cut: &TexturedMesh, channel: usize, origin: DVec3, [texel, cells]: [f64; 2]) -> Sampled {
     let corner = |&vertex: &u32| DVec3::from(cut.mesh.positions[vertex as usize]) - origin;
     let corners = cut.mesh.triangles.iter().map(|corners| [0, 1, 2].map(|k| corner(&corners[k]))).collect();
-    Sampled::new(corners, CELLS, texel, |triangle, weights| colour_at(cut, channel, triangle, weights))
+    Sampled::new(corners, cells, texel, |triangle, weights| colour_at(cut, channel, triangle, weights))
 }
 
 #[cfg(test)]
@@ -52,7 +49,7 @@ mod tests {
         let origin = DVec3::new(3.0, 0.0, 1.0);
         let positions = |of: &TexturedMesh| of.mesh.positions.iter().map(|&p| DVec3::from(p) - origin).collect();
         let cut = square(0.0, [100, 200]);
-        let sampled = |cut: &TexturedMesh| sampled(cut, 1, origin, 0.05);
+        let sampled = |cut: &TexturedMesh| sampled(cut, 1, origin, [0.05, 131_072.0]);
         let alike = sampled(&cut).seen(positions(&square(-3.0, [0, 0])), &cut.mesh.triangles);
         // Colours between two texels differ within cells.
         assert!(alike.mean().is_some_and(|mean| mean < 1.0), "{:?}", alike.mean());
@@ -68,7 +65,7 @@ mod tests {
         assert!(off.mean().is_some_and(|mean| (44.0..51.0).contains(&mean)), "{:?}", off.mean());
         let worst = off.worst(0.5);
         assert!(!worst.is_empty() && worst.iter().all(|point| point.x + origin.x < 4.0));
-        let none = super::sampled(&cut, 0, origin, 0.05).seen(positions(&cut), &cut.mesh.triangles);
+        let none = super::sampled(&cut, 0, origin, [0.05, 131_072.0]).seen(positions(&cut), &cut.mesh.triangles);
         assert!(none.mean().is_none() && none.worst(0.5).is_empty());
     }
 }

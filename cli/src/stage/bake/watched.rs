@@ -5,29 +5,15 @@
 
 use glam::{DVec3, Vec3};
 
-use super::cells::{MOST_CELLS, Sampled, Seen};
+use super::cells::{MOST_CELLS, Seen};
 use super::closest::{SHARE_OF_OPPOSITE, doubled_area};
+use super::grouped::{Bounds, Grouped};
 use crate::stage::certify::{Feet, Numbers, Single, TOGETHER};
 
 /// About so many points of a patch tell how far it is from the surface.
 const OWN_POINTS: f64 = 4096.0;
 /// A triangle may turn until the cosine of the angle is this.
 const TURNS: f64 = 0.5;
-
-/// Points of the surface that lie near one another.
-struct Group {
-    places: [Numbers; 3],
-    bounds: Bounds,
-    colours: [[f32; 3]; TOGETHER],
-    /// Normals of their triangles.
-    normals: [Vec3; TOGETHER],
-    /// Areas that they stand for.
-    weights: [f64; TOGETHER],
-}
-
-/// The least and the greatest coordinates.
-#[derive(Clone, Copy)]
-struct Bounds([Vec3; 2]);
 
 /// Where each point of a group is seen.
 #[derive(Clone)]
@@ -38,9 +24,15 @@ struct Found {
     /// Cells of the triangles.
     cells: [u32; TOGETHER],
     is_opposite: [bool; TOGETHER],
-    /// The largest square.
+}
+
+/// What says whether a move can change where a group is seen. All groups are asked for it at each move.
+#[derive(Clone, Copy)]
+struct Reach {
+    bounds: Bounds,
+    /// The largest squared distance of its points.
     most: f32,
-    /// A bit for each of the triangles, which several may share.
+    /// A bit for each of the triangles that its points are seen on, which several may share.
     bits: u64,
 }
 
@@ -78,20 +70,27 @@ struct Totals {
 
 /// A patch whose vertices are moved.
 pub struct Watched<'a> {
-    surface: &'a Sampled,
+    points: &'a Grouped<'a>,
     positions: Vec<DVec3>,
-    triangles: &'a [[u32; 3]],
+    triangles: Vec<[u32; 3]>,
     /// The triangles at each vertex.
     around: Vec<Vec<u32>>,
-    groups: Vec<Group>,
+    /// Of each group.
     found: Vec<Found>,
+    reach: Vec<Reach>,
     states: Vec<Triangle>,
     totals: Totals,
-    /// The area of the surface.
-    area: f64,
     /// The distance between own points.
     spacing: f64,
-    middle: DVec3,
+}
+
+/// A point that a triangle gets, or with a weight below zero loses, while it does not move itself.
+struct Beside {
+    t: u32,
+    cell: u32,
+    colour: [f32; 3],
+    weight: f64,
+    is_opposite: bool,
 }
 
 /// What comes of a move.
@@ -99,28 +98,13 @@ pub struct Moved {
     vertex: usize,
     to: DVec3,
     found: Vec<(usize, Found)>,
+    /// Of the triangles at the vertex.
     states: Vec<(u32, Triangle)>,
+    /// Of all other triangles what becomes another one.
+    cells: Vec<(u32, u32, Cell)>,
     totals: Totals,
     /// As [`Seen::value`].
     pub value: f64,
-}
-
-impl Bounds {
-    const NOTHING: Self = Self([Vec3::INFINITY, Vec3::NEG_INFINITY]);
-
-    fn with(self, point: Vec3) -> Self {
-        let Self([low, high]) = self;
-        Self([low.min(point), high.max(point)])
-    }
-
-    fn union(self, other: Self) -> Self {
-        self.with(other.0[0]).with(other.0[1])
-    }
-
-    fn square_distance(self, other: Self) -> f32 {
-        let (Self([low, high]), Self([least, greatest])) = (self, other);
-        (least - high).max(low - greatest).max(Vec3::ZERO).length_squared()
-    }
 }
 
 impl Cell {
@@ -150,17 +134,17 @@ impl Cell {
 impl Found {
     fn new(of_point: impl Fn(usize) -> (u32, f32, u32, bool)) -> Self {
         let known: [_; TOGETHER] = std::array::from_fn(of_point);
-        let mut this = Self {
+        Self {
             triangles: known.map(|(triangle, ..)| triangle),
             squares: known.map(|(_, square, ..)| square),
             cells: known.map(|(_, _, cell, _)| cell),
             is_opposite: known.map(|(.., is_opposite)| is_opposite),
-            most: 0.0,
-            bits: 0,
-        };
-        this.most = this.squares.iter().copied().fold(0.0, f32::max);
-        this.bits = this.triangles.iter().fold(0, |bits, &triangle| bits | bit(triangle));
-        this
+        }
+    }
+
+    fn reach(&self, bounds: Bounds) -> Reach {
+        let most = self.squares.iter().copied().fold(0.0, f32::max);
+        Reach { bounds, most, bits: self.triangles.iter().fold(0, |bits, &triangle| bits | bit(triangle)) }
     }
 }
 
@@ -199,38 +183,28 @@ impl Totals {
 
 impl<'a> Watched<'a> {
     /// A patch, and what it shows. None if that is nothing, or if there are too many cells.
-    pub fn new(surface: &'a Sampled, positions: Vec<DVec3>, triangles: &'a [[u32; 3]]) -> Option<Self> {
+    pub fn new(points: &'a Grouped<'a>, positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Option<Self> {
         let corners = |t: &[u32; 3]| t.map(|v| positions[v as usize]);
         let doubled: f64 = triangles.iter().map(|t| doubled_area(corners(t)).length()).sum();
-        if surface.is_empty() || doubled.is_nan() || doubled <= 0.0 {
+        if points.groups.is_empty() || doubled.is_nan() || doubled <= 0.0 {
             return None;
         }
         // Lines have hardly any area, but would have rows of any number of points.
-        let spacing = (0.5 * doubled / OWN_POINTS).sqrt().max(surface.size());
+        let spacing = (0.5 * doubled / OWN_POINTS).sqrt().max(points.surface.size());
         let mut around = vec![vec![]; positions.len()];
-        for (number, corners) in (0..).zip(triangles) {
+        for (number, corners) in (0..).zip(&triangles) {
             corners.iter().for_each(|&v| around[v as usize].push(number));
         }
-        let (groups, area, middle) = groups(surface);
-        let mut this = Self {
-            surface,
-            positions,
-            triangles,
-            around,
-            groups,
-            found: vec![],
-            states: vec![],
-            totals: Totals::default(),
-            area,
-            spacing,
-            middle,
-        };
-        this.states = (0..triangles.len() as u32).map(|t| this.state(t, &this.positions)).collect::<Option<_>>()?;
+        let totals = Totals::default();
+        let (found, reach, states) = (vec![], vec![], vec![]);
+        let mut this = Self { points, positions, triangles, around, found, reach, states, totals, spacing };
+        this.states =
+            (0..this.triangles.len() as u32).map(|t| this.state(t, &this.positions)).collect::<Option<_>>()?;
         if this.states.iter().map(|state| state.cells.len() as u64).sum::<u64>() > MOST_CELLS {
             return None;
         }
-        let size = surface.size() as f32;
-        for group in &this.groups {
+        let size = points.surface.size() as f32;
+        for group in &points.groups {
             let mut feet = Feet::nowhere();
             for (number, state) in (0..).zip(&this.states) {
                 feet.add(number, &state.single, &group.places);
@@ -245,6 +219,7 @@ impl<'a> Watched<'a> {
                 state.cells[found.cells[k] as usize].add(group.colours[k], group.weights[k], found.is_opposite[k]);
                 this.totals.distances += group.weights[k] * f64::from(found.squares[k]);
             }
+            this.reach.push(found.reach(group.bounds));
             this.found.push(found);
         }
         for state in &mut this.states {
@@ -254,6 +229,45 @@ impl<'a> Watched<'a> {
         Some(this)
     }
 
+    /// The same patch with an edge in two, and of each triangle the number of the one that it is, or is a part of.
+    pub fn split(&self, edge: [u32; 2]) -> Option<(Self, Vec<u32>)> {
+        let (mut positions, mut triangles) = (self.positions.clone(), self.triangles.clone());
+        let middle = positions.len() as u32;
+        let [one, other] = edge.map(|v| positions[v as usize]);
+        positions.push(one.midpoint(other));
+        let mut parts_of: Vec<u32> = (0..triangles.len() as u32).collect();
+        for t in self.triangles_at(edge) {
+            let corners = self.triangles[t as usize];
+            let [part, rest] = edge.map(|from| corners.map(|v| if v == from { middle } else { v }));
+            triangles[t as usize] = part;
+            triangles.push(rest);
+            parts_of.push(t);
+        }
+        Some((Self::new(self.points, positions, triangles)?, parts_of))
+    }
+
+    /// The triangles at an edge.
+    pub fn triangles_at(&self, [a, b]: [u32; 2]) -> Vec<u32> {
+        self.around[a as usize].iter().copied().filter(|&t| self.triangles[t as usize].contains(&b)).collect()
+    }
+
+    /// The edges of the triangles that show most wrongly, each one once.
+    pub fn worst_edges(&self, triangles: usize) -> Vec<[u32; 2]> {
+        let mut order: Vec<usize> = (0..self.triangles.len()).collect();
+        order.sort_by(|&one, &other| self.states[other].error.total_cmp(&self.states[one].error));
+        let worst = order.iter().take(triangles).map(|&t| self.triangles[t]);
+        let mut edges: Vec<[u32; 2]> =
+            worst.flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]).map(|[a, b]| [a.min(b), a.max(b)]).collect();
+        edges.sort_unstable();
+        edges.dedup();
+        edges
+    }
+
+    /// The triangles.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
     /// Where vertices are.
     pub fn positions(&self) -> &[DVec3] {
         &self.positions
@@ -261,7 +275,7 @@ impl<'a> Watched<'a> {
 
     /// As [`Seen::value`].
     pub fn value(&self) -> f64 {
-        self.totals.value(self.area)
+        self.totals.value(self.points.area)
     }
 
     /// The shortest edge at a vertex; infinite if it has none.
@@ -275,11 +289,11 @@ impl<'a> Watched<'a> {
     /// A triangle of which nothing is seen yet. None if it has too many cells.
     fn state(&self, triangle: u32, positions: &[DVec3]) -> Option<Triangle> {
         let corners = self.triangles[triangle as usize].map(|v| positions[v as usize]);
-        let relative = corners.map(|corner| corner - self.middle);
+        let relative = corners.map(|corner| corner - self.points.middle);
         let single = Single::new(relative);
         // The conversions saturate.
         let [columns, rows] =
-            single.extent().map(|length| (f64::from(length) / self.surface.size()).ceil().max(1.0) as u32);
+            single.extent().map(|length| (f64::from(length) / self.points.surface.size()).ceil().max(1.0) as u32);
         let count = u64::from(columns) * u64::from(rows);
         (count <= MOST_CELLS).then(|| Triangle {
             single,
@@ -288,7 +302,7 @@ impl<'a> Watched<'a> {
             columns,
             cells: vec![Cell::default(); count as usize],
             error: 0.0,
-            own: self.surface.squares_of(corners, self.spacing),
+            own: self.points.surface.squares_of(corners, self.spacing),
         })
     }
 
@@ -314,65 +328,59 @@ impl<'a> Watched<'a> {
         let is_at_vertex: Vec<bool> = state_of.iter().map(Option::is_some).collect();
         let is_moving = |t: u32| is_at_vertex[t as usize];
         let mut changed: Vec<(usize, Feet)> = vec![];
-        for (number, (group, found)) in self.groups.iter().zip(&self.found).enumerate() {
-            let may_lose = found.bits & bits != 0;
-            if !may_lose && group.bounds.square_distance(bounds) >= found.most {
+        for (number, reach) in self.reach.iter().enumerate() {
+            let may_lose = reach.bits & bits != 0;
+            if !may_lose && reach.bounds.square_distance(bounds) >= reach.most {
                 continue;
             }
+            let (group, found) = (&self.points.groups[number], &self.found[number]);
             let mut feet = Feet::nowhere();
             for (t, state) in &states {
-                if may_lose || group.bounds.square_distance(state.bounds) < found.most {
+                if may_lose || group.bounds.square_distance(state.bounds) < reach.most {
                     feet.add(*t, &state.single, &group.places);
                 }
             }
             let lost = (0..TOGETHER).filter(|&k| is_moving(found.triangles[k]));
-            let reach = lost.map(|k| feet.squares[k]).fold(0.0, f32::max);
-            if reach > 0.0 {
+            let farthest = lost.map(|k| feet.squares[k]).fold(0.0, f32::max);
+            if farthest > 0.0 {
                 for (t, state) in (0..).zip(&self.states) {
-                    if !is_moving(t) && group.bounds.square_distance(state.bounds) < reach {
+                    if !is_moving(t) && group.bounds.square_distance(state.bounds) < farthest {
                         feet.add(t, &state.single, &group.places);
                     }
                 }
             }
             changed.push((number, feet));
         }
-        let size = self.surface.size() as f32;
+        let size = self.points.surface.size() as f32;
         let mut totals = self.totals;
-        let mut all_found = vec![];
+        let (mut all_found, mut beside) = (vec![], vec![]);
         for (number, feet) in changed {
-            let (group, before) = (&self.groups[number], &self.found[number]);
+            let (group, before) = (&self.points.groups[number], &self.found[number]);
             let changes: [bool; TOGETHER] =
                 std::array::from_fn(|k| is_moving(before.triangles[k]) || feet.squares[k] < before.squares[k]);
             if changes == [false; TOGETHER] {
                 continue;
             }
-            for k in (0..TOGETHER).filter(|&k| changes[k]) {
-                for t in [before.triangles[k], feet.which[k]] {
-                    if state_of[t as usize].is_none() {
-                        state_of[t as usize] = Some(states.len());
-                        states.push((t, self.states[t as usize].clone()));
-                    }
-                }
-            }
-            let state_at = |t: u32| state_of[t as usize].unwrap_or(0);
+            let state = |t: u32| state_of[t as usize].map_or(&self.states[t as usize], |at| &states[at].1);
             let found = Found::new(|k| {
                 if !changes[k] {
                     return (before.triangles[k], before.squares[k], before.cells[k], before.is_opposite[k]);
                 }
-                let state = &states[state_at(feet.which[k])].1;
-                let (cell, is_opposite) = state.seen(size, feet.at.map(|at| at[k]), group.normals[k]);
+                let (cell, is_opposite) = state(feet.which[k]).seen(size, feet.at.map(|at| at[k]), group.normals[k]);
                 (feet.which[k], feet.squares[k], cell, is_opposite)
             });
             for k in (0..TOGETHER).filter(|&k| changes[k]) {
                 let (colour, weight) = (group.colours[k], group.weights[k]);
                 totals.distances += weight * (f64::from(found.squares[k]) - f64::from(before.squares[k]));
-                // Triangles that move begin with nothing.
-                if state_at(before.triangles[k]) >= moving.len() {
-                    let state = &mut states[state_at(before.triangles[k])].1;
-                    state.cells[before.cells[k] as usize].add(colour, -weight, before.is_opposite[k]);
+                for (found, weight) in [(before, -weight), (&found, weight)] {
+                    let (t, cell, is_opposite) = (found.triangles[k], found.cells[k], found.is_opposite[k]);
+                    match state_of[t as usize] {
+                        // Triangles that move begin with nothing.
+                        Some(at) if weight > 0.0 => states[at].1.cells[cell as usize].add(colour, weight, is_opposite),
+                        Some(_) => {}
+                        None => beside.push(Beside { t, cell, colour, weight, is_opposite }),
+                    }
                 }
-                let state = &mut states[state_at(found.triangles[k])].1;
-                state.cells[found.cells[k] as usize].add(colour, weight, found.is_opposite[k]);
             }
             all_found.push((number, found));
         }
@@ -381,59 +389,49 @@ impl<'a> Watched<'a> {
             totals.add(&self.states[*t as usize], -1.0);
             totals.add(state, 1.0);
         }
-        let value = totals.value(self.area);
-        Some(Moved { vertex, to, found: all_found, states, totals, value })
+        let cells = self.cells_beside(beside);
+        totals.error += cells.iter().map(|(t, cell, after)| after.error() - self.cell(*t, *cell).error()).sum::<f64>();
+        let value = totals.value(self.points.area);
+        Some(Moved { vertex, to, found: all_found, states, cells, totals, value })
+    }
+
+    fn cell(&self, t: u32, cell: u32) -> &Cell {
+        &self.states[t as usize].cells[cell as usize]
+    }
+
+    /// Cells of triangles that do not move, as they become.
+    fn cells_beside(&self, mut beside: Vec<Beside>) -> Vec<(u32, u32, Cell)> {
+        beside.sort_by_key(|&Beside { t, cell, .. }| (t, cell));
+        let of_cell = |points: &[Beside]| {
+            let Beside { t, cell, .. } = points[0];
+            let mut after = self.cell(t, cell).clone();
+            points.iter().for_each(|point| after.add(point.colour, point.weight, point.is_opposite));
+            (t, cell, after)
+        };
+        beside.chunk_by(|one, other| (one.t, one.cell) == (other.t, other.cell)).map(of_cell).collect()
     }
 
     /// Moves a vertex.
-    pub fn take(&mut self, Moved { vertex, to, found, states, totals, .. }: Moved) {
+    pub fn take(&mut self, Moved { vertex, to, found, states, cells, totals, .. }: Moved) {
         self.positions[vertex] = to;
-        found.into_iter().for_each(|(number, found)| self.found[number] = found);
+        for (number, found) in found {
+            self.reach[number] = found.reach(self.reach[number].bounds);
+            self.found[number] = found;
+        }
         states.into_iter().for_each(|(t, state)| self.states[t as usize] = state);
+        for (t, cell, after) in cells {
+            let state = &mut self.states[t as usize];
+            let before = std::mem::replace(&mut state.cells[cell as usize], after);
+            state.error += state.cells[cell as usize].error() - before.error();
+        }
         self.totals = totals;
     }
-}
-
-/// The points of a surface in groups, their area, and the middle to which places are relative.
-fn groups(surface: &Sampled) -> (Vec<Group>, f64, DVec3) {
-    let (mut places, mut of_points) = (vec![], vec![]);
-    for (corners, rows, colours) in surface.of_triangles() {
-        let (normal, weight) = (doubled_area(corners).as_vec3(), rows.area / rows.count().max(1) as f64);
-        places.extend(rows.points_of_all().map(|(_, place)| place));
-        of_points.extend(colours.iter().map(|&colour| (normal, weight, colour)));
-    }
-    let area = of_points.iter().map(|(_, weight, _)| weight).sum();
-    let [low, high] = places
-        .iter()
-        .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], &place| [low.min(place), high.max(place)]);
-    let middle = low.midpoint(high);
-    // Along a curve on which neighbours lie near one another (Morton 1966).
-    let scale = 1023.0 / (high - low).max_element().max(f64::MIN_POSITIVE);
-    let spread = |x: f64| (0..10).fold(0_u32, |key, bit| key | (x as u32 >> bit & 1) << (3 * bit));
-    let mut order: Vec<u32> = (0..places.len() as u32).collect();
-    order.sort_by_cached_key(|&k| {
-        let [x, y, z] = ((places[k as usize] - low) * scale).to_array().map(spread);
-        x | y << 1 | z << 2
-    });
-    let group = |numbers: &[u32]| {
-        // The last group may have fewer points: what is there twice weighs nothing.
-        let number = |k: usize| numbers[k.min(numbers.len() - 1)] as usize;
-        let place: [Vec3; TOGETHER] = std::array::from_fn(|k| (places[number(k)] - middle).as_vec3());
-        let of_point = std::array::from_fn::<_, TOGETHER, _>(|k| of_points[number(k)]);
-        Group {
-            places: [0, 1, 2].map(|axis| place.map(|place| place[axis])),
-            bounds: place.into_iter().fold(Bounds::NOTHING, Bounds::with),
-            colours: of_point.map(|(.., colour)| colour),
-            normals: of_point.map(|(normal, ..)| normal),
-            weights: std::array::from_fn(|k| if k < numbers.len() { of_point[k].1 } else { 0.0 }),
-        }
-    };
-    (order.chunks(TOGETHER).map(group).collect(), area, middle)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stage::bake::Sampled;
 
     /// A roof with its ridge at `x`, of two slopes eight wide.
     fn roof(x: f64, height: f64) -> (Vec<DVec3>, [[u32; 3]; 4]) {
@@ -454,8 +452,9 @@ mod tests {
     #[test]
     fn what_comes_of_moves_is_what_is_found_afresh() {
         let sampled = sampled();
+        let points = Grouped::new(&sampled);
         let (positions, triangles) = roof(4.0, 1.0);
-        let mut watched = Watched::new(&sampled, positions, &triangles).expect("it shows something");
+        let mut watched = Watched::new(&points, positions, triangles.to_vec()).expect("it shows something");
         let seen = |watched: &Watched<'_>| {
             let seen = sampled.seen(watched.positions().to_vec(), &triangles);
             seen.mean().expect("something is seen") * seen.distance()
@@ -468,7 +467,8 @@ mod tests {
                 watched.moved(vertex, watched.positions()[vertex] + DVec3::from(offset)).expect("no triangle turns");
             let value = moved.value;
             watched.take(moved);
-            let afresh = Watched::new(&sampled, watched.positions().to_vec(), &triangles).expect("as before").value();
+            let afresh =
+                Watched::new(&points, watched.positions().to_vec(), triangles.to_vec()).expect("as before").value();
             assert!((value / afresh - 1.0).abs() < 1e-3 && value == watched.value(), "{value} {afresh}");
             // Points on an edge belong to one of two triangles; and here cells are others, and its own points more.
             assert!((value / seen(&watched) - 1.0).abs() < 0.1, "{value} {}", seen(&watched));
@@ -479,8 +479,9 @@ mod tests {
     #[test]
     fn triangles_do_not_turn_over() {
         let sampled = sampled();
+        let points = Grouped::new(&sampled);
         let (positions, triangles) = roof(4.0, 1.0);
-        let watched = Watched::new(&sampled, positions, &triangles).expect("it shows something");
+        let watched = Watched::new(&points, positions, triangles.to_vec()).expect("it shows something");
         assert!(watched.moved(2, DVec3::new(20.0, 0.0, 1.0)).is_none());
         assert!(watched.moved(2, DVec3::new(4.0, 0.0, 1.5)).is_some());
         assert_eq!(watched.shortest_edge(0), 17_f64.sqrt());
@@ -490,12 +491,34 @@ mod tests {
     fn what_shows_nothing_is_not_watched() {
         let (positions, triangles) = roof(4.0, 1.0);
         let corners = triangles.iter().map(|t| t.map(|v| positions[v as usize])).collect();
-        let nothing = Sampled::new(corners, 900.0, 0.0, |_, _| None);
-        assert!(Watched::new(&nothing, positions.clone(), &triangles).is_none());
-        let point = vec![DVec3::ONE; positions.len()];
-        assert!(Watched::new(&sampled(), point, &triangles).is_none());
+        let (nothing, sampled) = (Sampled::new(corners, 900.0, 0.0, |_, _| None), sampled());
+        let is_watched = |of: &Sampled, positions: Vec<DVec3>| {
+            Watched::new(&Grouped::new(of), positions, triangles.to_vec()).is_some()
+        };
+        assert!(is_watched(&sampled, positions.clone()));
+        assert!(!is_watched(&nothing, positions.clone()));
+        assert!(!is_watched(&sampled, vec![DVec3::ONE; positions.len()]));
         // Far larger than what it shows.
-        let large = positions.iter().map(|point| point * 1e6).collect();
-        assert!(Watched::new(&sampled(), large, &triangles).is_none());
+        assert!(!is_watched(&sampled, positions.iter().map(|point| point * 1e6).collect()));
+    }
+
+    #[test]
+    fn edges_are_split_where_most_is_wrong() {
+        let sampled = sampled();
+        let points = Grouped::new(&sampled);
+        let (positions, triangles) = roof(4.0, 1.0);
+        let watched = Watched::new(&points, positions, triangles.to_vec()).expect("it shows something");
+        assert_eq!(watched.worst_edges(4).len(), 9);
+        let worst = watched.worst_edges(1);
+        assert!(worst.len() == 3 && worst.iter().all(|&edge| (1..=2).contains(&watched.triangles_at(edge).len())));
+        let (split, parts_of) = watched.split([2, 3]).expect("the ridge");
+        assert_eq!((split.positions()[6], &parts_of[..]), (DVec3::new(4.0, 4.0, 1.0), &[0, 1, 2, 3, 1, 2][..]));
+        let area = |watched: &Watched<'_>| {
+            let corners = |t: &[u32; 3]| t.map(|v| watched.positions()[v as usize]);
+            watched.triangles().iter().map(|t| doubled_area(corners(t)).z).sum::<f64>()
+        };
+        assert!((area(&split) - area(&watched)).abs() < 1e-9 && area(&watched) > 100.0);
+        // It is the same surface, and only cells are others.
+        assert!((split.value() / watched.value() - 1.0).abs() < 0.2, "{} {}", split.value(), watched.value());
     }
 }
