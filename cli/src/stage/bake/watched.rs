@@ -404,7 +404,7 @@ impl<'a> Watched<'a> {
         beside.sort_by_key(|&Beside { t, cell, .. }| (t, cell));
         let of_cell = |points: &[Beside]| {
             let Beside { t, cell, .. } = points[0];
-            let mut after = self.cell(t, cell).clone();
+            let mut after = *self.cell(t, cell);
             points.iter().for_each(|point| after.add(point.colour, point.weight, point.is_opposite));
             (t, cell, after)
         };
