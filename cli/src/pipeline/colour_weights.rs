@@ -44,7 +44,9 @@ const MOVED: usize = 4;
 const LARGE: usize = 20_000;
 /// Vertices of a cut that has at most so many triangles are moved one at a time at last. With more, little is gained for the time that it takes.
 const FEW: usize = 200;
-/// So many of the best of all are moved so.
+/// With at most so many, those of more than the best cut are, and at last those of the best one [again](moved_again). With more, that gains nothing.
+const VERY_FEW: usize = 100;
+/// How many cuts these are.
 const MOVED_SINGLY: usize = 2;
 
 /// A reduced cut, what colours are seen on it, and how bad that is.
@@ -98,9 +100,9 @@ impl Made {
     }
 }
 
-/// Whether vertices of a cut are moved one at a time.
-pub(super) fn is_small(way: &Finished) -> bool {
-    way.triangles.len() <= FEW
+/// Whether vertices of a cut are moved [again](moved_again).
+pub(super) fn has_very_few(way: &Finished) -> bool {
+    way.triangles.len() <= VERY_FEW
 }
 
 impl<'a> Recollapse<'a> {
@@ -238,17 +240,19 @@ impl<'a> Recollapse<'a> {
         sampled: &Sampled,
         compare: &impl Fn(Finished) -> Compared,
     ) -> Option<Compared> {
-        if !all.first().is_some_and(|first| is_small(&first.way)) {
-            return all.into_iter().next();
-        }
+        let tries = match all.first()?.way.triangles.len() {
+            ..=VERY_FEW => MOVED_SINGLY,
+            ..=FEW => 1,
+            _ => return all.into_iter().next(),
+        };
         let moved = |first: Compared| match moved_singly(sampled, &self.local(&first.way)) {
             Some(moved) => self.or_moved(first, moved, compare),
             None => first,
         };
-        all.into_iter().take(MOVED_SINGLY).map(moved).min_by(|one, other| one.value.total_cmp(&other.value))
+        all.into_iter().take(tries).map(moved).min_by(|one, other| one.value.total_cmp(&other.value))
     }
 
-    /// A cut of few triangles, or if that is better by a finer surface, the same moved [again](moved_again).
+    /// A cut, or if that is better by a finer surface, the same moved [again](moved_again).
     pub fn or_again(&self, first: Compared, finer: &Sampled, compare: &impl Fn(Finished) -> Compared) -> Compared {
         let Some((moved, parts_of)) = moved_again(finer, &self.local(&first.way), self.triangles) else { return first };
         let areas = if first.way.areas.is_empty() {

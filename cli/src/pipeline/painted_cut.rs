@@ -11,7 +11,7 @@ use lodpack::write::texel_size;
 use lodpack::{Lattice, Mesh};
 use rayon::prelude::*;
 
-use super::colour_weights::{Compared, Recollapse, is_small};
+use super::colour_weights::{Compared, Recollapse, has_very_few};
 use super::cut_areas::areas_of_cut;
 use super::finish::{Finished, finished_ways};
 use super::reduce::Ways;
@@ -141,7 +141,7 @@ impl<'a> CutPainter<'a> {
         all.sort_by(|one, other| one.value.total_cmp(&other.value));
         let Some(recollapse) = recollapse else { return all.into_iter().next().map(|first| first.way) };
         let best = recollapse.best_singly(recollapse.best(all, &compare), &coarse, &compare)?.way;
-        if !is_small(&best) {
+        if !has_very_few(&best) {
             return Some(best);
         }
         let fine = sampled(FINE_CELLS);
