@@ -50,7 +50,7 @@ impl Bounds {
 }
 
 impl<'a> Grouped<'a> {
-    /// Of a surface that has colours somewhere, or none.
+    /// Of a surface, which may have no colours anywhere: there are no groups then.
     pub fn new(surface: &'a Sampled) -> Self {
         let (mut places, mut of_points) = (vec![], vec![]);
         for (corners, rows, colours) in surface.of_triangles() {
