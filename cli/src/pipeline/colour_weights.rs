@@ -240,11 +240,11 @@ impl<'a> Recollapse<'a> {
         sampled: &Sampled,
         compare: &impl Fn(Finished) -> Compared,
     ) -> Option<Compared> {
-        let tries = match all.first()?.way.triangles.len() {
-            ..=VERY_FEW => MOVED_SINGLY,
-            ..=FEW => 1,
-            _ => return all.into_iter().next(),
-        };
+        let first = &all.first()?.way;
+        if first.triangles.len() > FEW {
+            return all.into_iter().next();
+        }
+        let tries = if has_very_few(first) { MOVED_SINGLY } else { 1 };
         let moved = |first: Compared| match moved_singly(sampled, &self.local(&first.way)) {
             Some(moved) => self.or_moved(first, moved, compare),
             None => first,
