@@ -14,6 +14,7 @@ mod fill;
 mod gather;
 mod grouped;
 mod images;
+mod joined;
 mod lanes;
 mod pieces;
 mod projection;

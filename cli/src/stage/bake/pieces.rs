@@ -6,13 +6,14 @@ use glam::DVec3;
 use lodpack::{LatticePoint, write::PieceShape};
 
 use super::closest::doubled_area;
+use super::joined::Sides;
 use super::sizes::Sizes;
 use super::{BakedPatch, to_f64};
 use crate::mesh::NONE;
 use crate::stage::areas::Areas;
 
 /// Cosine of the angle by which a triangle may be inclined to the mean of its piece while the piece grows.
-const FLAT: f64 = 0.62;
+const FLAT: f64 = 0.7;
 /// Cosine of the angle to the final axis beyond which a triangle is given to another piece.
 const STEEP: f64 = 0.35;
 /// Length of the longest coordinate of an axis.
@@ -63,6 +64,11 @@ fn axis_of(direction: DVec3) -> [i8; 3] {
     (direction * (AXIS_LENGTH / longest)).to_array().map(|x| x.round() as i8)
 }
 
+/// The direction of a piece's axis.
+pub(super) fn direction_of(shape: &PieceShape) -> DVec3 {
+    DVec3::from(shape.axis.map(f64::from)).normalize_or_zero()
+}
+
 /// The triangles beside each triangle, [`NONE`] for none.
 pub(super) fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let mut open: HashMap<[u32; 2], (u32, usize)> = HashMap::new();
@@ -88,6 +94,7 @@ pub(super) fn divide(patch: &BakedPatch<'_>, sizes: Sizes) -> Pieces {
     let all: Vec<u32> = (0..patch.triangles.len() as u32).collect();
     let mut pieces = Pieces { shapes: vec![], labels: vec![u16::MAX; patch.triangles.len()], sizes };
     pieces.grow(&all, patch);
+    pieces.remove_empty();
     pieces
 }
 
@@ -124,7 +131,8 @@ impl Pieces {
                 let piece = self.shapes.len() as u16;
                 let (members, sum) = self.grow_piece(seed, piece, &areas, &neighbours, colours);
                 let axis = axis_of(sum);
-                let direction = DVec3::from(axis.map(f64::from)).normalize_or_zero();
+                let shape = PieceShape { axis, larger: self.larger(seed) };
+                let direction = direction_of(&shape);
                 for &member in members.iter().filter(|&&member| member != seed && !only_once) {
                     let area = areas[member as usize];
                     if area.dot(direction) < STEEP * area.length() {
@@ -132,9 +140,14 @@ impl Pieces {
                         again.push(member);
                     }
                 }
-                self.shapes.push(PieceShape { axis, larger: self.larger(seed) });
+                self.shapes.push(shape);
             }
         }
+        let sides = Sides { areas: &areas, neighbours: &neighbours };
+        if seeds.len() == triangles.len() {
+            self.join(patch, &sides);
+        }
+        self.divide_apart(&sides);
     }
 
     fn grow_piece(
@@ -185,6 +198,11 @@ impl Pieces {
     /// How much larger the texels of a triangle are than the smallest.
     fn larger(&self, triangle: u32) -> u8 {
         self.sizes.larger.get(triangle as usize).copied().unwrap_or(0)
+    }
+
+    /// How much larger those of a piece are.
+    pub fn larger_of(&self, piece: u16) -> u8 {
+        self.shapes[usize::from(piece)].larger
     }
 
     /// Renumbers pieces, without those that have no triangle.
