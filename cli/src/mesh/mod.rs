@@ -82,6 +82,16 @@ pub fn next_half_edge(half_edge: u32) -> u32 {
     if half_edge % 3 == 2 { half_edge - 2 } else { half_edge + 1 }
 }
 
+/// An edge with its smaller vertex first, on which both its triangles agree.
+pub fn ordered([a, b]: [u32; 2]) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+/// The edges of a triangle, each with its smaller vertex first.
+pub fn sides([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
+    [[a, b], [b, c], [c, a]].map(ordered)
+}
+
 /// The previous half-edge in the same triangle.
 pub fn previous_half_edge(half_edge: u32) -> u32 {
     if half_edge.is_multiple_of(3) { half_edge + 2 } else { half_edge - 1 }

@@ -255,11 +255,7 @@ impl<'a> Recollapse<'a> {
     /// A cut, or if that is better by a finer surface, the same moved [again](moved_again).
     pub fn or_again(&self, first: Compared, finer: &Sampled, compare: &impl Fn(Finished) -> Compared) -> Compared {
         let Some((moved, parts_of)) = moved_again(finer, &self.local(&first.way), self.triangles) else { return first };
-        let areas = if first.way.areas.is_empty() {
-            vec![]
-        } else {
-            parts_of.iter().map(|&t| first.way.areas[t as usize]).collect()
-        };
+        let areas = parts_of.iter().filter_map(|&t| first.way.areas.get(t as usize).copied()).collect();
         self.or_better(first, moved, areas, compare)
     }
 

@@ -6,8 +6,8 @@ use super::super::coarse::{error_sum, filled};
 use super::NodeSurface;
 use super::net::Net;
 use super::outline::{BorderPoint, Borders, Members, Place};
-use crate::mesh::NONE;
 use crate::mesh::union_find::{find, unite};
+use crate::mesh::{NONE, ordered, sides};
 use crate::stage::arc_samples::closest_on_segment;
 use crate::stage::arcs::HalfArc;
 use glam::DVec3;
@@ -96,15 +96,6 @@ pub(super) fn join(borders: &Borders, parts: &[Part], coarsest: u8) -> Joined {
     let error = parts.iter().map(|part| part.surface.error).fold(0.0, f64::max);
     let level = parts.first().map_or(0, |part| part.surface.level);
     Joined { level, positions, triangles, areas, loops, border, error }
-}
-
-fn ordered([a, b]: [u32; 2]) -> [u32; 2] {
-    [a.min(b), a.max(b)]
-}
-
-/// The edges of a triangle, each with its smaller vertex first.
-fn sides([a, b, c]: [u32; 3]) -> impl Iterator<Item = [u32; 2]> {
-    [[a, b], [b, c], [c, a]].map(ordered).into_iter()
 }
 
 /// The triangles of a part in the numbers of all, each as those that it becomes. Where edges of several parts run between the same two vertices, those inside a part

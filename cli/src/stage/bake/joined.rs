@@ -185,3 +185,72 @@ impl<'a> AreasOfPieces<'a> {
         self.of_pieces[usize::from(piece)].iter().all(|&area| !self.areas.jumps.are_between(area, this))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use lodpack::{LatticePoint, write::PieceShape};
+
+    use super::super::pieces::neighbours;
+    use super::*;
+    use crate::stage::areas::Jumps;
+
+    const UP: PieceShape = PieceShape { axis: [0, 0, 31], larger: 0 };
+    const ASIDE: PieceShape = PieceShape { axis: [31, 0, 0], larger: 0 };
+
+    /// Squares in a row, of two triangles each, that lead up a slope.
+    fn slope(count: i64) -> (Vec<LatticePoint>, Vec<[u32; 3]>) {
+        let positions = (0..=count).flat_map(|k| [[16 * k, 0, 4 * k], [16 * k, 16, 4 * k]]).collect();
+        let of_square = |k: u32| [[2 * k, 2 * k + 2, 2 * k + 1], [2 * k + 1, 2 * k + 2, 2 * k + 3]];
+        (positions, (0..count as u32).flat_map(of_square).collect())
+    }
+
+    /// Labels after something is done to pieces, and how many pieces there are.
+    fn after(
+        shapes: &[PieceShape],
+        labels: &[u16],
+        areas: Option<Areas<'_>>,
+        change: impl Fn(&mut Pieces, &BakedPatch<'_>, &Sides<'_>),
+    ) -> (Vec<u16>, usize) {
+        let (positions, triangles) = slope(labels.len() as i64 / 2);
+        let patch =
+            BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0, areas, finer: 0, is_sharp: false };
+        let normal = |corners: &[u32; 3]| {
+            let [a, b, c] = corners.map(|corner| patch.position(corner));
+            (b - a).cross(c - a)
+        };
+        let (normals, beside): (Vec<DVec3>, _) = (triangles.iter().map(normal).collect(), neighbours(&triangles));
+        let mut pieces = Pieces::default();
+        pieces.shapes = shapes.to_vec();
+        pieces.labels = labels.to_vec();
+        change(&mut pieces, &patch, &Sides { areas: &normals, neighbours: &beside });
+        (pieces.labels, pieces.shapes.len())
+    }
+
+    #[test]
+    fn what_lies_within_a_piece_goes_to_it() {
+        let joined = |labels: &[u16], areas: Option<Areas<'_>>| after(&[UP; 3], labels, areas, Pieces::join).0;
+        assert_eq!(joined(&[0, 0, 0, 1, 0, 0, 0, 0], None), [0; 8]);
+        // Pieces as a whole, the smallest first.
+        assert_eq!(joined(&[0, 0, 1, 1, 1, 1, 2, 2], None), [1; 8]);
+        // But no two between which colours jump.
+        let (of_triangles, jumps) = ([0, 0, 5, 5, 0, 0], Jumps::new(vec![[0, 5]]));
+        let areas = Some(Areas { of_triangles: &of_triangles, jumps: &jumps });
+        assert_eq!(joined(&[0, 0, 1, 1, 0, 0], areas), [0, 0, 1, 1, 0, 0]);
+    }
+
+    #[test]
+    fn what_is_too_steep_for_a_piece_does_not_go_to_it() {
+        let joined = |shapes: [PieceShape; 2]| after(&shapes, &[0, 0, 0, 1, 0, 0], None, Pieces::join).0;
+        assert_eq!(joined([ASIDE, UP]), [1; 6]);
+        assert_eq!(joined([UP, ASIDE]), [0; 6]);
+        let larger = PieceShape { larger: 1, ..UP };
+        assert_eq!(joined([UP, larger]), [0, 0, 0, 1, 0, 0]);
+    }
+
+    #[test]
+    fn parts_that_are_apart_are_pieces_of_their_own() {
+        let (labels, count) =
+            after(&[UP, ASIDE], &[0, 0, 1, 1, 0, 0, 1, 1, 0, 0], None, |pieces, _, sides| pieces.divide_apart(sides));
+        assert_eq!((labels, count), (vec![0, 0, 1, 1, 2, 2, 3, 3, 4, 4], 5));
+    }
+}

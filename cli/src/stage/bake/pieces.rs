@@ -9,7 +9,7 @@ use super::closest::doubled_area;
 use super::joined::Sides;
 use super::sizes::Sizes;
 use super::{BakedPatch, to_f64};
-use crate::mesh::NONE;
+use crate::mesh::{NONE, sides};
 use crate::stage::areas::Areas;
 
 /// Cosine of the angle by which a triangle may be inclined to the mean of its piece while the piece grows.
@@ -73,9 +73,8 @@ pub(super) fn direction_of(shape: &PieceShape) -> DVec3 {
 pub(super) fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let mut open: HashMap<[u32; 2], (u32, usize)> = HashMap::new();
     let mut result = vec![[NONE; 3]; triangles.len()];
-    for (number, &[a, b, c]) in (0..).zip(triangles) {
-        for (side, [p, q]) in [[a, b], [b, c], [c, a]].into_iter().enumerate() {
-            let key = [p.min(q), p.max(q)];
+    for (number, &corners) in (0..).zip(triangles) {
+        for (side, key) in sides(corners).into_iter().enumerate() {
             match open.remove(&key) {
                 Some((other, other_side)) => {
                     result[number as usize][side] = other;

@@ -8,6 +8,7 @@ use glam::{DVec3, Vec3};
 use super::cells::{MOST_CELLS, Seen};
 use super::closest::{SHARE_OF_OPPOSITE, doubled_area};
 use super::grouped::{Bounds, Grouped};
+use crate::mesh::sides;
 use crate::stage::certify::{Feet, Numbers, Single, TOGETHER};
 
 /// About so many points of a patch tell how far it is from the surface.
@@ -255,9 +256,7 @@ impl<'a> Watched<'a> {
     pub fn worst_edges(&self, triangles: usize) -> Vec<[u32; 2]> {
         let mut order: Vec<usize> = (0..self.triangles.len()).collect();
         order.sort_by(|&one, &other| self.states[other].error.total_cmp(&self.states[one].error));
-        let worst = order.iter().take(triangles).map(|&t| self.triangles[t]);
-        let mut edges: Vec<[u32; 2]> =
-            worst.flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]).map(|[a, b]| [a.min(b), a.max(b)]).collect();
+        let mut edges: Vec<[u32; 2]> = order.iter().take(triangles).flat_map(|&t| sides(self.triangles[t])).collect();
         edges.sort_unstable();
         edges.dedup();
         edges

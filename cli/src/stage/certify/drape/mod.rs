@@ -212,11 +212,6 @@ impl Drape {
     }
 }
 
-/// The ends of an edge in the order on which both its triangles agree.
-fn ordered(a: u32, b: u32) -> [u32; 2] {
-    [a.min(b), a.max(b)]
-}
-
 fn nearest_on_segment(point: DVec3, start: DVec3, end: DVec3) -> DVec3 {
     let along = end - start;
     let share = (point - start).dot(along) / along.length_squared();

@@ -15,7 +15,8 @@ use glam::DVec3;
 
 use super::super::closest::PreparedTriangle;
 use super::feet::Hold;
-use super::{Drape, nearest_on_segment, ordered};
+use super::{Drape, nearest_on_segment};
+use crate::mesh::ordered;
 
 /// A point on the boundary of a triangle and its image.
 #[derive(Clone, Copy)]
@@ -106,7 +107,7 @@ impl Drape {
         parts.begin_run(tiles[0]);
         for k in 0..3 {
             parts.outline.push(MappedPoint { point: self.points[v[k] as usize], image: Image::Foot(v[k]) });
-            let ends = ordered(v[k], v[(k + 1) % 3]);
+            let ends = ordered([v[k], v[(k + 1) % 3]]);
             square = square.max(self.cross_tiles(ends, parts)?);
             let count = parts.crossings.len();
             for index in 0..count {

@@ -9,9 +9,9 @@
 //!
 //! Which vertices are enclosed follows from tile to tile, beginning at the border and at anchors.
 
+use super::Drape;
 use super::tiles::edge_key;
-use super::{Drape, ordered};
-use crate::mesh::NONE;
+use crate::mesh::{NONE, ordered};
 
 impl Drape {
     /// The tiles, ascending, in which some triangles that are not mapped could be; all tiles if nothing better is
@@ -58,7 +58,7 @@ impl Drape {
             let v = self.fine.triangles[slot as usize];
             for k in 0..3 {
                 way.clear();
-                if !self.way(ordered(v[k], v[(k + 1) % 3]), &mut way) {
+                if !self.way(ordered([v[k], v[(k + 1) % 3]]), &mut way) {
                     return None;
                 }
                 visit(&way)?;
