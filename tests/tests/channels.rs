@@ -323,7 +323,8 @@ fn colours_that_jump_stay_sharp_and_every_way_of_building_gives_the_same_bytes()
         assert!(one == folder.read(other), "{other} differs");
     }
     let file = open(&one);
-    for (max_triangles, one_of) in [(None, 200), (Some(2000), 50)] {
+    // Coarse groups know no lines, so that triangles lie across them.
+    for (max_triangles, one_of) in [(None, 200), (Some(2000), 40)] {
         let query = Query { tolerance: Some(0.0), max_triangles, ..Query::default() };
         let cut = file.select(&query).expect("a cut");
         let shown = file.extract_textured(&cut, &[0]).expect("sound");

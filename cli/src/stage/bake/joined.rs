@@ -4,7 +4,8 @@
 use glam::DVec3;
 
 use super::BakedPatch;
-use super::pieces::{Pieces, direction_of};
+use super::closest::doubled_area;
+use super::pieces::{Pieces, direction_of, neighbours};
 use crate::stage::areas::Areas;
 
 /// How often all triangles are looked at, at most.
@@ -17,14 +18,19 @@ const FLAT: f64 = 0.5;
 const LEAST_GAIN: f64 = 0.01;
 
 /// Triangles of a patch.
-pub(super) struct Sides<'a> {
+pub(super) struct Sides {
     /// Twice their areas, as vectors along their normals.
-    pub areas: &'a [DVec3],
-    /// Those beside each, [`NONE`] for none.
-    pub neighbours: &'a [[u32; 3]],
+    pub areas: Vec<DVec3>,
+    /// Those beside each, [`NONE`](crate::mesh::NONE) for none.
+    pub neighbours: Vec<[u32; 3]>,
 }
 
-impl Sides<'_> {
+impl Sides {
+    pub fn new(patch: &BakedPatch<'_>) -> Self {
+        let area = |corners: &[u32; 3]| doubled_area(corners.map(|corner| patch.position(corner)));
+        Self { areas: patch.triangles.iter().map(area).collect(), neighbours: neighbours(patch.triangles) }
+    }
+
     /// Whether a triangle is inclined to a direction by at most an angle of which the cosine is given.
     fn leans(&self, triangle: u32, direction: DVec3, cosine: f64) -> bool {
         let area = self.areas[triangle as usize];
@@ -34,18 +40,18 @@ impl Sides<'_> {
 
 impl Pieces {
     /// Makes borders shorter: triangles, and pieces as a whole, go to those beside them that they fit as well.
-    pub fn join(&mut self, patch: &BakedPatch<'_>, sides: &Sides<'_>) {
+    pub fn join(&mut self, patch: &BakedPatch<'_>, sides: &Sides) {
         let mut areas = patch.areas.map(|areas| AreasOfPieces::new(areas, self));
         self.join_triangles(patch, sides, &mut areas);
         self.join_pieces(patch, sides, &mut areas);
         self.join_triangles(patch, sides, &mut areas);
     }
 
-    fn join_triangles(&mut self, patch: &BakedPatch<'_>, sides: &Sides<'_>, areas: &mut Option<AreasOfPieces<'_>>) {
+    fn join_triangles(&mut self, patch: &BakedPatch<'_>, sides: &Sides, areas: &mut Option<AreasOfPieces<'_>>) {
         let directions: Vec<DVec3> = self.shapes.iter().map(direction_of).collect();
         for _ in 0..MAX_ROUNDS {
             let mut has_changed = false;
-            for (triangle, beside) in (0..).zip(sides.neighbours) {
+            for (triangle, beside) in (0..).zip(&sides.neighbours) {
                 let own = self.labels[triangle as usize];
                 let labels = beside.map(|other| self.labels.get(other as usize).copied());
                 if labels.iter().flatten().all(|&label| label == own) {
@@ -75,7 +81,7 @@ impl Pieces {
     }
 
     /// Whole pieces, the smallest first.
-    fn join_pieces(&mut self, patch: &BakedPatch<'_>, sides: &Sides<'_>, areas: &mut Option<AreasOfPieces<'_>>) {
+    fn join_pieces(&mut self, patch: &BakedPatch<'_>, sides: &Sides, areas: &mut Option<AreasOfPieces<'_>>) {
         let mut members: Vec<Vec<u32>> = vec![vec![]; self.shapes.len()];
         for (triangle, &piece) in (0..).zip(&self.labels) {
             members[usize::from(piece)].push(triangle);
@@ -104,7 +110,7 @@ impl Pieces {
     }
 
     /// The pieces beside triangles of one, that with the longest border in common first.
-    fn beside(&self, own: &[u32], patch: &BakedPatch<'_>, sides: &Sides<'_>) -> Vec<u16> {
+    fn beside(&self, own: &[u32], patch: &BakedPatch<'_>, sides: &Sides) -> Vec<u16> {
         let mut borders: Vec<(u16, f64)> = vec![];
         for &triangle in own {
             let this = self.labels[triangle as usize];
@@ -124,7 +130,7 @@ impl Pieces {
 
     /// Gives each part of a piece that no edge joins with the rest a piece of its own: where one of two sheets ends before the other, as seen along the
     /// axis, both would have texels in common.
-    pub fn divide_apart(&mut self, sides: &Sides<'_>) {
+    pub fn divide_apart(&mut self, sides: &Sides) {
         let (mut is_known, mut is_found) = (vec![false; self.shapes.len()], vec![false; self.labels.len()]);
         let mut open = vec![];
         for seed in 0..self.labels.len() {
@@ -190,7 +196,6 @@ impl<'a> AreasOfPieces<'a> {
 mod tests {
     use lodpack::{LatticePoint, write::PieceShape};
 
-    use super::super::pieces::neighbours;
     use super::*;
     use crate::stage::areas::Jumps;
 
@@ -209,20 +214,15 @@ mod tests {
         shapes: &[PieceShape],
         labels: &[u16],
         areas: Option<Areas<'_>>,
-        change: impl Fn(&mut Pieces, &BakedPatch<'_>, &Sides<'_>),
+        change: impl Fn(&mut Pieces, &BakedPatch<'_>, &Sides),
     ) -> (Vec<u16>, usize) {
         let (positions, triangles) = slope(labels.len() as i64 / 2);
         let patch =
             BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0, areas, finer: 0, is_sharp: false };
-        let normal = |corners: &[u32; 3]| {
-            let [a, b, c] = corners.map(|corner| patch.position(corner));
-            (b - a).cross(c - a)
-        };
-        let (normals, beside): (Vec<DVec3>, _) = (triangles.iter().map(normal).collect(), neighbours(&triangles));
         let mut pieces = Pieces::default();
         pieces.shapes = shapes.to_vec();
         pieces.labels = labels.to_vec();
-        change(&mut pieces, &patch, &Sides { areas: &normals, neighbours: &beside });
+        change(&mut pieces, &patch, &Sides::new(&patch));
         (pieces.labels, pieces.shapes.len())
     }
 

@@ -3,12 +3,11 @@
 use std::collections::{BinaryHeap, HashMap};
 
 use glam::DVec3;
-use lodpack::{LatticePoint, write::PieceShape};
+use lodpack::write::PieceShape;
 
-use super::closest::doubled_area;
+use super::BakedPatch;
 use super::joined::Sides;
 use super::sizes::Sizes;
-use super::{BakedPatch, to_f64};
 use crate::mesh::{NONE, sides};
 use crate::stage::areas::Areas;
 
@@ -50,11 +49,6 @@ impl Ord for Candidate {
     }
 }
 
-/// Twice the area of a triangle, as a vector along its normal.
-fn area(positions: &[LatticePoint], corners: [u32; 3]) -> DVec3 {
-    doubled_area(corners.map(|corner| to_f64(positions[corner as usize])))
-}
-
 /// The axis nearest to a direction.
 fn axis_of(direction: DVec3) -> [i8; 3] {
     let longest = direction.abs().max_element();
@@ -92,7 +86,10 @@ pub(super) fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
 pub(super) fn divide(patch: &BakedPatch<'_>, sizes: Sizes) -> Pieces {
     let all: Vec<u32> = (0..patch.triangles.len() as u32).collect();
     let mut pieces = Pieces { shapes: vec![], labels: vec![u16::MAX; patch.triangles.len()], sizes };
-    pieces.grow(&all, patch);
+    let sides = Sides::new(patch);
+    pieces.grow(&all, patch, &sides);
+    pieces.join(patch, &sides);
+    pieces.divide_apart(&sides);
     pieces.remove_empty();
     pieces
 }
@@ -101,14 +98,14 @@ impl Pieces {
     /// Gives triangles new pieces of their own.
     pub fn separate(&mut self, hidden: &[u32], patch: &BakedPatch<'_>) {
         hidden.iter().for_each(|&triangle| self.labels[triangle as usize] = u16::MAX);
-        self.grow(hidden, patch);
+        let sides = Sides::new(patch);
+        self.grow(hidden, patch, &sides);
+        self.divide_apart(&sides);
         self.remove_empty();
     }
 
-    fn grow(&mut self, seeds: &[u32], patch: &BakedPatch<'_>) {
-        let BakedPatch { positions, triangles, areas: colours, .. } = *patch;
-        let areas: Vec<DVec3> = triangles.iter().map(|&corners| area(positions, corners)).collect();
-        let neighbours = neighbours(triangles);
+    fn grow(&mut self, seeds: &[u32], patch: &BakedPatch<'_>, sides: &Sides) {
+        let areas = &sides.areas;
         let mut seeds = seeds.to_vec();
         seeds.sort_by(|&a, &b| {
             let [x, y] = [a, b].map(|t| areas[t as usize].length_squared());
@@ -128,7 +125,7 @@ impl Pieces {
                     continue;
                 }
                 let piece = self.shapes.len() as u16;
-                let (members, sum) = self.grow_piece(seed, piece, &areas, &neighbours, colours);
+                let (members, sum) = self.grow_piece(seed, piece, sides, patch.areas);
                 let axis = axis_of(sum);
                 let shape = PieceShape { axis, larger: self.larger(seed) };
                 let direction = direction_of(&shape);
@@ -142,19 +139,13 @@ impl Pieces {
                 self.shapes.push(shape);
             }
         }
-        let sides = Sides { areas: &areas, neighbours: &neighbours };
-        if seeds.len() == triangles.len() {
-            self.join(patch, &sides);
-        }
-        self.divide_apart(&sides);
     }
 
     fn grow_piece(
         &mut self,
         seed: u32,
         piece: u16,
-        areas: &[DVec3],
-        neighbours: &[[u32; 3]],
+        Sides { areas, neighbours }: &Sides,
         colours: Option<Areas<'_>>,
     ) -> (Vec<u32>, DVec3) {
         let (mut sum, mut members) = (DVec3::ZERO, vec![]);
