@@ -75,6 +75,20 @@ impl Place {
         Self { texel: first[1] * width as u32 + first[0], right, down }
     }
 
+    /// In the middle between two places of a piece that are at most a texel apart.
+    pub fn middle(one: Self, other: Self, width: usize) -> Self {
+        let [ones, others] = [one, other].map(|place| [place.texel as usize % width, place.texel as usize / width]);
+        let parts = [[one.right, other.right], [one.down, other.down]];
+        let [(column, right), (row, down)] = [0, 1].map(|k| {
+            let first = ones[k].min(others[k]);
+            let middle = 0.5 * ((ones[k] - first) as f32 + parts[k][0] + (others[k] - first) as f32 + parts[k][1]);
+            // Beyond the last texels of a piece there is none.
+            let steps = (middle as usize).min(ones[k].max(others[k]) - first);
+            (first + steps, middle - steps as f32)
+        });
+        Self { texel: (row * width + column) as u32, right, down }
+    }
+
     /// In the middle between four texels.
     #[cfg(test)]
     pub fn between(texel: u32) -> Self {

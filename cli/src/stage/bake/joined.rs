@@ -11,28 +11,28 @@ use crate::stage::areas::Areas;
 /// How often all triangles are looked at, at most.
 const MAX_ROUNDS: usize = 8;
 /// Cosine of the angle by which a single triangle may be inclined to the axis of the piece to which it goes.
-const STEEP: f64 = 0.35;
+pub(super) const STEEP: f64 = 0.35;
 /// That of all triangles of a piece that goes to another one as a whole. With .4 `valve-index` loses .4 dB.
 const FLAT: f64 = 0.5;
 /// A border must get shorter by this share of a triangle's circumference.
 const LEAST_GAIN: f64 = 0.01;
 
 /// Triangles of a patch.
-pub(super) struct Sides {
+pub(super) struct Triangles {
     /// Twice their areas, as vectors along their normals.
     pub areas: Vec<DVec3>,
     /// Those beside each, [`NONE`](crate::mesh::NONE) for none.
     pub neighbours: Vec<[u32; 3]>,
 }
 
-impl Sides {
+impl Triangles {
     pub fn new(patch: &BakedPatch<'_>) -> Self {
         let area = |corners: &[u32; 3]| doubled_area(corners.map(|corner| patch.position(corner)));
         Self { areas: patch.triangles.iter().map(area).collect(), neighbours: neighbours(patch.triangles) }
     }
 
     /// Whether a triangle is inclined to a direction by at most an angle of which the cosine is given.
-    fn leans(&self, triangle: u32, direction: DVec3, cosine: f64) -> bool {
+    pub fn leans(&self, triangle: u32, direction: DVec3, cosine: f64) -> bool {
         let area = self.areas[triangle as usize];
         area.dot(direction) >= cosine * area.length()
     }
@@ -40,18 +40,18 @@ impl Sides {
 
 impl Pieces {
     /// Makes borders shorter: triangles, and pieces as a whole, go to those beside them that they fit as well.
-    pub fn join(&mut self, patch: &BakedPatch<'_>, sides: &Sides) {
+    pub fn join(&mut self, patch: &BakedPatch<'_>, triangles: &Triangles) {
         let mut areas = patch.areas.map(|areas| AreasOfPieces::new(areas, self));
-        self.join_triangles(patch, sides, &mut areas);
-        self.join_pieces(patch, sides, &mut areas);
-        self.join_triangles(patch, sides, &mut areas);
+        self.join_triangles(patch, triangles, &mut areas);
+        self.join_pieces(patch, triangles, &mut areas);
+        self.join_triangles(patch, triangles, &mut areas);
     }
 
-    fn join_triangles(&mut self, patch: &BakedPatch<'_>, sides: &Sides, areas: &mut Option<AreasOfPieces<'_>>) {
+    fn join_triangles(&mut self, patch: &BakedPatch<'_>, triangles: &Triangles, areas: &mut Option<AreasOfPieces<'_>>) {
         let directions: Vec<DVec3> = self.shapes.iter().map(direction_of).collect();
         for _ in 0..MAX_ROUNDS {
             let mut has_changed = false;
-            for (triangle, beside) in (0..).zip(&sides.neighbours) {
+            for (triangle, beside) in (0..).zip(&triangles.neighbours) {
                 let own = self.labels[triangle as usize];
                 let labels = beside.map(|other| self.labels.get(other as usize).copied());
                 if labels.iter().flatten().all(|&label| label == own) {
@@ -64,7 +64,7 @@ impl Pieces {
                     piece != own
                         && shared(piece) > least
                         && self.larger_of(piece) == self.larger_of(own)
-                        && sides.leans(triangle, directions[usize::from(piece)], STEEP)
+                        && triangles.leans(triangle, directions[usize::from(piece)], STEEP)
                         && areas.as_ref().is_none_or(|areas| areas.fits(triangle, piece))
                 };
                 let fitting = labels.into_iter().flatten().filter(fits);
@@ -81,12 +81,12 @@ impl Pieces {
     }
 
     /// Whole pieces, the smallest first.
-    fn join_pieces(&mut self, patch: &BakedPatch<'_>, sides: &Sides, areas: &mut Option<AreasOfPieces<'_>>) {
+    fn join_pieces(&mut self, patch: &BakedPatch<'_>, triangles: &Triangles, areas: &mut Option<AreasOfPieces<'_>>) {
         let mut members: Vec<Vec<u32>> = vec![vec![]; self.shapes.len()];
         for (triangle, &piece) in (0..).zip(&self.labels) {
             members[usize::from(piece)].push(triangle);
         }
-        let size = |members: &Vec<u32>| members.iter().map(|&t| sides.areas[t as usize].length()).sum::<f64>();
+        let size = |members: &Vec<u32>| members.iter().map(|&t| triangles.areas[t as usize].length()).sum::<f64>();
         let sizes: Vec<f64> = members.iter().map(size).collect();
         let mut order: Vec<usize> = (0..members.len()).collect();
         order.sort_by(|&a, &b| sizes[a].total_cmp(&sizes[b]));
@@ -95,10 +95,10 @@ impl Pieces {
             let fits = |&other: &u16| {
                 let direction = direction_of(&self.shapes[usize::from(other)]);
                 self.larger_of(other) == self.larger_of(piece as u16)
-                    && own.iter().all(|&triangle| sides.leans(triangle, direction, FLAT))
+                    && own.iter().all(|&triangle| triangles.leans(triangle, direction, FLAT))
                     && areas.as_ref().is_none_or(|areas| own.iter().all(|&triangle| areas.fits(triangle, other)))
             };
-            let best = self.beside(&own, patch, sides).into_iter().find(fits).unwrap_or(piece as u16);
+            let best = self.beside(&own, patch, triangles).into_iter().find(fits).unwrap_or(piece as u16);
             if usize::from(best) != piece {
                 for &triangle in &own {
                     self.labels[triangle as usize] = best;
@@ -110,11 +110,11 @@ impl Pieces {
     }
 
     /// The pieces beside triangles of one, that with the longest border in common first.
-    fn beside(&self, own: &[u32], patch: &BakedPatch<'_>, sides: &Sides) -> Vec<u16> {
+    fn beside(&self, own: &[u32], patch: &BakedPatch<'_>, triangles: &Triangles) -> Vec<u16> {
         let mut borders: Vec<(u16, f64)> = vec![];
         for &triangle in own {
             let this = self.labels[triangle as usize];
-            let labels = sides.neighbours[triangle as usize].map(|other| self.labels.get(other as usize).copied());
+            let labels = triangles.neighbours[triangle as usize].map(|other| self.labels.get(other as usize).copied());
             if labels.iter().flatten().any(|&label| label != this) {
                 let pairs = labels.into_iter().zip(lengths(patch, triangle));
                 borders
@@ -130,7 +130,7 @@ impl Pieces {
 
     /// Gives each part of a piece that no edge joins with the rest a piece of its own: where one of two sheets ends before the other, as seen along the
     /// axis, both would have texels in common.
-    pub fn divide_apart(&mut self, sides: &Sides) {
+    pub fn divide_apart(&mut self, triangles: &Triangles) {
         let (mut is_known, mut is_found) = (vec![false; self.shapes.len()], vec![false; self.labels.len()]);
         let mut open = vec![];
         for seed in 0..self.labels.len() {
@@ -149,7 +149,7 @@ impl Pieces {
             open.push(seed as u32);
             while let Some(triangle) = open.pop() {
                 self.labels[triangle as usize] = piece;
-                for &next in &sides.neighbours[triangle as usize] {
+                for &next in &triangles.neighbours[triangle as usize] {
                     let is_part = self.labels.get(next as usize) == Some(&before);
                     if is_part && !std::mem::replace(&mut is_found[next as usize], true) {
                         open.push(next);
@@ -214,7 +214,7 @@ mod tests {
         shapes: &[PieceShape],
         labels: &[u16],
         areas: Option<Areas<'_>>,
-        change: impl Fn(&mut Pieces, &BakedPatch<'_>, &Sides),
+        change: impl Fn(&mut Pieces, &BakedPatch<'_>, &Triangles),
     ) -> (Vec<u16>, usize) {
         let (positions, triangles) = slope(labels.len() as i64 / 2);
         let patch =
@@ -222,7 +222,7 @@ mod tests {
         let mut pieces = Pieces::default();
         pieces.shapes = shapes.to_vec();
         pieces.labels = labels.to_vec();
-        change(&mut pieces, &patch, &Sides::new(&patch));
+        change(&mut pieces, &patch, &Triangles::new(&patch));
         (pieces.labels, pieces.shapes.len())
     }
 
@@ -249,8 +249,9 @@ mod tests {
 
     #[test]
     fn parts_that_are_apart_are_pieces_of_their_own() {
-        let (labels, count) =
-            after(&[UP, ASIDE], &[0, 0, 1, 1, 0, 0, 1, 1, 0, 0], None, |pieces, _, sides| pieces.divide_apart(sides));
+        let (labels, count) = after(&[UP, ASIDE], &[0, 0, 1, 1, 0, 0, 1, 1, 0, 0], None, |pieces, _, triangles| {
+            pieces.divide_apart(triangles)
+        });
         assert_eq!((labels, count), (vec![0, 0, 1, 1, 2, 2, 3, 3, 4, 4], 5));
     }
 }

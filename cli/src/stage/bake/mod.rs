@@ -20,6 +20,7 @@ mod pieces;
 mod projection;
 mod raster;
 mod rim;
+mod settled;
 mod sharpen;
 mod shown;
 mod sizes;

@@ -6,15 +6,13 @@ use glam::DVec3;
 use lodpack::write::PieceShape;
 
 use super::BakedPatch;
-use super::joined::Sides;
+use super::joined::{STEEP, Triangles};
 use super::sizes::Sizes;
 use crate::mesh::{NONE, sides};
 use crate::stage::areas::Areas;
 
 /// Cosine of the angle by which a triangle may be inclined to the mean of its piece while the piece grows.
 const FLAT: f64 = 0.7;
-/// Cosine of the angle to the final axis beyond which a triangle is given to another piece.
-const STEEP: f64 = 0.35;
 /// Length of the longest coordinate of an axis.
 const AXIS_LENGTH: f64 = 31.0;
 
@@ -86,10 +84,10 @@ pub(super) fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
 pub(super) fn divide(patch: &BakedPatch<'_>, sizes: Sizes) -> Pieces {
     let all: Vec<u32> = (0..patch.triangles.len() as u32).collect();
     let mut pieces = Pieces { shapes: vec![], labels: vec![u16::MAX; patch.triangles.len()], sizes };
-    let sides = Sides::new(patch);
-    pieces.grow(&all, patch, &sides);
-    pieces.join(patch, &sides);
-    pieces.divide_apart(&sides);
+    let triangles = Triangles::new(patch);
+    pieces.grow(&all, patch, &triangles);
+    pieces.join(patch, &triangles);
+    pieces.divide_apart(&triangles);
     pieces.remove_empty();
     pieces
 }
@@ -98,14 +96,14 @@ impl Pieces {
     /// Gives triangles new pieces of their own.
     pub fn separate(&mut self, hidden: &[u32], patch: &BakedPatch<'_>) {
         hidden.iter().for_each(|&triangle| self.labels[triangle as usize] = u16::MAX);
-        let sides = Sides::new(patch);
-        self.grow(hidden, patch, &sides);
-        self.divide_apart(&sides);
+        let triangles = Triangles::new(patch);
+        self.grow(hidden, patch, &triangles);
+        self.divide_apart(&triangles);
         self.remove_empty();
     }
 
-    fn grow(&mut self, seeds: &[u32], patch: &BakedPatch<'_>, sides: &Sides) {
-        let areas = &sides.areas;
+    fn grow(&mut self, seeds: &[u32], patch: &BakedPatch<'_>, triangles: &Triangles) {
+        let areas = &triangles.areas;
         let mut seeds = seeds.to_vec();
         seeds.sort_by(|&a, &b| {
             let [x, y] = [a, b].map(|t| areas[t as usize].length_squared());
@@ -125,13 +123,12 @@ impl Pieces {
                     continue;
                 }
                 let piece = self.shapes.len() as u16;
-                let (members, sum) = self.grow_piece(seed, piece, sides, patch.areas);
+                let (members, sum) = self.grow_piece(seed, piece, triangles, patch.areas);
                 let axis = axis_of(sum);
                 let shape = PieceShape { axis, larger: self.larger(seed) };
                 let direction = direction_of(&shape);
                 for &member in members.iter().filter(|&&member| member != seed && !only_once) {
-                    let area = areas[member as usize];
-                    if area.dot(direction) < STEEP * area.length() {
+                    if !triangles.leans(member, direction, STEEP) {
                         self.labels[member as usize] = u16::MAX;
                         again.push(member);
                     }
@@ -145,7 +142,7 @@ impl Pieces {
         &mut self,
         seed: u32,
         piece: u16,
-        Sides { areas, neighbours }: &Sides,
+        Triangles { areas, neighbours }: &Triangles,
         colours: Option<Areas<'_>>,
     ) -> (Vec<u32>, DVec3) {
         let (mut sum, mut members) = (DVec3::ZERO, vec![]);

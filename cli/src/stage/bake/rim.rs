@@ -241,8 +241,7 @@ mod tests {
 
     #[test]
     fn points_of_which_nothing_is_known_do_not_count() {
-        let mut wanted = Wanted::default();
-        wanted.colours = vec![[0.5; 3]; 2];
+        let mut wanted = Wanted { colours: vec![[0.5; 3]; 2], ..Wanted::default() };
         wanted.outer_edges.push(([DVec3::ZERO, DVec3::X * 8.0], 3));
         wanted.outer_points = vec![0, 1, NONE];
         let rims = [Rim::new(&wanted, DVec3::ZERO, 1)];

@@ -5,13 +5,13 @@
 //! it, in this patch or in its neighbour. Where there is no source, both sides of a border within the patch show the mean of both, and the outer
 //! border shows what finer patches do ([`Outline`]).
 //!
-//! Texels cannot show everything: between 0 and 1, where a coast crosses the border, both sides come as near as their texels lie. So at last both
-//! sides of a border within the patch go to the mean of what they show, wherever they want the same.
+//! Point after point does not get everything right. Where both sides of a border within the patch want the same and still differ, or the outer border is
+//! still off, texels are found together with what is around them (`settled`).
 
 use glam::DVec3;
 use lodpack::decode::texels::Map;
 
-use super::borders::{Borders, Edge, Located, Place};
+use super::borders::{Borders, Edge, EdgeSide, Located, Place};
 use super::gather::barycentric;
 use super::rim::Outline;
 use super::strangers::Strangers;
@@ -22,13 +22,9 @@ use crate::stage::certify::Hint;
 
 /// How often each point is made right: points share texels.
 const SWEEPS: usize = 5;
-/// And how often both sides of a border are brought together afterwards. Three rounds leave a tenth to two thirds more points beyond a step.
-const ROUNDS: usize = 8;
 /// Both sides of a border want the same if their colours differ by at most this, of 255. Where the input jumps along a border, each side keeps its
 /// own: one colour for both costs `hp-mixed-reality` a quarter of a decibel.
 const ALIKE: u8 = 4;
-/// Sides that differ by less, in linear light, are left as they are.
-const SAME: f32 = 0.0005;
 /// How much covered texels change, beside those that nothing else is seen of, where borders show what a source does.
 const COVERED: f32 = 0.15;
 /// And where they show the mean of both sides, which is a guess, or what finer patches show. With .15 images take a quarter more of what means
@@ -41,21 +37,53 @@ const CLOSE: f64 = 0.02;
 #[derive(Default)]
 pub(super) struct Wanted {
     /// With how much covered texels change.
-    places: Vec<(Place, f32)>,
+    pub places: Vec<(Place, f32)>,
     /// At each of them the colours of all channels without opacity.
     pub colours: Vec<[f32; 3]>,
     /// The edges of the outer border, relative to the patch's origin, and how many points each has.
     pub outer_edges: Vec<([DVec3; 2], u32)>,
     /// Which of the places these points are, [`NONE`] where nothing is wanted.
     pub outer_points: Vec<u32>,
-    /// The places of points along inner edges on both sides, where both want the same.
-    alike: Vec<[Place; 2]>,
+    /// Points along inner edges where both sides want the same.
+    pub alike: Vec<Alike>,
+    /// Which places somebody beyond the patch shows as well.
+    pub alone: Vec<u32>,
+    /// Places between two of these.
+    pub alone_between: Vec<(Place, [u32; 2])>,
+}
+
+/// A point of an inner edge.
+pub(super) struct Alike {
+    /// Where it is on both sides.
+    pub places: [Place; 2],
+    /// Whether it comes next after the one before it on an edge.
+    pub follows: bool,
 }
 
 impl Wanted {
     /// Notes an edge of which all points will be noted.
     fn add_edge(&mut self, edge: &Edge) {
         self.outer_edges.push((edge.ends(), edge.points().count() as u32));
+    }
+
+    /// Notes which points of a side of an outer edge have to show what is wanted. Those are the last ones that were noted.
+    fn add_alone(&mut self, side: EdgeSide<'_>) {
+        let count = side.edge().points().count();
+        let points = &self.outer_points[self.outer_points.len() - count..];
+        self.alone.extend(points.iter().filter(|&&point| point != NONE));
+        let between = side.all_places().skip(1).step_by(2).zip(points.windows(2));
+        let known = between.filter_map(|(place, ends)| match *ends {
+            [one, other] if one != NONE && other != NONE => Some((place, [one, other])),
+            _ => None,
+        });
+        self.alone_between.extend(known);
+    }
+
+    /// Notes the points of an inner edge of which both sides want the same.
+    fn add_pairs(&mut self, pairs: impl Iterator<Item = [Place; 2]>, is_alike: impl Fn(usize) -> bool) {
+        for (step, places) in pairs.enumerate().filter(|&(step, _)| is_alike(step)) {
+            self.alike.push(Alike { places, follows: step > 0 && is_alike(step - 1) });
+        }
     }
 }
 
@@ -125,6 +153,9 @@ impl Shown<'_> {
                 source.shade(last, &points, size as f32, &mut values);
                 points.clear();
             }
+            if is_outer {
+                wanted.add_alone(side);
+            }
         }
         let colours = storage.opaque_colours();
         let of_point = |values| colours.iter().map(move |&first| colour_at(values, first));
@@ -140,9 +171,8 @@ impl Shown<'_> {
     /// Notes where both sides of inner edges want the same. Given are the points of each edge and each of its sides.
     fn add_alike(&self, mut points: &[u32], wanted: &mut Wanted) {
         let channels = self.storage.opaque_colours().len();
-        let Wanted { colours, alike, .. } = wanted;
-        let is_alike = |(&one, &other): (&u32, &u32)| {
-            let of_points = [one, other].map(|point| colours.get(point as usize * channels..)?.get(..channels));
+        let is_alike = |wanted: &Wanted, one: u32, other: u32| {
+            let of_points = [one, other].map(|point| wanted.colours.get(point as usize * channels..)?.get(..channels));
             let [Some(one), Some(other)] = of_points else { return false };
             let both = one.as_flattened().iter().zip(other.as_flattened());
             both.into_iter().all(|(&one, &other)| srgb_byte(one).abs_diff(srgb_byte(other)) <= ALIKE)
@@ -152,10 +182,10 @@ impl Shown<'_> {
             let Some((of_edge, others)) = points.split_at_checked(2 * count) else { break };
             points = others;
             let (one, other) = of_edge.split_at(count);
-            let are_alike: Vec<bool> = one.iter().zip(other).map(is_alike).collect();
+            let are_alike: Vec<bool> =
+                one.iter().zip(other).map(|(&one, &other)| is_alike(wanted, one, other)).collect();
             // Between two points, if both are.
-            let between = |step: usize| are_alike[step / 2] && are_alike[step.div_ceil(2)];
-            alike.extend(self.borders.pairs(edge).enumerate().filter(|&(step, _)| between(step)).map(|(_, pair)| pair));
+            wanted.add_pairs(self.borders.pairs(edge), |step| are_alike[step / 2] && are_alike[step.div_ceil(2)]);
         }
     }
 
@@ -165,7 +195,7 @@ impl Shown<'_> {
         for edge in self.borders.edges().iter().filter(|edge| !jump(patch, edge)) {
             let mut sides = self.borders.sides(edge);
             let (Some(one), Some(other)) = (sides.next(), sides.next()) else { continue };
-            wanted.alike.extend(self.borders.pairs(edge));
+            wanted.add_pairs(self.borders.pairs(edge), |_| true);
             for places in one.places().zip(other.places()).map(|(one, other)| [one, other]) {
                 let mean = |&first: &usize| {
                     let [one, other] = places.map(|place| self.shown(place, first));
@@ -189,12 +219,16 @@ impl Shown<'_> {
         let mut beside = borders.beside().iter();
         for edge in borders.edges().iter().filter(|edge| edge.is_outer()) {
             wanted.add_edge(edge);
-            for (place, beside) in borders.sides(edge).flat_map(|side| side.places()).zip(beside.by_ref()) {
-                let is_known = beside.is_some_and(|beside| outline.means(beside.on, beside.size, &mut wanted.colours));
-                wanted.outer_points.push(if is_known { wanted.places.len() as u32 } else { NONE });
-                if is_known {
-                    wanted.places.push((place, COVERED_WITHOUT_SOURCE));
+            for side in borders.sides(edge) {
+                for (place, beside) in side.places().zip(beside.by_ref()) {
+                    let is_known =
+                        beside.is_some_and(|beside| outline.means(beside.on, beside.size, &mut wanted.colours));
+                    wanted.outer_points.push(if is_known { wanted.places.len() as u32 } else { NONE });
+                    if is_known {
+                        wanted.places.push((place, COVERED_WITHOUT_SOURCE));
+                    }
                 }
+                wanted.add_alone(side);
             }
         }
         wanted
@@ -204,6 +238,7 @@ impl Shown<'_> {
     pub fn add_beside_finer(&self, outline: &Outline<'_>, wanted: &mut Wanted) {
         for beside in self.borders.far_beside() {
             if outline.means(beside.on, beside.size, &mut wanted.colours) {
+                wanted.alone.push(wanted.places.len() as u32);
                 wanted.places.push((beside.place, COVERED_WITHOUT_SOURCE));
             }
         }
@@ -212,8 +247,6 @@ impl Shown<'_> {
     /// Changes texels so that places show what is wanted.
     pub fn show_all(&mut self, wanted: &Wanted) {
         let spreads: Vec<Spread> = wanted.places.iter().map(|&(place, covered)| self.spread(place, covered)).collect();
-        let alike: Vec<[Spread; 2]> =
-            wanted.alike.iter().map(|pair| pair.map(|place| self.spread(place, COVERED_WITHOUT_SOURCE))).collect();
         let colours = self.storage.opaque_colours();
         for (number, &first) in colours.iter().enumerate() {
             for _ in 0..SWEEPS {
@@ -223,24 +256,8 @@ impl Shown<'_> {
                     self.change(spread, std::array::from_fn(|k| colour[k] - shown[k]), first);
                 }
             }
-            let mut open: Vec<&[Spread; 2]> = alike.iter().collect();
-            for _ in 0..ROUNDS {
-                open.retain(|pair| self.bring_together(pair, first));
-            }
+            self.settle(wanted, number, first);
         }
-    }
-
-    /// Changes texels so that two places show the mean of what they do. Says whether that made a difference.
-    fn bring_together(&mut self, places: &[Spread; 2], first: usize) -> bool {
-        let [one, other] = [0, 1].map(|k| self.shown_at(&places[k], first));
-        let half: [f32; 3] = std::array::from_fn(|k| 0.5 * (other[k] - one[k]));
-        let differs = half.iter().any(|half| half.abs() >= 0.5 * SAME);
-        if differs {
-            for (spread, change) in places.iter().zip([half, half.map(|half| -half)]) {
-                self.change(spread, change, first);
-            }
-        }
-        differs
     }
 
     /// Which texels a place shows, and how a change is spread over them.
@@ -312,7 +329,7 @@ const HIGH: [f32; 4] = [1.0, 1.0, 1.0, f32::INFINITY];
 
 /// Comparisons that vectors have.
 #[inline(always)]
-fn bounded(value: f32, low: f32, high: f32) -> f32 {
+pub(super) fn bounded(value: f32, low: f32, high: f32) -> f32 {
     let value = if value > low { value } else { low };
     if value < high { value } else { high }
 }
@@ -328,13 +345,12 @@ fn smooth(points: &mut [[f32; 3]], channels: usize) {
     }
 }
 
-fn colour_at(values: &[f32], first: usize) -> [f32; 3] {
+pub(super) fn colour_at(values: &[f32], first: usize) -> [f32; 3] {
     [values[first], values[first + 1], values[first + 2]]
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::Stored;
     use super::*;
 
     #[test]
@@ -347,22 +363,5 @@ mod tests {
         let mut two = [[0.0; 3], [1.0; 3], [1.0; 3], [1.0; 3], [0.0; 3], [1.0; 3]];
         smooth(&mut two, 2);
         assert_eq!(two, [[0.0; 3], [1.0; 3], [0.5; 3], [1.0; 3], [0.0; 3], [1.0; 3]]);
-    }
-
-    #[test]
-    fn sides_that_want_the_same_show_the_same_in_the_end() {
-        let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
-        let mut borders = Borders::default();
-        borders.width = 4;
-        // Two pieces of two by two texels, a black and a white one.
-        let is_covered = [true, false, true, true, false, false, true, true];
-        let mut values: Vec<f32> =
-            (0..8).flat_map(|texel| [if texel % 4 < 2 { 0.0 } else { 1.0 }, 0.3, 0.6, 1.0]).collect();
-        let mut shown = Shown { storage: &storage, values: &mut values, is_covered: &is_covered, borders: &borders };
-        let places = [0, 2].map(Place::between);
-        shown.show_all(&Wanted { alike: vec![places], ..Wanted::default() });
-        for colour in places.map(|place| shown.shown(place, 0)) {
-            assert!((0..3).all(|k| (colour[k] - [0.5, 0.3, 0.6][k]).abs() < 0.01), "{colour:?}");
-        }
     }
 }
