@@ -3,13 +3,15 @@
     python3 tests/bench/seams.py INPUT STEP OUTPUT [OUTPUT ...]
 
 Looks at five points of each edge at which the map is cut, within nodes and along arcs, and compares the colours of both sides, interpolated in linear light, in
-components of sRGB from 0 to 255. STEP is the step of quantisation: 9 at the usual quality, 1 at quality 100. Where the input jumps from one colour to
-another, or changes within less than a texel, two images of different lattices differ as well, and no eye sees a line there that the input does not have. So
-what the input shows within a texel of each point is looked at, too, on both sides and along the edge: how far its colours differ is its range. Printed are
+components of sRGB from 0 to 255. STEP is the step of quantisation: 9 at the usual quality, 1 at quality 100. What is stored is brightness, with that step, and two
+differences of colour with half as much again (SPEC.md, 21.3): sides are beyond a step where one of these three differs by more than its own. Where the input itself jumps
+along a border, each side shows what the input does there: so edges are told apart at one of whose points the input differs by more than 4 between a twentieth of
+a texel inside of one side and of the other (half a texel where these meet at more than 45 degrees). Where the input changes within less than a texel, two images of
+different lattices may differ, and no eye sees a line there that the input does not have: how far the input's colours differ within a texel of a point, on both sides and along the edge, is its range. Printed are, of all points and of those of edges along which the input does not jump,
 
-- the points, and the share at which sides differ by more than STEP;
-- the same of even points, at which the input's range is at most 4;
-- seams: points at which sides differ by more than STEP beyond the input's range,
+- how many are beyond a step of what is stored, and by how much brightness differs at most;
+- at how many some component of sRGB differs by more than STEP;
+- seams: at how many it differs by more than STEP beyond the input's range,
 
 of all, and of those where the texels of one side are larger than the other's, as where levels meet. Shares no code with lodpack; needs what
 `colours.py` needs, and scipy.
@@ -22,9 +24,13 @@ import numpy as np
 import colours
 import lines
 
-POINTS, EVEN, LARGER = 5, 4, 1.2
+POINTS, SAME, LARGER = 5, 4, 1.2
+# Red, green and blue in brightness, and how much blue and red less brightness are of a difference that is stored (SPEC.md).
+BRIGHTNESS, DIFFERENCES = np.array([0.299, 0.587, 0.114]), (256 / 454, 256 / 359)
 # How far from a point the input is looked at, in texels: into both sides, and along the edge.
 INWARDS, ALONG = (0.05, 0.25, 0.5, 0.75, 1.0), (-0.5, 0.0, 0.5)
+# Cosine of the angle beyond which sides are folded.
+FOLD = 0.7
 # And at most this share of a triangle's height.
 MOST_INWARDS = 0.9
 
@@ -58,24 +64,44 @@ class Border:
         self.texels = [size[side] for side in self.triangles]
 
     def difference(self):
-        """How far the colours of both sides differ, in the component that differs most."""
-        shown = [self.surface.colour(side, colours.weights_at(self.surface, side, self.points), True) for side in self.triangles]
-        return np.abs(shown[0] - shown[1]).max(axis=1)
+        """By how much the colours of both sides differ."""
+        one, other = (self.surface.colour(side, colours.weights_at(self.surface, side, self.points), True) for side in self.triangles)
+        return one - other
+
+    def inwards(self):
+        """For each side the direction from each point into it, and how far it reaches."""
+        edge = self.along()
+        for side in self.triangles:
+            towards = self.corners[side].mean(axis=1) - self.points
+            towards -= edge * (towards * edge).sum(axis=1)[:, None]
+            # The middle of a triangle is at a third of its height.
+            third = np.linalg.norm(towards, axis=1)
+            yield towards / np.maximum(third, 1e-300)[:, None], 3 * third
+
+    def along(self):
+        edge = self.ends[:, 1] - self.ends[:, 0]
+        return edge / np.maximum(np.linalg.norm(edge, axis=1), 1e-300)[:, None]
+
+    def input_jump(self, source):
+        """How far the colours of the input differ a little inside of both sides, and where these are folded, further inside: a closest point may lie on
+        the other side."""
+        normals = np.cross(self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+        is_fold = (normals[self.triangles[0]] * normals[self.triangles[1]]).sum(axis=1) < FOLD
+        depth = np.where(is_fold, INWARDS[2], INWARDS[0])
+        one, other = (
+            source.colour(self.points + towards * np.minimum(depth * texel, MOST_INWARDS * height)[:, None])
+            for (towards, height), texel in zip(self.inwards(), self.texels)
+        )
+        return np.abs(one - other).max(axis=1)
 
     def input_range(self, source):
         """How far the colours of the input differ within a texel of each point."""
-        edge = self.ends[:, 1] - self.ends[:, 0]
-        length = np.linalg.norm(edge, axis=1)
-        edge /= np.maximum(length, 1e-300)[:, None]
+        edge, length = self.along(), np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1)
         low, high = np.full(self.points.shape, np.inf), np.full(self.points.shape, -np.inf)
-        for side, texel in zip(self.triangles, self.texels):
-            inwards = self.corners[side].mean(axis=1) - self.points
-            inwards -= edge * (inwards * edge).sum(axis=1)[:, None]
-            # The middle of a triangle is at a third of its height.
-            third = np.linalg.norm(inwards, axis=1)
-            inwards /= np.maximum(third, 1e-300)[:, None]
+        for (towards, height), texel in zip(self.inwards(), self.texels):
             for depth in INWARDS:
-                inside = self.points + inwards * np.minimum(depth * texel, MOST_INWARDS * 3 * third)[:, None]
+                inside = self.points + towards * np.minimum(depth * texel, MOST_INWARDS * height)[:, None]
                 for step in ALONG:
                     aside = np.clip(step * texel, -self.share * length, (1 - self.share) * length)
                     colour = source.colour(inside + edge * aside[:, None])
@@ -95,18 +121,23 @@ def main():
         output = lines.Output(path)
         border = Border(output)
         difference, input_range = border.difference(), border.input_range(source)
+        brightness = difference @ BRIGHTNESS
+        in_steps = [brightness / step]
+        for component, factor in zip((2, 0), DIFFERENCES):
+            in_steps.append((difference[:, component] - brightness) * factor / ((3 * step + 1) // 2))
+        is_beyond, most = np.abs(in_steps).max(axis=0) > 1, np.abs(difference).max(axis=1)
         one, other = border.texels
         is_larger = np.maximum(one, other) > LARGER * np.minimum(one, other)
+        jump = border.input_jump(source).reshape(-1, POINTS).max(axis=1)
+        is_same = np.repeat(jump <= SAME, POINTS)
         print(f"{path}: {len(output.corners)} triangles, {len(difference) // POINTS} edges of borders")
         for name, which in [("all", np.ones(len(difference), bool)), ("where texels of one side are larger", is_larger)]:
-            even = which & (input_range <= EVEN)
-            differs = difference > step
-            seams = which & (difference > step + input_range)
-            print(
-                f"  {name}: beyond {step:g} at {share(which & differs, which)} points, at {share(even & differs, even)} even ones; "
-                f"seams at {share(seams, which)}, by {(difference - input_range)[seams].max(initial=0):.0f} at most",
-                flush=True,
-            )
+            for of, among in [("", which), (", of edges along which the input does not jump", which & is_same)]:
+                print(
+                    f"  {name}{of}: beyond a step at {share(among & is_beyond, among)}, brightness by {np.abs(brightness)[among].max(initial=0):.1f} at most; "
+                    f"beyond {step:g} in sRGB at {(among & (most > step)).sum()}; seams at {(among & (most > step + input_range)).sum()}",
+                    flush=True,
+                )
 
 
 if __name__ == "__main__":

@@ -291,13 +291,13 @@ mod tests {
     use super::super::{Storage, Stored};
     use super::*;
 
-    /// Two pieces of two by two texels, a black and a white one, after they are settled: which of their texels have changed, and what places show.
+    /// Two pieces of two by two texels, a darker and a brighter one, after they are settled: which of their texels have changed, and what places show.
     fn after(wanted: &Wanted, places: &[Place]) -> (Vec<usize>, Vec<[f32; 3]>) {
         let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
         let mut borders = Borders::default();
         borders.width = 4;
         let before: Vec<f32> =
-            (0..8).flat_map(|texel| [if texel % 4 < 2 { 0.0 } else { 1.0 }, 0.3, 0.6, 1.0]).collect();
+            (0..8).flat_map(|texel| [if texel % 4 < 2 { 0.4 } else { 0.5 }, 0.3, 0.6, 1.0]).collect();
         let mut values = before.clone();
         let mut shown = Shown { storage: &storage, values: &mut values, is_covered: &[true; 8], borders: &borders };
         shown.settle(wanted, 0, 0);
@@ -314,7 +314,9 @@ mod tests {
         let (changed, colours) = after(&wanted, &places);
         assert_eq!(changed, [0, 1, 2, 3, 4, 5, 6, 7]);
         let [one, other] = [colours[0], colours[1]].map(|colour| colour.map(srgb_byte));
-        assert!(one[0].abs_diff(other[0]) <= MOST_BETWEEN && one[0] > 60, "{one:?} {other:?}");
+        let [low, high] = [0.4, 0.5].map(srgb_byte);
+        assert!(low < one[0] && one[0] <= other[0] && other[0] < high, "{one:?} {other:?}");
+        assert!(other[0] - one[0] <= MOST_BETWEEN, "{one:?} {other:?}");
         // Colours that are the same stay.
         assert_eq!(one[1..], [0.3, 0.6].map(srgb_byte));
         assert_eq!(other[1..], [0.3, 0.6].map(srgb_byte));
@@ -331,7 +333,7 @@ mod tests {
         assert_eq!(changed, [0, 1, 4, 5]);
         let off = |k: usize| srgb_byte(colours[0][k]).abs_diff(srgb_byte([0.2, 0.4, 0.6][k]));
         assert!((0..3).all(|k| off(k) <= MOST_OFF), "{colours:?}");
-        assert_eq!(after(&of_point([0.0, 0.3, 0.6]), &[]).0, [0; 0]);
+        assert_eq!(after(&of_point([0.4, 0.3, 0.6]), &[]).0, [0; 0]);
     }
 
     #[test]
