@@ -2,7 +2,7 @@
 //!
 //! [`Shown::show_all`] makes one point right after another. Points share texels: where colours along a border are steep, what is done for one
 //! undoes what was done for the one before, and between points anything may come of it. Here the texels around such points are found at once, by
-//! least squares: those with which all points around, four for each texel along the border, are nearest to what they should show while texels
+//! least squares: those with which all points around, up to four for each texel along the border, are nearest to what they should show while texels
 //! stay near to what they are. Differences count as screens show them.
 
 use std::collections::HashMap;
@@ -100,7 +100,7 @@ impl Shown<'_> {
         }
     }
 
-    /// All points of borders where somebody else has to show the same, four for each texel along them.
+    /// All points of borders where somebody else has to show the same: four for each texel along them within the patch, two beside other patches.
     fn joints(&self, wanted: &Wanted, number: usize) -> impl Iterator<Item = Joint> {
         let (width, channels) = (self.borders.width, self.storage.opaque_colours().len());
         let pair = move |places: [Place; 2]| Joint::new(&places, width, [0.0; 3], MOST_BETWEEN);
