@@ -5,8 +5,6 @@
 //! least squares: those with which all points around, up to four for each texel along the border, are nearest to what they should show while texels
 //! stay near to what they are. Differences count as screens show them.
 
-use std::collections::HashMap;
-
 use super::borders::Place;
 use super::shown::{Alike, Shown, Wanted, bounded, colour_at};
 use crate::mesh::srgb::srgb_byte;
@@ -88,14 +86,18 @@ impl Shown<'_> {
     pub(super) fn settle(&mut self, wanted: &Wanted, number: usize, first: usize) {
         let mut found = Around::new(self, first, || self.joints(wanted, number), |_| true);
         let mut weight = WEIGHT;
-        for _ in 0..ROUNDS {
+        for round in 1..=ROUNDS {
             let Some(around) = found else { break };
             for (&texel, value) in around.texels.iter().zip(around.settled(self, first, weight)) {
                 let colour = &mut self.values[texel as usize * self.storage.stride() + first..][..3];
                 (0..3).for_each(|k| colour[k] = bounded(value[k], 0.0, 1.0));
             }
+            // Nobody would look at what is still off.
+            if round == ROUNDS {
+                break;
+            }
             weight *= GROWTH;
-            let may_change = |texel| around.numbers.contains_key(&texel);
+            let may_change = |texel: u32| around.numbers[texel as usize] != 0;
             found = Around::new(self, first, || around.joints.iter().copied(), may_change);
         }
     }
@@ -130,8 +132,8 @@ struct Around {
     are_off: Vec<bool>,
     /// The texels that may change.
     texels: Vec<u32>,
-    /// The number of each.
-    numbers: HashMap<u32, u32>,
+    /// Of each texel its number among these, counted from one; zero for what stays as it is.
+    numbers: Vec<u32>,
     /// The numbers of what each point shows. What stays as it is has the number after the last one, and a share of zero.
     unknowns: Vec<([u32; 8], [f32; 8])>,
 }
@@ -155,28 +157,27 @@ impl Around {
         if is_near.is_empty() {
             return None;
         }
-        let joints = |is_near: &[bool]| -> Vec<Joint> {
-            all().filter(|joint| joint.shown_texels().any(|texel| is_near[texel as usize])).collect()
-        };
-        for joint in joints(&is_near) {
+        let shows = |joint: &Joint, texels: &[bool]| joint.shown_texels().any(|texel| texels[texel as usize]);
+        let are_off = is_near.clone();
+        for joint in all().filter(|joint| shows(joint, &are_off)) {
             joint.shown_texels().for_each(|texel| is_near[texel as usize] = true);
         }
-        let joints = joints(&is_near);
-        let (mut texels, mut numbers) = (vec![], HashMap::new());
+        let joints: Vec<Joint> = all().filter(|joint| shows(joint, &is_near)).collect();
+        let (mut texels, mut numbers) = (vec![], vec![0; is_near.len()]);
         for texel in joints.iter().flat_map(Joint::shown_texels) {
-            if is_near[texel as usize] && may_change(texel) {
-                numbers.entry(texel).or_insert_with(|| {
-                    texels.push(texel);
-                    texels.len() as u32 - 1
-                });
+            let number = &mut numbers[texel as usize];
+            if *number == 0 && is_near[texel as usize] && may_change(texel) {
+                texels.push(texel);
+                *number = texels.len() as u32;
             }
         }
         let none = texels.len() as u32;
         let unknowns_of = |joint: &Joint| {
             let (mut unknowns, mut shares) = ([none; 8], [0.0; 8]);
-            for (k, (texel, share)) in joint.texels.iter().zip(joint.shares).enumerate() {
-                if let Some(&number) = numbers.get(texel).filter(|_| share != 0.0) {
-                    (unknowns[k], shares[k]) = (number, share);
+            for (k, (&texel, share)) in joint.texels.iter().zip(joint.shares).enumerate() {
+                let number = numbers[texel as usize];
+                if number != 0 && share != 0.0 {
+                    (unknowns[k], shares[k]) = (number - 1, share);
                 }
             }
             (unknowns, shares)
