@@ -25,6 +25,7 @@ mod sharpen;
 mod shown;
 mod sizes;
 mod strangers;
+mod strip;
 mod surfels;
 mod values;
 mod watched;
@@ -52,7 +53,7 @@ use pieces::{Pieces, divide};
 use raster::Drawn;
 use rim::{Outline, Rim};
 use sharpen::sharpen;
-use shown::{Shown, Wanted};
+use shown::{Scratch, Shown, Wanted};
 use sizes::{Sizes, covered_area};
 pub use sizes::{area_of_texel, larger};
 pub use surfels::Surfels;
@@ -66,6 +67,8 @@ pub const MAX_EXPONENT: u32 = 127;
 pub const MAX_TEXELS: u64 = 1 << 24;
 /// Bytes of a texel of a patch as its map shows it.
 const DRAWN_BYTES: usize = 16;
+/// And of its number among those of its borders.
+const NUMBER_BYTES: usize = 4;
 /// How much larger steps of quantisation are where texels are [`sharpen`]ed. As many bytes show more then: a city's tile has 3.36 MB and 32.2 dB in
 /// place of 3.37 MB and 29.9 dB, a bunny with a photograph 326 kB and 40.8 dB in place of 365 kB and 40.5 dB.
 const STEPS_WHERE_SHARP: f64 = 9.0 / 7.0;
@@ -203,10 +206,10 @@ impl Coarse {
     }
 }
 
-/// Bytes of memory that baking a map of so many texels takes: the depth and slope of each and how it is used, sums with their weights, the
-/// image, and what is handed on.
+/// Bytes of memory that baking a map of so many texels takes: the depth and slope of each and how it is used, sums with their weights, which of its
+/// borders' texels it is, the image, and what is handed on.
 pub fn baking_bytes(texels: u64, storage: &Storage) -> u64 {
-    texels * (DRAWN_BYTES + 4 * storage.stride() + 2 * storage.packed_bytes()) as u64
+    texels * (DRAWN_BYTES + NUMBER_BYTES + 4 * storage.stride() + 2 * storage.packed_bytes()) as u64
 }
 
 /// Gives patches images, one after another, with the memory that it took for those before: a build has billions of texels, and the system
@@ -215,18 +218,20 @@ pub struct Baker<'s> {
     storage: &'s Storage,
     drawn: Drawn,
     kept: Kept,
+    scratch: Scratch,
     image: Vec<u8>,
 }
 
 impl<'s> Baker<'s> {
     /// For images that are stored like this.
     pub fn new(storage: &'s Storage) -> Self {
-        Self { storage, drawn: Drawn::default(), kept: Kept::default(), image: vec![] }
+        Self { storage, drawn: Drawn::default(), kept: Kept::default(), scratch: Scratch::default(), image: vec![] }
     }
 
     /// Bytes of memory that it keeps.
     pub fn bytes(&self) -> u64 {
-        (DRAWN_BYTES * self.drawn.depth.capacity() + 4 * self.kept.sums.capacity() + self.image.capacity()) as u64
+        let of_texels = DRAWN_BYTES * self.drawn.depth.capacity() + 4 * self.kept.sums.capacity();
+        (of_texels + self.scratch.bytes() + self.image.capacity()) as u64
     }
 
     /// The images of a patch, with texels of 2^(exponent / 2) lattice units, or as many of several sizes. None if nothing can be projected.
@@ -327,7 +332,7 @@ impl<'s> Baker<'s> {
         Mapped { map, bytes, borders }: Mapped,
         wanted: impl FnOnce(&Map, &Shown<'_>) -> Wanted,
     ) -> (Vec<Vec<u8>>, Rim) {
-        let Self { storage, drawn, kept: Kept { sums: values, .. }, image } = self;
+        let Self { storage, drawn, kept: Kept { sums: values, .. }, scratch, image } = self;
         let mut streams = vec![bytes];
         let others = texel_size(patch.finer);
         let mut steps = Steps { opaque_colours: others, others };
@@ -342,7 +347,7 @@ impl<'s> Baker<'s> {
         } else {
             let mut shown = Shown { storage, values, is_covered, borders: &borders };
             let wanted = wanted(&map, &shown);
-            shown.show_all(&wanted);
+            shown.show_all(&wanted, scratch);
             rim = Rim::new(&wanted, patch.origin(), storage.opaque_colours().len());
             borders.seen(&map, is_covered)
         };

@@ -14,14 +14,16 @@ use lodpack::decode::texels::Map;
 use super::borders::{Borders, Edge, EdgeSide, Located, Place};
 use super::gather::barycentric;
 use super::rim::Outline;
+use super::settled::{Joint, settle};
 use super::strangers::Strangers;
+use super::strip::{Strip, Vector};
 use super::values::Storage;
 use super::{BakedPatch, Points, Source};
 use crate::mesh::{NONE, srgb::srgb_byte};
 use crate::stage::certify::Hint;
 
 /// How often each point is made right: points share texels.
-const SWEEPS: usize = 5;
+const SWEEPS: usize = 3;
 /// Both sides of a border want the same if their colours differ by at most this, of 255. Where the input jumps along a border, each side keeps its
 /// own: one colour for both costs `hp-mixed-reality` a quarter of a decibel.
 const ALIKE: u8 = 4;
@@ -245,72 +247,59 @@ impl Shown<'_> {
     }
 
     /// Changes texels so that places show what is wanted.
-    pub fn show_all(&mut self, wanted: &Wanted) {
-        let spreads: Vec<Spread> = wanted.places.iter().map(|&(place, covered)| self.spread(place, covered)).collect();
+    pub fn show_all(&mut self, wanted: &Wanted, Scratch { strip, spreads, joints }: &mut Scratch) {
+        strip.clear(self.is_covered.len());
+        spreads.clear();
+        spreads.extend(wanted.places.iter().map(|&(place, covered)| self.spread(place, covered, strip)));
         let colours = self.storage.opaque_colours();
         for (number, &first) in colours.iter().enumerate() {
+            joints.clear();
+            self.add_joints(wanted, number, strip, joints);
+            let mut values = strip.read(self.values, self.storage, first);
             for _ in 0..SWEEPS {
                 let of_places = wanted.colours.iter().skip(number).step_by(colours.len());
-                for (spread, colour) in spreads.iter().zip(of_places) {
-                    let shown = self.shown_at(spread, first);
-                    self.change(spread, std::array::from_fn(|k| colour[k] - shown[k]), first);
-                }
+                spreads.iter().zip(of_places).for_each(|(spread, &colour)| spread.show(colour, &mut values));
             }
-            self.settle(wanted, number, first);
+            settle(joints, &mut values);
+            strip.write(&values, self.values, self.storage, first);
         }
     }
 
     /// Which texels a place shows, and how a change is spread over them.
-    fn spread(&self, place: Place, covered: f32) -> Spread {
+    fn spread(&self, place: Place, covered: f32, strip: &mut Strip) -> Spread {
         let texels = place.texels(self.borders.width);
         let gains = texels.map(|(texel, share)| if self.is_covered[texel] { covered * share } else { share });
         let sum: f32 = gains.iter().zip(texels).map(|(gain, (_, share))| gain * share).sum();
         Spread {
-            texels: texels.map(|(texel, _)| texel as u32),
+            texels: strip.of_place(place, self.borders.width).map(|(texel, _)| texel),
             shares: texels.map(|(_, share)| share),
             gains: gains.map(|gain| gain / sum),
         }
     }
 
     /// The colour at a place.
-    fn shown(&self, place: Place, first: usize) -> [f32; 3] {
-        self.shown_at(&self.spread(place, 1.0), first)
-    }
-
-    #[inline]
-    fn shown_at(&self, Spread { texels, shares, .. }: &Spread, first: usize) -> [f32; 3] {
-        if self.storage.is_plain() {
-            let all = self.values.as_chunks::<4>().0;
-            let [a, b, c, d] = std::array::from_fn(|k| all[texels[k] as usize].map(|value| shares[k] * value));
-            return std::array::from_fn(|k| a[k] + b[k] + c[k] + d[k]);
-        }
-        let (stride, mut sums) = (self.storage.stride(), [0.0; 3]);
-        for (&texel, share) in texels.iter().zip(shares) {
-            let colour = colour_at(self.values, texel as usize * stride + first);
+    pub(super) fn shown(&self, place: Place, first: usize) -> [f32; 3] {
+        let mut sums = [0.0; 3];
+        for (texel, share) in place.texels(self.borders.width) {
+            let colour = colour_at(self.values, texel * self.storage.stride() + first);
             (0..3).for_each(|k| sums[k] += share * colour[k]);
         }
         sums
     }
+}
 
-    /// Changes texels so that what a place shows grows by `change`, as far as they stay between 0 and 1.
-    #[inline]
-    fn change(&mut self, Spread { texels, gains, .. }: &Spread, change: [f32; 3], first: usize) {
-        let parts = texels.iter().zip(gains).filter(|(_, gain)| **gain > 0.0);
-        if self.storage.is_plain() {
-            let all = self.values.as_chunks_mut::<4>().0;
-            let [red, green, blue] = change;
-            for (&texel, gain) in parts {
-                let before = all[texel as usize];
-                let grown: [f32; 4] = std::array::from_fn(|k| before[k] + gain * [red, green, blue, 0.0][k]);
-                all[texel as usize] = std::array::from_fn(|k| bounded(grown[k], LOW[k], HIGH[k]));
-            }
-            return;
-        }
-        let stride = self.storage.stride();
-        for (&texel, gain) in parts {
-            let colour = &mut self.values[texel as usize * stride + first..][..3];
-            (0..3).for_each(|k| colour[k] = bounded(colour[k] + gain * change[k], 0.0, 1.0));
-        }
+/// Memory of what borders show, which serves one map after another.
+#[derive(Default)]
+pub(super) struct Scratch {
+    strip: Strip,
+    spreads: Vec<Spread>,
+    joints: Vec<Joint>,
+}
+
+impl Scratch {
+    /// How many bytes it keeps.
+    pub fn bytes(&self) -> usize {
+        self.strip.bytes() + size_of::<Spread>() * self.spreads.capacity() + size_of::<Joint>() * self.joints.capacity()
     }
 }
 
@@ -323,9 +312,20 @@ struct Spread {
     gains: [f32; 4],
 }
 
-/// Between these lie colours; the fourth number of a texel is its weight.
-const LOW: [f32; 4] = [0.0, 0.0, 0.0, f32::NEG_INFINITY];
-const HIGH: [f32; 4] = [1.0, 1.0, 1.0, f32::INFINITY];
+impl Spread {
+    /// Changes texels so that the place shows a colour, as far as they stay between 0 and 1.
+    #[inline]
+    fn show(&self, [red, green, blue]: [f32; 3], values: &mut [Vector]) {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| values[self.texels[k] as usize].map(|value| self.shares[k] * value));
+        let wanted = [red, green, blue, 0.0];
+        let change: Vector = std::array::from_fn(|k| wanted[k] - (a[k] + b[k] + c[k] + d[k]));
+        // Texels of which nothing is shown may be any.
+        for (&texel, gain) in self.texels.iter().zip(self.gains).filter(|(_, gain)| *gain > 0.0) {
+            let value = &mut values[texel as usize];
+            *value = std::array::from_fn(|k| bounded(value[k] + gain * change[k], 0.0, 1.0));
+        }
+    }
+}
 
 /// Comparisons that vectors have.
 #[inline(always)]
@@ -345,7 +345,7 @@ fn smooth(points: &mut [[f32; 3]], channels: usize) {
     }
 }
 
-pub(super) fn colour_at(values: &[f32], first: usize) -> [f32; 3] {
+fn colour_at(values: &[f32], first: usize) -> [f32; 3] {
     [values[first], values[first + 1], values[first + 2]]
 }
 
