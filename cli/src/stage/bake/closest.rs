@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::blocks::{Block, Blocks, Rows};
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, texel_at};
-use super::values::{Storage, Sums};
+use super::values::{Storage, Sums, Weight};
 use super::{BakedPatch, Source};
 use crate::stage::certify::{Around, Closest, Hint, TriangleBvh};
 
@@ -33,8 +33,8 @@ pub(super) const SHARE_OF_OPPOSITE: f32 = 0.3;
 
 /// What a point counts whose closest triangle faces the other way, of what is stored so.
 pub(super) fn share_of_opposite(storage: &Storage) -> f32 {
-    // Measured numbers and normals of the other side say nothing.
-    if storage.is_plain() { SHARE_OF_OPPOSITE } else { 0.0 }
+    // Measured numbers of the other side say nothing. Nor do directions, which are not added.
+    if storage.is_look() { SHARE_OF_OPPOSITE } else { 0.0 }
 }
 
 /// In what colours are averaged.
@@ -77,7 +77,7 @@ pub(super) fn show_closest(
                 continue;
             }
             // In texels, as what is projected.
-            let weight = (area / texels.len() as f64 / (size * size)) as f32;
+            let weight = Weight::even((area / texels.len() as f64 / (size * size)) as f32);
             values.clear();
             source.shade(triangle, &rows, (size * SPACING) as f32, &mut values);
             if means == Means::Roots {
@@ -92,7 +92,8 @@ pub(super) fn show_closest(
                         values_of_side.extend_from_slice(values);
                     }
                 }
-                sums.add_all(&of_side, &values_of_side, weight * share);
+                let weight = if side == OPPOSITE { weight.of_opposite(share) } else { weight };
+                sums.add_all(&of_side, &values_of_side, weight);
                 of_side.iter().for_each(|&texel| is_seen[texel as usize] = true);
             }
         }

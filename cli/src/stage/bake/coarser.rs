@@ -16,7 +16,7 @@ use super::lanes::{LANES, whole};
 use super::raster::Drawn;
 use super::strangers::Strangers;
 use super::surfels::{Run, Surfels};
-use super::values::{Kept, Sums};
+use super::values::{Kept, Sums, Weight};
 use crate::mesh::NONE;
 use crate::stage::certify::{AROUND, Hint, Numbers, TOGETHER};
 
@@ -75,7 +75,7 @@ struct Target {
     range: [[f32; 2]; 2],
     piece: usize,
     /// What a point counts.
-    weight: f32,
+    weight: Weight,
 }
 
 impl Target {
@@ -106,7 +106,7 @@ impl Gathering<'_> {
             Below::One(triangle) => {
                 // Over one triangle places grow by the same from point to point.
                 let target = self.target(points, *triangle, points.frame().map(|point| finder.foot(*triangle, point)));
-                if target.weight > 0.0 {
+                if target.weight.all > 0.0 {
                     points.for_each(block, |some| {
                         let mut texels = [0; TOGETHER];
                         for (k, texel) in texels.iter_mut().enumerate() {
@@ -160,12 +160,13 @@ impl Gathering<'_> {
     /// where one number is larger by 1.
     fn target(&self, points: &Lattice<'_>, triangle: u32, [first, others @ ..]: [[f64; 2]; 4]) -> Target {
         let [x, y, z] = others.map(|place| [0, 1].map(|k| (place[k] - first[k]) as f32));
-        let share = if self.finder.faces(triangle, points.run.normal) { 1.0 } else { self.of_opposite };
+        let weight = Weight::even(points.weight);
+        let faces = self.finder.faces(triangle, points.run.normal);
         Target {
             place: [first.map(|x| x as f32), x, y, z],
             range: self.finder.places.range(triangle).map(|corner| corner.map(|x| x as f32)),
             piece: usize::from(self.finder.places.map.labels[triangle as usize]),
-            weight: points.weight * share,
+            weight: if faces { weight } else { weight.of_opposite(self.of_opposite) },
         }
     }
 
@@ -173,7 +174,7 @@ impl Gathering<'_> {
     #[inline]
     fn add_point(&mut self, points: &Lattice<'_>, number: u32, target: &Target, texel: u32) {
         let (number, texel) = (number as usize, texel as usize);
-        let is_wanted = target.weight > 0.0 && self.finder.places.drawn.is_used[texel];
+        let is_wanted = target.weight.all > 0.0 && self.finder.places.drawn.is_used[texel];
         if is_wanted && !self.is_strange(points, number, target.piece) {
             self.sums.add_packed(texel, points.surfels.packed(number, self.bytes), target.weight, &mut self.values);
         }

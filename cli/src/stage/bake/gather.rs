@@ -8,7 +8,7 @@ use lodpack::decode::texels::Map;
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, Span, for_each_span, texel_at};
 use super::strangers::Strangers;
-use super::values::Sums;
+use super::values::{Sums, Weight};
 use super::{BakedPatch, Points, Source};
 use crate::stage::certify::{Hint, TriangleBvh};
 
@@ -61,7 +61,7 @@ impl Samples {
     fn add_to(&mut self, sums: &mut Sums<'_>, triangle: usize, source: &mut impl Source) {
         if !self.points.is_empty() {
             source.shade(triangle, &self.points, self.footprint as f32, &mut self.values);
-            sums.add_all(&self.texels, &self.values, self.weight);
+            sums.add_all(&self.texels, &self.values, Weight::even(self.weight));
         }
         self.texels.clear();
         self.points.clear();
@@ -201,7 +201,7 @@ fn add_closest(
         let weights = barycentric(source.corners(closest.triangle as usize), closest.point);
         values.clear();
         source.shade(closest.triangle as usize, &[Points::one(weights)], projection.size as f32, &mut values);
-        sums.add_all(&[texel as u32], &values, 1.0);
+        sums.add_all(&[texel as u32], &values, Weight::even(1.0));
     }
 }
 

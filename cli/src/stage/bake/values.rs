@@ -99,6 +99,13 @@ impl Storage {
         self.is_plain
     }
 
+    /// Whether it says what something looks like from both sides, and nothing that was measured.
+    pub(super) fn is_look(&self) -> bool {
+        let is_look = |channel: &Stored| matches!(channel, Stored::Colour { .. } | Stored::Factor { .. });
+        let is_scalar = |channel: &Stored| matches!(channel, Stored::Scalar { .. });
+        self.channels.iter().any(is_look) && !self.channels.iter().any(is_scalar)
+    }
+
     /// Numbers that are kept for a texel: its values, then its weights.
     pub(super) fn stride(&self) -> usize {
         self.count + self.weights
@@ -346,6 +353,26 @@ pub(super) struct Sums<'a> {
     pub kept: Kept,
 }
 
+/// What a point counts.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Weight {
+    pub all: f32,
+    /// What its directions count.
+    pub directions: f32,
+}
+
+impl Weight {
+    /// So much, all of it.
+    pub fn even(weight: f32) -> Self {
+        Self { all: weight, directions: weight }
+    }
+
+    /// A share, of a point that the other side of a sheet shows: its directions say nothing.
+    pub fn of_opposite(self, share: f32) -> Self {
+        Self { all: self.all * share, directions: 0.0 }
+    }
+}
+
 /// What is known of texels. Its memory serves one map after another.
 #[derive(Default)]
 pub(super) struct Kept {
@@ -364,12 +391,12 @@ impl<'a> Sums<'a> {
     }
 
     /// Adds the values of points, of each of which the texel is given.
-    pub fn add_all(&mut self, texels: &[u32], values: &[f32], weight: f32) {
+    pub fn add_all(&mut self, texels: &[u32], values: &[f32], weight: Weight) {
         if self.storage.is_plain {
             let of_texels = self.kept.sums.as_chunks_mut().0;
             for (&texel, &[red, green, blue]) in texels.iter().zip(values.as_chunks().0) {
                 let of_texel = &mut of_texels[texel as usize];
-                *of_texel = plus(*of_texel, [red, green, blue, 1.0], weight);
+                *of_texel = plus(*of_texel, [red, green, blue, 1.0], weight.all);
             }
             return;
         }
@@ -380,11 +407,11 @@ impl<'a> Sums<'a> {
 
     /// Adds the values of a packed point; `values` is memory for them.
     #[inline]
-    pub fn add_packed(&mut self, texel: usize, packed: &[u8], weight: f32, values: &mut Vec<f32>) {
+    pub fn add_packed(&mut self, texel: usize, packed: &[u8], weight: Weight, values: &mut Vec<f32>) {
         if let (true, &[a, b, c, d, e, f]) = (self.storage.is_plain, packed) {
             let share = |pair| f32::from(u16::from_le_bytes(pair)) * (1.0 / 65535.0);
             let of_texel = &mut self.kept.sums.as_chunks_mut().0[texel];
-            *of_texel = plus(*of_texel, [share([a, b]), share([c, d]), share([e, f]), 1.0], weight);
+            *of_texel = plus(*of_texel, [share([a, b]), share([c, d]), share([e, f]), 1.0], weight.all);
             return;
         }
         self.storage.unpack(packed, values);
@@ -392,7 +419,7 @@ impl<'a> Sums<'a> {
     }
 
     /// Adds the values of a point of any channels.
-    fn add_others(&mut self, texel: usize, values: &[f32], weight: f32) {
+    fn add_others(&mut self, texel: usize, values: &[f32], Weight { all: weight, directions }: Weight) {
         let stride = self.storage.stride();
         let (sums, weights) = self.kept.sums[texel * stride..][..stride].split_at_mut(self.storage.count);
         weights[0] += weight;
@@ -404,9 +431,8 @@ impl<'a> Sums<'a> {
                     (0..3).for_each(|k| sums[at + k] += values[at + k] * share);
                     sums[at + 3] += share;
                 }
-                Stored::Colour { .. } | Stored::Normal { .. } => {
-                    (at..at + 3).for_each(|k| sums[k] += values[k] * weight);
-                }
+                Stored::Colour { .. } => (at..at + 3).for_each(|k| sums[k] += values[k] * weight),
+                Stored::Normal { .. } => (at..at + 3).for_each(|k| sums[k] += values[k] * directions),
                 Stored::Factor { .. } => sums[at] += values[at] * weight,
                 Stored::Scalar { .. } => {
                     if !values[at].is_nan() {
@@ -508,6 +534,22 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_other_side_of_a_sheet_says_what_it_looks_like_and_no_more() {
+        let [colour, factor] = [Stored::Colour { components: 3, step: 1 }, Stored::Factor { step: 1 }];
+        let scalar = Stored::Scalar { low: 0.0, step: 1.0 };
+        let is_look = |channels: &[Stored]| Storage::new(channels.to_vec()).is_look();
+        assert!(is_look(&[colour]) && is_look(&[factor, Stored::Normal { step: 1 }]));
+        assert!(!is_look(&[Stored::Normal { step: 1 }]) && !is_look(&[colour, scalar]));
+        let storage = Storage::new(vec![colour, Stored::Normal { step: 1 }, factor]);
+        let mut sums = Sums::new(1, &storage, Kept::default());
+        let weight = Weight::even(3.0);
+        sums.add_all(&[0], &[0.25, 0.5, 1.0, 0.0, 0.0, 1.0, 0.5], weight);
+        sums.add_all(&[0], &[1.0, 0.5, 0.25, 0.0, 1.0, 0.0, 1.0], weight.of_opposite(1.0 / 3.0));
+        sums.divide();
+        assert_eq!(sums.kept.sums[..7], [0.4375, 0.5, 0.8125, 0.0, 0.0, 0.75, 0.625]);
+    }
+
+    #[test]
     fn packed_values_come_back() {
         let colour = |components: u8| Stored::Colour { components, step: 1 };
         let channels = vec![
@@ -556,7 +598,7 @@ mod tests {
                 let mut values = vec![0.5; first];
                 values.extend([value, 0.25, 1.0]);
                 storage.take_roots(&mut values);
-                sums.add_all(&[1], &values, 2.0 * weight);
+                sums.add_all(&[1], &values, Weight::even(2.0 * weight));
             }
             sums.square_means();
             sums.divide();
