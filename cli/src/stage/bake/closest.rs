@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::blocks::{Block, Blocks, Rows};
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, texel_at};
-use super::values::{Storage, Sums, Weight};
+use super::values::{Storage, Sums};
 use super::{BakedPatch, Source};
 use crate::stage::certify::{Around, Closest, Hint, TriangleBvh};
 
@@ -31,10 +31,30 @@ pub(super) const OPPOSITE: u32 = 1 << 31;
 /// shown close to a point does; and where that is all that anything lies closest to, a texel shows it.
 pub(super) const SHARE_OF_OPPOSITE: f32 = 0.3;
 
-/// What a point counts whose closest triangle faces the other way, of what is stored so.
-pub(super) fn share_of_opposite(storage: &Storage) -> f32 {
-    // Measured numbers of the other side say nothing. Nor do directions, which are not added.
-    if storage.is_look() { SHARE_OF_OPPOSITE } else { 0.0 }
+/// What a point counts.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Weight {
+    pub all: f32,
+    /// What its directions count.
+    pub directions: f32,
+}
+
+impl Weight {
+    /// So much, all of it.
+    pub fn even(weight: f32) -> Self {
+        Self { all: weight, directions: weight }
+    }
+
+    /// So many times as much.
+    pub fn times(self, factor: f32) -> Self {
+        Self { all: self.all * factor, directions: self.directions * factor }
+    }
+
+    /// Of a point whose closest triangle faces the other way, of what is stored so.
+    pub fn of_opposite(storage: &Storage) -> Self {
+        // Directions and measured numbers of the other side say nothing.
+        Self { all: if storage.is_look() { SHARE_OF_OPPOSITE } else { 0.0 }, directions: 0.0 }
+    }
 }
 
 /// In what colours are averaged.
@@ -59,7 +79,7 @@ pub(super) fn show_closest(
     let finder = Finder::on_map(patch, map, drawn);
     let size = finder.size;
     let mut is_seen = vec![false; drawn.depth.len()];
-    let sides = [(0, 1.0), (OPPOSITE, share_of_opposite(sums.storage))];
+    let sides = [(0, Weight::even(1.0)), (OPPOSITE, Weight::of_opposite(sums.storage))];
     let (mut of_side, mut values_of_side) = (vec![], vec![]);
     let origin = patch.origin();
     let sources: Vec<[DVec3; 3]> =
@@ -77,13 +97,13 @@ pub(super) fn show_closest(
                 continue;
             }
             // In texels, as what is projected.
-            let weight = Weight::even((area / texels.len() as f64 / (size * size)) as f32);
+            let weight = (area / texels.len() as f64 / (size * size)) as f32;
             values.clear();
             source.shade(triangle, &rows, (size * SPACING) as f32, &mut values);
             if means == Means::Roots {
                 sums.storage.take_roots(&mut values);
             }
-            for (side, share) in sides.into_iter().filter(|(_, share)| *share > 0.0) {
+            for (side, share) in sides.into_iter().filter(|(_, share)| share.all > 0.0) {
                 of_side.clear();
                 values_of_side.clear();
                 for (&texel, values) in texels.iter().zip(values.chunks_exact(sums.storage.count())) {
@@ -92,8 +112,7 @@ pub(super) fn show_closest(
                         values_of_side.extend_from_slice(values);
                     }
                 }
-                let weight = if side == OPPOSITE { weight.of_opposite(share) } else { weight };
-                sums.add_all(&of_side, &values_of_side, weight);
+                sums.add_all(&of_side, &values_of_side, share.times(weight));
                 of_side.iter().for_each(|&texel| is_seen[texel as usize] = true);
             }
         }

@@ -10,13 +10,13 @@ use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
 use super::blocks::Blocks;
-use super::closest::{Below, Finder, OnMap, Places, share_of_opposite};
+use super::closest::{Below, Finder, OnMap, Places, Weight};
 use super::fill::finished;
 use super::lanes::{LANES, whole};
 use super::raster::Drawn;
 use super::strangers::Strangers;
 use super::surfels::{Run, Surfels};
-use super::values::{Kept, Sums, Weight};
+use super::values::{Kept, Sums};
 use crate::mesh::NONE;
 use crate::stage::certify::{AROUND, Hint, Numbers, TOGETHER};
 
@@ -34,7 +34,7 @@ pub(super) fn gather_surfels<'a>(
     let finder = Finder::on_map(patch, map, drawn);
     let mut gathering = Gathering {
         strangers: Strangers::new(patch, map, &[]),
-        of_opposite: share_of_opposite(sums.storage),
+        of_opposite: Weight::of_opposite(sums.storage),
         finder: &finder,
         bytes: sums.storage.packed_bytes(),
         sums,
@@ -57,7 +57,7 @@ struct Gathering<'a> {
     finder: &'a Finder<'a, OnMap<'a>>,
     strangers: Strangers,
     /// What points count whose closest triangle faces the other way.
-    of_opposite: f32,
+    of_opposite: Weight,
     sums: Sums<'a>,
     /// Bytes of the values of a point.
     bytes: usize,
@@ -160,13 +160,12 @@ impl Gathering<'_> {
     /// where one number is larger by 1.
     fn target(&self, points: &Lattice<'_>, triangle: u32, [first, others @ ..]: [[f64; 2]; 4]) -> Target {
         let [x, y, z] = others.map(|place| [0, 1].map(|k| (place[k] - first[k]) as f32));
-        let weight = Weight::even(points.weight);
-        let faces = self.finder.faces(triangle, points.run.normal);
+        let share = if self.finder.faces(triangle, points.run.normal) { Weight::even(1.0) } else { self.of_opposite };
         Target {
             place: [first.map(|x| x as f32), x, y, z],
             range: self.finder.places.range(triangle).map(|corner| corner.map(|x| x as f32)),
             piece: usize::from(self.finder.places.map.labels[triangle as usize]),
-            weight: if faces { weight } else { weight.of_opposite(self.of_opposite) },
+            weight: share.times(points.weight),
         }
     }
 

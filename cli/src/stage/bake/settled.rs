@@ -8,7 +8,8 @@
 use super::borders::Place;
 use super::shown::{Alike, Shown, Wanted, bounded};
 use super::strip::{Strip, Vector};
-use crate::mesh::{NONE, srgb::srgb_byte};
+use super::values::plus;
+use crate::mesh::srgb::srgb_byte;
 
 /// Sides of a border that differ by more than this, of 255, are found together, with what is around them.
 const MOST_BETWEEN: u8 = 5;
@@ -74,7 +75,7 @@ impl Joint {
 
     /// The sum of some numbers of texels, as much of each as is shown.
     fn sum(&self, values: &[Vector]) -> Vector {
-        self.parts().fold(Vector::default(), |sum, (texel, share)| plus(sum, share, values[texel]))
+        self.parts().fold(Vector::default(), |sum, (texel, share)| plus(sum, values[texel], share))
     }
 
     /// What both sides show. Of a side that is not at hand, what it should.
@@ -82,7 +83,7 @@ impl Joint {
         let (mut one, mut other) = (Vector::default(), self.wanted);
         for (k, (texel, share)) in self.parts().enumerate() {
             let (side, share) = if k < 4 { (&mut one, share) } else { (&mut other, -share) };
-            *side = plus(*side, share, values[texel]);
+            *side = plus(*side, values[texel], share);
         }
         [one, other]
     }
@@ -109,20 +110,20 @@ impl Shown<'_> {
         for alike in &wanted.alike {
             if let Some(before) = before.filter(|_| alike.follows) {
                 let between = [0, 1].map(|k| Place::middle(before.places[k], alike.places[k], width));
-                joints.push(Joint::pair(between.map(|place| strip.of_place(place, width))));
+                joints.push(Joint::pair(between.map(|place| strip.of_place(place.texels(width)))));
             }
-            joints.push(Joint::pair(alike.places.map(|place| strip.of_place(place, width))));
+            joints.push(Joint::pair(alike.places.map(|place| strip.of_place(place.texels(width)))));
             before = Some(alike);
         }
         let colour = |point: u32| wanted.colours[point as usize * channels + number];
         for &point in &wanted.alone {
             let place = wanted.places[point as usize].0;
-            joints.push(Joint::alone(strip.of_place(place, width), colour(point)));
+            joints.push(Joint::alone(strip.of_place(place.texels(width)), colour(point)));
         }
         for &(place, ends) in &wanted.alone_between {
             let [one, other] = ends.map(colour);
             let middle = std::array::from_fn(|k| 0.5 * (one[k] + other[k]));
-            joints.push(Joint::alone(strip.of_place(place, width), middle));
+            joints.push(Joint::alone(strip.of_place(place.texels(width)), middle));
         }
     }
 }
@@ -150,7 +151,6 @@ pub(super) fn settle(joints: &[Joint], values: &mut [Vector]) {
 }
 
 /// Points of borders that are off and what is around them: all that show texels of these or of those beside them, which are what may change.
-#[derive(Default)]
 struct Around {
     /// Their texels are numbers in the lists below.
     joints: Vec<Joint>,
@@ -176,22 +176,22 @@ impl Around {
         for joint in joints.iter().filter(|joint| shows(joint, &are_shown)) {
             joint.all_texels().for_each(|texel| is_near[texel] = true);
         }
-        let (mut this, mut numbers) = (Self::default(), vec![NONE; values.len()]);
-        for (&joint, &is_off) in joints.iter().zip(&are_off).filter(|(joint, _)| shows(joint, &is_near)) {
-            let texels = joint.texels.map(|texel| {
-                let texel = texel as usize;
-                if numbers[texel] == NONE {
-                    numbers[texel] = this.places.len() as u32;
-                    let (place, may_change) = place(texel);
-                    this.places.push(place);
-                    this.values.push(values[texel]);
-                    this.may_change.push(may_change && is_near[texel]);
-                }
-                numbers[texel]
-            });
-            this.joints.push(Joint { texels, is_off, ..joint });
-        }
-        Some(this)
+        let mut strip = Strip::default();
+        strip.clear(values.len());
+        let near = joints.iter().zip(&are_off).filter(|(joint, _)| shows(joint, &is_near));
+        let numbered = |(joint, &is_off): (&Joint, &bool)| Joint {
+            texels: joint.texels.map(|texel| strip.number(texel)),
+            is_off,
+            ..*joint
+        };
+        let joints = near.map(numbered).collect();
+        let texels = || strip.texels().iter().map(|&texel| texel as usize);
+        let near_place = |texel: usize| {
+            let (place, may_change) = place(texel);
+            (place, may_change && is_near[texel])
+        };
+        let (places, may_change) = texels().map(near_place).unzip();
+        Some(Self { joints, places, values: texels().map(|texel| values[texel]).collect(), may_change })
     }
 
     /// Changes texels to those with which the squares of all points and of all changes count least, as screens show them. `weight` is what the square of
@@ -265,7 +265,7 @@ impl Around {
             let missing = zipped(other, one, |other, one| part * (other - one));
             for (texel, share) in joint.parts() {
                 let (sum, shares) = &mut needed[texel];
-                (*sum, *shares) = (plus(*sum, share, missing), *shares + share.abs());
+                (*sum, *shares) = (plus(*sum, missing, share), *shares + share.abs());
             }
         }
         let scale_of = |((&value, &(sum, shares)), &may_change): ((&Vector, &(Vector, f32)), &bool)| {
@@ -281,7 +281,7 @@ impl Around {
 /// Adds to the texels of a point what is given, as much as it shows of each.
 fn spread(sums: &mut [Vector], joint: &Joint, value: Vector) {
     for (texel, share) in joint.parts() {
-        sums[texel] = plus(sums[texel], share, value);
+        sums[texel] = plus(sums[texel], value, share);
     }
 }
 
@@ -291,10 +291,6 @@ fn zipped(one: Vector, other: Vector, of: impl Fn(f32, f32) -> f32) -> Vector {
 
 fn product(one: Vector, other: Vector) -> Vector {
     zipped(one, other, |one, other| one * other)
-}
-
-fn plus(sum: Vector, share: f32, value: Vector) -> Vector {
-    zipped(sum, value, |sum, value| sum + share * value)
 }
 
 /// Zero where there is nothing to divide by: a component in which nothing is off.

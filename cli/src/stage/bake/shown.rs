@@ -271,7 +271,7 @@ impl Shown<'_> {
         let gains = texels.map(|(texel, share)| if self.is_covered[texel] { covered * share } else { share });
         let sum: f32 = gains.iter().zip(texels).map(|(gain, (_, share))| gain * share).sum();
         Spread {
-            texels: strip.of_place(place, self.borders.width).map(|(texel, _)| texel),
+            texels: strip.of_place(texels).map(|(texel, _)| texel),
             shares: texels.map(|(_, share)| share),
             gains: gains.map(|gain| gain / sum),
         }
@@ -345,7 +345,7 @@ fn smooth(points: &mut [[f32; 3]], channels: usize) {
     }
 }
 
-fn colour_at(values: &[f32], first: usize) -> [f32; 3] {
+pub(super) fn colour_at(values: &[f32], first: usize) -> [f32; 3] {
     [values[first], values[first + 1], values[first + 2]]
 }
 

@@ -1,6 +1,6 @@
 //! The texels of a map that its borders show, side by side: in the map they lie far apart, and they are looked at many times.
 
-use super::borders::Place;
+use super::shown::colour_at;
 use super::values::Storage;
 use crate::mesh::NONE;
 
@@ -33,19 +33,23 @@ impl Strip {
         *number
     }
 
-    /// The four texels of a place with their shares. Those of which nothing is shown are any of the others.
+    /// The numbers of the four texels of a place, of each of which its share is given. Those of which nothing is shown are any of the others.
     #[inline]
-    pub fn of_place(&mut self, place: Place, width: usize) -> [(u32, f32); 4] {
-        let texels = place.texels(width);
+    pub fn of_place(&mut self, texels: [(usize, f32); 4]) -> [(u32, f32); 4] {
         let shown = texels.iter().find(|(_, share)| *share != 0.0).map_or(texels[0].0, |(texel, _)| *texel);
         texels.map(|(texel, share)| (self.number(if share == 0.0 { shown } else { texel } as u32), share))
+    }
+
+    /// All of them, by number.
+    pub fn texels(&self) -> &[u32] {
+        &self.texels
     }
 
     /// The colours of a channel, of which the first number of a texel is given.
     pub fn read(&self, values: &[f32], storage: &Storage, first: usize) -> Vec<Vector> {
         let colour_of = |&texel: &u32| {
-            let at = texel as usize * storage.stride() + first;
-            [values[at], values[at + 1], values[at + 2], 0.0]
+            let [red, green, blue] = colour_at(values, texel as usize * storage.stride() + first);
+            [red, green, blue, 0.0]
         };
         self.texels.iter().map(colour_of).collect()
     }
@@ -67,6 +71,7 @@ impl Strip {
 #[cfg(test)]
 mod tests {
     use super::super::Stored;
+    use super::super::borders::Place;
     use super::*;
 
     #[test]
@@ -91,8 +96,8 @@ mod tests {
     fn texels_of_which_nothing_is_shown_need_not_be_there() {
         let mut strip = Strip::default();
         strip.clear(4);
-        let texels = strip.of_place(Place::middle(Place::between(0), Place::between(1), 2), 2);
+        let texels = strip.of_place(Place::middle(Place::between(0), Place::between(1), 2).texels(2));
         assert_eq!(texels.map(|(_, share)| share), [0.5, 0.0, 0.5, 0.0]);
-        assert_eq!(strip.texels, [1, 3]);
+        assert_eq!(strip.texels(), [1, 3]);
     }
 }

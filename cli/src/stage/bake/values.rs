@@ -3,6 +3,7 @@
 use lodpack::decode::texels::{Image, Map};
 use lodpack::write::{Seen, encode_image, encode_normals, encode_seen_image, encode_values};
 
+use super::closest::Weight;
 use super::lanes::{LANES, whole};
 use crate::mesh::srgb::srgb_byte;
 
@@ -353,26 +354,6 @@ pub(super) struct Sums<'a> {
     pub kept: Kept,
 }
 
-/// What a point counts.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Weight {
-    pub all: f32,
-    /// What its directions count.
-    pub directions: f32,
-}
-
-impl Weight {
-    /// So much, all of it.
-    pub fn even(weight: f32) -> Self {
-        Self { all: weight, directions: weight }
-    }
-
-    /// A share, of a point that the other side of a sheet shows: its directions say nothing.
-    pub fn of_opposite(self, share: f32) -> Self {
-        Self { all: self.all * share, directions: 0.0 }
-    }
-}
-
 /// What is known of texels. Its memory serves one map after another.
 #[derive(Default)]
 pub(super) struct Kept {
@@ -525,7 +506,7 @@ impl<'a> Sums<'a> {
 
 /// Four sums, and four values that count so much.
 #[inline(always)]
-fn plus(sums: [f32; 4], values: [f32; 4], weight: f32) -> [f32; 4] {
+pub(super) fn plus(sums: [f32; 4], values: [f32; 4], weight: f32) -> [f32; 4] {
     std::array::from_fn(|k| sums[k] + values[k] * weight)
 }
 
@@ -542,9 +523,9 @@ mod tests {
         assert!(!is_look(&[Stored::Normal { step: 1 }]) && !is_look(&[colour, scalar]));
         let storage = Storage::new(vec![colour, Stored::Normal { step: 1 }, factor]);
         let mut sums = Sums::new(1, &storage, Kept::default());
-        let weight = Weight::even(3.0);
-        sums.add_all(&[0], &[0.25, 0.5, 1.0, 0.0, 0.0, 1.0, 0.5], weight);
-        sums.add_all(&[0], &[1.0, 0.5, 0.25, 0.0, 1.0, 0.0, 1.0], weight.of_opposite(1.0 / 3.0));
+        sums.add_all(&[0], &[0.25, 0.5, 1.0, 0.0, 0.0, 1.0, 0.5], Weight::even(3.0));
+        let of_opposite = Weight { all: 1.0 / 3.0, directions: 0.0 };
+        sums.add_all(&[0], &[1.0, 0.5, 0.25, 0.0, 1.0, 0.0, 1.0], of_opposite.times(3.0));
         sums.divide();
         assert_eq!(sums.kept.sums[..7], [0.4375, 0.5, 0.8125, 0.0, 0.0, 0.75, 0.625]);
     }
