@@ -348,6 +348,78 @@ fn colours_that_jump_stay_sharp_and_every_way_of_building_gives_the_same_bytes()
 }
 
 #[test]
+fn pages_are_no_larger_than_somebody_asks_for() {
+    let folder = Folder::empty();
+    save_two_coloured(&folder);
+    folder.run("build two.obj -o two.lodpack --region-triangles 2500");
+    let pages = |name: &str| {
+        let page = |number: u32| image::image_dimensions(folder.path(&format!("{name}-{number}.png"))).ok();
+        (0..).map_while(page).collect::<Vec<_>>()
+    };
+    folder.run("extract two.lodpack -o one.obj");
+    folder.run("extract two.lodpack -o some.obj --page-size 128");
+    let (one, some) = (pages("one"), pages("some"));
+    assert!(one.len() == 1 && some.len() > 2, "{one:?} {some:?}");
+    // None of the nodes has a larger image.
+    assert!(some.iter().all(|&(width, height)| width <= 128 && height <= 128), "{some:?}");
+}
+
+/// Writes a flat square as OBJ whose triangles each have one place of an image of five stripes: that of the stripe that they lie in.
+fn save_palette(folder: &Folder, side: u32) {
+    let mut text = String::from("mtllib flat.mtl\nusemtl flat\n");
+    for stripe in 0..STRIPES {
+        text += &format!("vt {} 0.5\n", (f64::from(stripe) + 0.5) / f64::from(STRIPES));
+    }
+    for v in 0..(side + 1) * (side + 1) {
+        let [x, y] = [v % (side + 1), v / (side + 1)].map(|x| f64::from(x) / f64::from(side));
+        text += &format!("v {x} {y} 0\n");
+    }
+    for (x, y) in (0..side).flat_map(|y| (0..side).map(move |x| (x, y))) {
+        let (corner, stripe) = (y * (side + 1) + x + 1, x * STRIPES / side + 1);
+        let [a, b, c, d] = [0, 1, side + 2, side + 1].map(|more| format!("{}/{stripe}", corner + more));
+        text += &format!("f {a} {b} {c}\nf {a} {c} {d}\n");
+    }
+    fs::write(folder.path("flat.obj"), text).expect("writable");
+    fs::write(folder.path("flat.mtl"), "newmtl flat\nmap_Kd flat.png\n").expect("writable");
+    let texel = |x: u32, _: u32| image::Rgb(stripe_colour(x));
+    image::RgbImage::from_fn(STRIPES, 1, texel).save(folder.path("flat.png")).expect("writable");
+}
+
+const STRIPES: u32 = 5;
+
+fn stripe_colour(stripe: u32) -> [u8; 3] {
+    [[230, 20, 20], [20, 200, 40], [30, 40, 220], [240, 240, 60], [40, 40, 40]][stripe as usize]
+}
+
+#[test]
+fn a_flat_sheet_of_a_palette_has_each_colour_up_to_its_line() {
+    let folder = Folder::empty();
+    save_palette(&folder, 20);
+    folder.run("build flat.obj -o flat.lodpack");
+    let bytes = folder.read("flat.lodpack");
+    let file = open(&bytes);
+    let cut = file.select(&Query { tolerance: Some(0.0), ..Query::default() }).expect("a cut");
+    let shown = file.extract_textured(&cut, &[0]).expect("sound");
+    // A few triangles are enough for a flat sheet, but the lines have to be among their edges.
+    assert!(cut.triangle_count < 100, "{} triangles", cut.triangle_count);
+    for (number, places) in shown.places.iter().enumerate() {
+        let texture = &shown.textures[shown.mesh.triangle_nodes[number] as usize];
+        let Some(ChannelImage::Colours(colours)) = &texture.images[0] else { panic!("a node has no texels") };
+        for (i, j) in (1..20).flat_map(|i| (1..20 - i).map(move |j| (i, j))) {
+            let weights = [20 - i - j, i, j].map(|share| f64::from(share) / 20.0);
+            let corners = shown.mesh.triangles[number].map(|v| shown.mesh.positions[v as usize]);
+            let x: f64 = (0..3).map(|k| weights[k] * corners[k][0]).sum::<f64>() * f64::from(STRIPES);
+            if (x - x.round()).abs() < 0.05 {
+                continue;
+            }
+            let place = [0, 1].map(|k| (0..3).map(|i| f64::from(places[i][k]) * weights[i]).sum());
+            let (got, wanted) = (colours.interpolated(place), stripe_colour(x as u32));
+            assert!((0..3).all(|k| (got[k] - f64::from(wanted[k])).abs() < 12.0), "{got:?} for {wanted:?} at {x}");
+        }
+    }
+}
+
+#[test]
 fn colours_of_materials_without_textures_are_kept() {
     let folder = Folder::empty();
     let sphere = bumpy_sphere(30);

@@ -276,6 +276,25 @@ impl AttributeSink {
         }
     }
 
+    /// Sentences about numbers that are not kept as they are.
+    pub(super) fn about_numbers(&self) -> Vec<String> {
+        let mut notes = vec![];
+        for range in &self.appearance.scalars {
+            let ScalarRange { name, missing, .. } = range;
+            if *missing > 0 {
+                notes.push(format!("{name} is no finite number at {missing} vertices, which get what is beside them"));
+            }
+            let (rounding, width) = (range.rounding(), f64::from(range.high) - f64::from(range.low));
+            if range.is_whole && rounding >= 0.5 && rounding > SEEN_ROUNDING * width {
+                notes.push(format!(
+                    "{name} has numbers of more digits than are kept: they may be off by {rounding}; to keep them, subtract \
+                     the smallest one from all"
+                ));
+            }
+        }
+        notes
+    }
+
     /// Refuses names of channels that the input does not have.
     pub(super) fn check_names(&self) -> Parsed<()> {
         let Channels::Named(names) = &self.channels else { return Ok(()) };
@@ -319,6 +338,9 @@ fn fill(values: &mut Vec<f32>, layout: &AttributeLayout, records: u64, there: u6
     (0..missing).for_each(|_| values.extend_from_slice(&blank));
     missing > 0
 }
+
+/// Of all that a scalar's values differ by, what rounding may take before it is said.
+const SEEN_ROUNDING: f64 = 1e-6;
 
 /// Keeps what has to be known of all values: the range of scalars, and whether some colour is not opaque.
 #[inline]

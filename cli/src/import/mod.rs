@@ -124,7 +124,8 @@ pub fn import_large_meshes(
 
 /// Ends the inputs, says what they carry, and looks at their images.
 fn finish(mut sink: MeshSink, progress: &dyn Progress) -> Result<Imported, ImportError> {
-    for note in [sink.channels(), sink.left_out()].into_iter().flatten() {
+    let notes = [sink.channels(), sink.left_out()].into_iter().flatten();
+    for note in notes.chain(sink.attributes.about_numbers()) {
         progress.note(&note);
     }
     let room = sink.room();

@@ -192,12 +192,17 @@ pub struct ScalarRange {
     pub high: f32,
     /// Whether all values are whole numbers.
     pub is_whole: bool,
+    /// How many are no finite numbers.
+    pub missing: u64,
 }
+
+/// Whole numbers above this are not all kept.
+const LARGEST_EXACT: f32 = (1 << f32::MANTISSA_DIGITS) as f32;
 
 impl ScalarRange {
     /// Of no values.
     pub fn new(name: &str) -> Self {
-        Self { name: name.to_owned(), low: f32::INFINITY, high: f32::NEG_INFINITY, is_whole: true }
+        Self { name: name.to_owned(), low: f32::INFINITY, high: f32::NEG_INFINITY, is_whole: true, missing: 0 }
     }
 
     /// Adds a value.
@@ -207,7 +212,15 @@ impl ScalarRange {
             self.low = self.low.min(value);
             self.high = self.high.max(value);
             self.is_whole &= value.trunc() == value;
+        } else {
+            self.missing += 1;
         }
+    }
+
+    /// By how much values may be off since they are kept in single precision: half of the distance between such numbers where they are largest.
+    pub fn rounding(&self) -> f64 {
+        let largest = self.low.abs().max(self.high.abs());
+        if largest.is_finite() { 0.5 * (f64::from(largest) - f64::from(largest.next_down())) } else { 0.0 }
     }
 
     /// Whether the values are numbers of classes, between which there is nothing: whole numbers under a name that classes have.
@@ -216,7 +229,8 @@ impl ScalarRange {
         // As CloudCompare writes names.
         let name = name.strip_prefix("scalar_").unwrap_or(&name);
         let name = name.strip_suffix("_id").unwrap_or(name);
-        self.is_whole && f64::from(self.high) - f64::from(self.low) <= f64::from(u16::MAX) && LABELS.contains(&name)
+        let are_exact = self.is_whole && self.low.abs().max(self.high.abs()) <= LARGEST_EXACT;
+        are_exact && f64::from(self.high) - f64::from(self.low) <= f64::from(u16::MAX) && LABELS.contains(&name)
     }
 
     /// Adds the values of another range.
@@ -224,6 +238,7 @@ impl ScalarRange {
         self.low = self.low.min(other.low);
         self.high = self.high.max(other.high);
         self.is_whole &= other.is_whole;
+        self.missing += other.missing;
     }
 }
 
@@ -370,6 +385,16 @@ mod tests {
         assert!(!range("quality", &[3.0]).is_label());
         // Parts of classes, and more of them than an image tells apart.
         assert!(!range("label", &[3.0, 3.5]).is_label() && !range("label", &[0.0, 65536.0]).is_label());
+        // Not all of such numbers can be told apart.
+        assert!(!range("label", &[2e7, 2e7 + 2.0]).is_label());
+    }
+
+    #[test]
+    fn ranges_know_what_is_missing_and_rounded() {
+        let mut range = ScalarRange::new("time");
+        assert_eq!((range.missing, range.rounding()), (0, 0.0));
+        [1.5e9, f32::NAN, 1.6e9, f32::INFINITY].into_iter().for_each(|value| range.add(value));
+        assert_eq!((range.low, range.high, range.missing, range.rounding()), (1.5e9, 1.6e9, 2, 64.0));
     }
 
     #[test]

@@ -214,7 +214,14 @@ impl ChartWork<'_> {
                 let mut compared = self.compared(original, cut, level as u8, &coded_level);
                 self.certify(&mut compared)
             };
-            let needed = filling.is_nested() || level == last && best_stored > self.charted.scale.tolerance;
+            // A flat patch may be as near as it has to be at a coarse level, but lines end at samples of the finest one.
+            let has_lines = level == last
+                && self.charted.jumps_inside(self.chart)
+                && blocks.iter().flatten().last().is_some_and(|coarser: &BlockRecord| {
+                    (coarser.triangle_count as usize) < coded_level.patch.triangles.len()
+                });
+            let needed =
+                filling.is_nested() || has_lines || level == last && best_stored > self.charted.scale.tolerance;
             if best.is_finite() && !needed && error > best * WORTHWHILE {
                 blocks.push(None);
                 continue;

@@ -26,6 +26,8 @@ use crate::stage::bake::{
 /// The step of quantisation of images that are not stored.
 const STEP: u8 = 1;
 
+/// Mean squares of colours that are off by less than this, of 255, are rounding.
+const UNSEEN: f64 = 1e-4;
 /// Where colours jump, texels may be finer than those of the cut, as a power of the root of two: lines lie across them.
 const FINER: u32 = 4;
 /// So that there are no more than about this many.
@@ -138,6 +140,10 @@ impl<'a> CutPainter<'a> {
         let coarse = sampled(CELLS);
         let compare = |way| self.compared(&coarse, way);
         let mut all: Vec<Compared> = ways.into_par_iter().map(compare).collect();
+        // Where all looks alike, colours say nothing of cuts, and a search would not end.
+        if all.iter().all(|one| one.seen.mean().is_none_or(|mean| mean < UNSEEN)) {
+            return all.into_iter().next().map(|first| first.way);
+        }
         all.sort_by(|one, other| one.value.total_cmp(&other.value));
         let Some(recollapse) = recollapse else { return all.into_iter().next().map(|first| first.way) };
         let best = recollapse.best_singly(recollapse.best(all, &compare), &coarse, &compare)?.way;

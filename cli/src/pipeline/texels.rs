@@ -18,11 +18,19 @@ use crate::stage::shade::Painter;
 
 /// Steps between the least and the largest value of a scalar that is not whole: 12 bits, of which neighbours predict most.
 const SCALAR_STEPS: f64 = 4095.0;
+/// The share of a step that nobody asks for.
+const NEGLIGIBLE: f64 = 0.01;
 /// Texels for each texel or vertex of the input, along each direction. Texels lie askew to those of the input: with as many, a bunny with a photograph
 /// had 36 dB at any quality.
 pub(super) const DENSITY: f64 = 1.4;
 /// How much finer texels are where images are even but for a few sharp edges, which each texel that lies across blurs.
 const FINER_IF_SHARP: f64 = 2.0;
+/// In a mesh of at most so many triangles,
+const SMALL: usize = 1000;
+/// charts that do not look alike everywhere have so many texels,
+const SMALL_TEXELS: f64 = 4096.0;
+/// or so many times as many along each direction: they take next to no bytes, and what few texels blur is all that there is.
+const SMALL_FINER: f64 = 16.0;
 /// How much larger than wanted texels may be, because their size is a power of the root of two.
 const LARGER: f64 = 1.1;
 
@@ -56,10 +64,17 @@ pub(super) fn channels(appearance: &Appearance) -> Vec<ChannelInfo> {
         let is_taken = all.iter().any(|channel| channel.name == range.name);
         let name = if is_taken { format!("{} of vertices", range.name) } else { range.name.clone() };
         let (kind, bound) =
-            if range.is_label() { (ChannelKind::Label, 0.0) } else { (ChannelKind::Scalar, step * 0.5) };
+            if range.is_label() { (ChannelKind::Label, 0.0) } else { (ChannelKind::Scalar, bound(range, step)) };
         all.push(of(&name, kind, 1, low, step, bound));
     }
     all
+}
+
+/// How far what is stored for a value may be from it.
+fn bound(range: &ScalarRange, step: f64) -> f64 {
+    let (of_steps, rounding) = (step * 0.5, range.rounding());
+    // Usually numbers are much closer to one another than steps are.
+    if rounding > NEGLIGIBLE * of_steps { of_steps + rounding } else { of_steps }
 }
 
 fn colour_components(appearance: &Appearance) -> u8 {
@@ -164,26 +179,32 @@ impl InputSource<'_> {
     pub fn density(&mut self) -> Option<[f64; 2]> {
         let has_others = self.appearance.has_colour || self.appearance.has_materials();
         let has_images = has_others && !self.appearance.images.is_empty();
-        let (mut densities, mut sums, mut sharpness) = (vec![], [0.0; 2], Sharpness::default());
+        let (mut densities, mut sums, mut sharpness) = (vec![], [0.0; 3], Sharpness::default());
+        let mut is_even = true;
         for triangle in 0..self.own.len() {
             let points = self.points(triangle);
             let area = 0.5 * (points[1] - points[0]).cross(points[2] - points[0]).length();
             let face = self.painter.face(self.own[triangle] as usize, points);
             let mean = f64::from(if has_others { face.image_density() } else { face.scalar_density() });
-            sums = [sums[0] + mean * area, sums[1] + area];
+            let least = f64::from(face.least_density());
+            sums = [sums[0] + mean * area, sums[1] + least * area, sums[2] + area];
+            is_even &= face.is_even();
             if has_images {
                 sharpness.look(&face, points, mean);
                 densities.push(Density { mean, most: f64::from(face.most_density()), area });
             }
         }
-        let [sum, area] = sums;
-        let mean = sum / area;
+        let [sum, least, area] = sums;
+        let mut mean = sum.max(least) / area;
         if !(mean > 0.0 && mean.is_finite()) {
             return None;
         }
         if has_images {
             let triangles: Vec<[u32; 3]> = self.own.iter().map(|&triangle| self.all[triangle as usize]).collect();
             self.larger = larger_by_density(&triangles, &densities);
+        }
+        if !is_even && self.all.len() <= SMALL {
+            mean *= (SMALL_TEXELS / (area * mean * mean)).sqrt().clamp(1.0, SMALL_FINER);
         }
         Some([if sharpness.is_sharp() { FINER_IF_SHARP * mean } else { mean }, area])
     }

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use glam::DVec3;
 use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
@@ -9,6 +10,7 @@ use super::lanes::set;
 use super::projection::projections;
 use super::raster::{Drawn, texel_at};
 use super::values::{Kept, Sums};
+use crate::stage::certify::{Hint, TriangleBvh};
 
 /// How many pieces values pass through at most until they come to one without any.
 const MAX_ROUNDS: usize = 16;
@@ -16,17 +18,17 @@ const MAX_ROUNDS: usize = 16;
 /// The means of all texels that are used, and those of their neighbours where nothing was found.
 ///
 /// Neighbours are those in the same piece, since beside its rectangle lies that of another piece, which shows something else. A piece for which
-/// nothing at all was found takes what the pieces beside it show at the vertices that both have.
+/// nothing at all was found takes what the pieces beside it show at the vertices that both have, and where there are none what the closest piece does.
+/// So do texels that have values but lack a number, where nothing was measured.
 pub(super) fn finished(mut sums: Sums<'_>, patch: &BakedPatch<'_>, map: &Map, drawn: &Drawn) -> Kept {
     sums.divide();
-    let (stride, labels) = (sums.stride(), sums.labels());
+    let (stride, labels, numbers) = (sums.stride(), sums.labels(), sums.storage.numbers());
     let Kept { sums: values, known } = sums.kept;
     let mut filling = Filling { map, is_used: &drawn.is_used, known, stride, labels, values };
-    let mut rounds = 0;
-    while !filling.fill_pieces() && rounds < MAX_ROUNDS && filling.cross(patch) {
-        rounds += 1;
+    filling.fill(patch, drawn);
+    for number in numbers {
+        filling.fill_number(number, patch, drawn);
     }
-    filling.fill_rest();
     Kept { sums: filling.values, known: filling.known }
 }
 
@@ -43,6 +45,34 @@ struct Filling<'a> {
 }
 
 impl Filling<'_> {
+    /// Gives all texels that are used values, if anything is known.
+    fn fill(&mut self, patch: &BakedPatch<'_>, drawn: &Drawn) {
+        let mut is_complete = self.fill_pieces();
+        for _ in 0..MAX_ROUNDS {
+            if is_complete || !self.cross(patch) {
+                break;
+            }
+            is_complete = self.fill_pieces();
+        }
+        if !is_complete {
+            self.fill_rest(patch, drawn);
+        }
+    }
+
+    /// Gives texels that lack a number one.
+    fn fill_number(&mut self, number: usize, patch: &BakedPatch<'_>, drawn: &Drawn) {
+        let values: Vec<f32> = self.values.iter().skip(number).step_by(self.stride).copied().collect();
+        let known: Vec<bool> = values.iter().zip(&self.known).map(|(value, known)| *known && !value.is_nan()).collect();
+        if known == self.known {
+            return;
+        }
+        let labels = if self.labels.contains(&number) { vec![0] } else { vec![] };
+        let mut alone = Filling { map: self.map, is_used: self.is_used, known, stride: 1, labels, values };
+        alone.fill(patch, drawn);
+        let all = self.values.iter_mut().skip(number).step_by(self.stride);
+        all.zip(alone.values).for_each(|(value, filled)| *value = filled);
+    }
+
     /// Gives texels the mean of their neighbours in the piece, ring by ring. Says whether all texels have values now.
     fn fill_pieces(&mut self) -> bool {
         let width = self.map.size[0] as usize;
@@ -108,13 +138,30 @@ impl Filling<'_> {
         is_any
     }
 
-    /// Gives texels that are left the mean of everything.
-    fn fill_rest(&mut self) {
-        let open: Vec<usize> = (0..self.known.len()).filter(|&t| self.is_used[t] && !self.known[t]).collect();
-        let mut mean = vec![];
-        if !open.is_empty() && self.add_mean(0..self.known.len(), &mut mean) {
-            open.into_iter().for_each(|texel| self.set(texel, &mean));
+    /// Gives pieces that are left what the patch shows where it is closest to them.
+    fn fill_rest(&mut self, patch: &BakedPatch<'_>, drawn: &Drawn) {
+        let (width, projections) = (self.map.size[0] as usize, projections(patch, self.map));
+        let is_open = |texel: &usize| drawn.is_used[*texel] && !self.known[*texel];
+        let open: Vec<Vec<usize>> =
+            projections.iter().map(|piece| piece.texels(width).filter(is_open).collect()).collect();
+        let positions: Vec<DVec3> = (0..patch.positions.len() as u32).map(|vertex| patch.position(vertex)).collect();
+        let of_patch = patch.triangles.iter().zip(self.map.labels.iter().map(|&label| usize::from(label)));
+        let (triangles, pieces): (Vec<[u32; 3]>, Vec<usize>) =
+            of_patch.filter(|(_, piece)| open[*piece].is_empty()).unzip();
+        let (bvh, mut hint) = (TriangleBvh::new(&positions, &triangles), Hint::default());
+        for (projection, texels) in projections.iter().zip(&open) {
+            for &texel in texels.iter().filter(|&&texel| drawn.depth[texel].is_finite()) {
+                let place = [texel % width, texel / width].map(|x| x as f64 + 0.5);
+                let closest = bvh.closest(projection.point(place, f64::from(drawn.depth[texel])), &mut hint);
+                let Some(&piece) = pieces.get(closest.triangle as usize) else { return };
+                let [column, row] = texel_at(projections[piece].place(closest.point), self.map.size);
+                let from = row as usize * width + column as usize;
+                let values = self.values[from * self.stride..][..self.stride].to_vec();
+                self.set(texel, &values);
+            }
         }
+        // Those beside these have no place on the patch.
+        self.fill_pieces();
     }
 
     /// Appends the mean of those texels that have values, and the labels of the first one. Says whether there are any.

@@ -166,7 +166,7 @@ impl Shown<'_> {
     }
 }
 
-/// Gives covered texels to which nothing was projected the values of the input's closest point, unless they are few.
+/// Gives texels to which nothing was projected the values of the input's closest point: see [`open_texels`].
 fn add_closest(
     map: &Map,
     drawn: &Drawn,
@@ -175,25 +175,17 @@ fn add_closest(
     source: &mut impl Source,
     sums: &mut Sums<'_>,
 ) {
-    let width = map.size[0] as usize;
-    let bare: Vec<usize> =
-        (0..drawn.depth.len()).filter(|&texel| drawn.is_covered[texel] && !sums.has(texel)).collect();
-    // Neighbours serve where few are missing.
-    let covered = drawn.is_covered.iter().filter(|&&covered| covered).count();
-    if bare.len() <= covered / FEW || source.triangle_count() == 0 {
+    let open = open_texels(map, drawn, pieces, sums);
+    if open.is_empty() || source.triangle_count() == 0 {
         return;
     }
+    let width = map.size[0] as usize;
     let positions: Vec<DVec3> = (0..source.triangle_count()).flat_map(|triangle| source.corners(triangle)).collect();
     let triangles: Vec<[u32; 3]> = (0..source.triangle_count() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     let bvh = TriangleBvh::new(&positions, &triangles);
     let (mut hint, mut values) = (Hint::default(), vec![]);
-    for texel in bare {
-        let place = [texel % width, texel / width].map(|x| x as f64 + 0.5);
-        let holds = |(_, projection): &(usize, &Projection)| {
-            let [low, high] = projection.range;
-            (0..2).all(|k| low[k] <= place[k] && place[k] <= high[k])
-        };
-        let Some((piece, projection)) = pieces.iter().enumerate().find(holds) else { continue };
+    for (piece, texel) in open {
+        let (projection, place) = (&pieces[piece], [texel % width, texel / width].map(|x| x as f64 + 0.5));
         let point = patch.origin() + projection.point(place, f64::from(drawn.depth[texel]));
         let closest = bvh.closest(point, &mut hint);
         if strangers.has(piece, source.area(closest.triangle as usize)) {
@@ -204,6 +196,28 @@ fn add_closest(
         source.shade(closest.triangle as usize, &[Points::one(weights)], projection.size as f32, &mut values);
         sums.add_all(&[texel as u32], &values, Weight::even(1.0));
     }
+}
+
+/// Texels that need a value, each with its piece: those that are covered, unless they are few, and all of pieces to which nothing was projected, as
+/// happens where a sliver covers no texel's middle or faces the other way. What lies around such a piece may be far away.
+fn open_texels(map: &Map, drawn: &Drawn, pieces: &[Projection], sums: &Sums<'_>) -> Vec<(usize, usize)> {
+    let is_bare = |texel: usize| drawn.is_covered[texel] && !sums.has(texel);
+    let covered = drawn.is_covered.iter().filter(|&&covered| covered).count();
+    let bare = (0..drawn.depth.len()).filter(|&texel| is_bare(texel)).count();
+    // Neighbours serve where few are missing.
+    let are_many = bare > covered / FEW;
+    let width = map.size[0] as usize;
+    let mut open = vec![];
+    for (piece, projection) in pieces.iter().enumerate() {
+        let texels = || projection.texels(width);
+        if !texels().any(|texel| sums.has(texel)) {
+            let has_place = |texel: &usize| drawn.is_used[*texel] && drawn.depth[*texel].is_finite();
+            open.extend(texels().filter(has_place).map(|texel| (piece, texel)));
+        } else if are_many {
+            open.extend(texels().filter(|&texel| is_bare(texel)).map(|texel| (piece, texel)));
+        }
+    }
+    open
 }
 
 /// The weights of the corners of a triangle at a point of it.

@@ -66,6 +66,12 @@ impl Projection {
         low.cmple(self.bounds[1]).all() && high.cmpge(self.bounds[0]).all()
     }
 
+    /// The texels of the piece's rectangle, in an image of so many columns.
+    pub fn texels(&self, width: usize) -> impl Iterator<Item = usize> + use<> {
+        let [[left, top], [right, bottom]] = self.range.map(|place| place.map(|x| x as usize));
+        (top..=bottom).flat_map(move |row| row * width + left..=row * width + right)
+    }
+
     /// Where a point lies in the image.
     #[inline]
     pub fn place(&self, point: DVec3) -> [f64; 2] {

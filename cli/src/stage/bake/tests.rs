@@ -318,6 +318,88 @@ fn a_piece_of_which_nothing_is_known_shows_what_lies_beside_it_on_the_surface() 
 }
 
 #[test]
+fn pieces_that_nothing_is_projected_to_show_what_is_closest_to_them() {
+    // A square, a sliver that covers no texel's middle, and a triangle that faces the other way than its source.
+    let positions: Vec<LatticePoint> =
+        [[0, 0], [100, 0], [100, 100], [0, 100], [300, 0], [300, 60], [302, 30], [500, 0], [560, 0], [500, 60]]
+            .map(|[x, y]| [x, y, 0])
+            .into();
+    let triangles = [[0, 1, 2], [0, 2, 3], [4, 6, 5], [7, 9, 8]];
+    let corners = |of: [u32; 3]| of.map(|v| positions[v as usize].map(|x| x as f64));
+    let mut source: Vec<_> = triangles.map(corners).into_iter().zip([100.0, 100.0, 900.0, 500.0]).collect();
+    source[3].0.swap(1, 2);
+    let patch =
+        BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0, areas: None, finer: 0, is_sharp: false };
+    let baked = bake(&mut Baker::new(&numbers()), &patch, &mut Numbered(source), 8).unwrap();
+    assert_eq!(numbers_shown(&positions, &triangles, &baked), [[100; 2], [100; 2], [900; 2], [500; 2]]);
+}
+
+#[test]
+fn a_piece_that_nothing_is_known_of_shows_what_the_patch_does_where_it_is_closest() {
+    // Two squares, and one close above the second that shares no vertex with it, and that no point is closest to.
+    let square = |x: i64, z: i64| [[x, 0, z], [x + 100, 0, z], [x + 100, 100, z], [x, 100, z]];
+    let positions: Vec<LatticePoint> = [square(0, 0), square(400, 0), square(400, 10)].concat();
+    let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7], [8, 9, 10], [8, 10, 11]];
+    let corners = |of: [u32; 3]| of.map(|v| positions[v as usize].map(|x| x as f64));
+    let of_triangles =
+        |triangles| BakedPatch { positions: &positions, triangles, reach: 1.0, areas: None, finer: 0, is_sharp: false };
+    let source = triangles.map(corners).into_iter().zip([100.0, 100.0, 900.0, 900.0]);
+    let mut source = Numbered(source.collect());
+    let fine = bake(&mut Baker::new(&numbers()), &of_triangles(&triangles[..4]), &mut source, 2).unwrap();
+    let finer = std::iter::once(&fine.surfels);
+    let baked =
+        Baker::new(&numbers()).bake_coarser(&of_triangles(&triangles), finer, NO_SOURCE, Coarse::even(4)).unwrap();
+    let shown = numbers_shown(&positions, &triangles, &baked);
+    assert_eq!(shown, [[100; 2], [100; 2], [900; 2], [900; 2], [900; 2], [900; 2]]);
+}
+
+#[test]
+fn where_nothing_was_measured_texels_have_the_number_beside_it() {
+    // Four strips of a square, the third without a number; and colours all over.
+    let positions: [LatticePoint; 4] = [[0, 0, 0], [100, 0, 0], [100, 100, 0], [0, 100, 0]];
+    let triangles = [[0, 1, 2], [0, 2, 3]];
+    let strip = |k: u32| {
+        let [left, right] = [k, k + 1].map(|x| f64::from(x) * 25.0);
+        let [a, b, c, d] = [[left, 0.0, 0.0], [right, 0.0, 0.0], [right, 100.0, 0.0], [left, 100.0, 0.0]];
+        [([a, b, c], k), ([a, c, d], k)]
+    };
+    let numbers = [10.0, 20.0, f32::NAN, 40.0];
+    struct Strips(Vec<([[f64; 3]; 3], f32)>);
+    impl Source for Strips {
+        fn triangle_count(&self) -> usize {
+            self.0.len()
+        }
+        fn corners(&self, triangle: usize) -> [DVec3; 3] {
+            self.0[triangle].0.map(DVec3::from)
+        }
+        fn shade(&mut self, triangle: usize, points: &[Points], _: f32, values: &mut Vec<f32>) {
+            let number = self.0[triangle].1;
+            points
+                .iter()
+                .flat_map(|points| points.weights())
+                .for_each(|_| values.extend([0.5, 0.5, 0.5, number, number]));
+        }
+    }
+    let mut source = Strips((0..4).flat_map(strip).map(|(corners, k)| (corners, numbers[k as usize])).collect());
+    let channels = vec![
+        Stored::Colour { components: 3, step: 1 },
+        Stored::Scalar { low: 0.0, step: 1.0 },
+        Stored::Label { low: 0.0 },
+    ];
+    let patch =
+        BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0, areas: None, finer: 0, is_sharp: false };
+    let baked = bake(&mut Baker::new(&Storage::new(channels)), &patch, &mut source, 4).unwrap();
+    let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
+    let [scalars, labels] = [2, 3].map(|k| Image::decode_values(&baked.streams[k], map.size, 1).unwrap());
+    for x in 1..100 {
+        let [x, y] = map.piece(0).unbounded([f64::from(x), 50.0, 0.0]).map(|x| x as u32);
+        let (scalar, label) = (scalars.texel(x, y)[0], labels.texel(x, y)[0]);
+        assert!((10..=40).contains(&scalar), "{scalar} at {x}");
+        assert!([10, 20, 40].contains(&label), "{label} at {x}");
+    }
+}
+
+#[test]
 fn points_of_the_source_are_shown_where_the_patch_is_closest_to_them() {
     // Two slopes in one piece. Strips of the source, with a number each, lie above one of them, along its normal.
     let positions = [[0, 0, 58], [0, 60, 58], [-100, 0, 0], [-100, 60, 0], [100, 0, 0], [100, 60, 0]];

@@ -182,6 +182,11 @@ impl Storage {
         }
     }
 
+    /// Where scalars and labels lie among the values of a point, which may have none.
+    pub(super) fn numbers(&self) -> Vec<usize> {
+        self.places(|channel| matches!(channel, Stored::Scalar { .. } | Stored::Label { .. }))
+    }
+
     /// Where the labels lie among the values of a point.
     pub(super) fn labels(&self) -> Vec<usize> {
         self.places(|channel| matches!(channel, Stored::Label { .. }))
@@ -496,7 +501,13 @@ impl<'a> Sums<'a> {
                         own[0] /= weights[scalar];
                         scalar += 1;
                     }
-                    Stored::Label { .. } => scalar += 1,
+                    Stored::Label { .. } => {
+                        // Nobody has voted.
+                        if (own[0], weights[scalar]) == (0.0, 0.0) {
+                            own[0] = f32::NAN;
+                        }
+                        scalar += 1;
+                    }
                 }
                 at += channel.values();
             }

@@ -26,6 +26,8 @@ use texture::{Meaning, Texture};
 
 /// Texels for each sample where a triangle looks alike everywhere, in each direction.
 const EVEN: f32 = 0.25;
+/// So many texels of an image, or less of one, look alike.
+const ALIKE: f64 = 0.5;
 
 /// Evaluates the surface of an input. Threads share it, and the images that it has decoded.
 pub struct Shader<'a> {
@@ -215,6 +217,16 @@ impl TexturedFace {
         self.with(&self.filter(footprint), weights)
     }
 
+    /// Whether a triangle lies between so few texels that it looks alike everywhere, as those of which each has its place in a palette.
+    fn is_even(&self) -> bool {
+        let size = self.texture.size().map(f64::from);
+        let span = |k: usize| {
+            let places = self.uv.map(|uv| uv[k] * size[k]);
+            places.into_iter().fold(f64::MIN, f64::max) - places.into_iter().fold(f64::MAX, f64::min)
+        };
+        (0..2).all(|k| span(k) <= ALIKE)
+    }
+
     /// Texels per unit of length, in the direction in which there are most.
     fn most_along(&self, corners: &[DVec3; 3]) -> f32 {
         let size = self.texture.size().map(f64::from);
@@ -334,7 +346,7 @@ impl Face<'_> {
         let place = layout.scalars.iter().find(|(known, _)| known == name).map_or(usize::MAX, |(_, place)| *place);
         let (mut sum, mut weight) = (0.0, 0.0);
         for (record, share) in self.records.iter().zip(weights) {
-            if let Some(value) = record.get(place).filter(|value| !value.is_nan()) {
+            if let Some(value) = record.get(place).filter(|value| value.is_finite()) {
                 (sum, weight) = (sum + share * value, weight + share);
             }
         }
@@ -359,19 +371,39 @@ impl Face<'_> {
     /// Samples per unit of length that the channels of the input have here, but for scalars: texels of its textures, or about one for each
     /// vertex; 0 where it has none of them.
     pub fn material_density(&self) -> f32 {
-        // What the factors of a material say takes texels, too.
+        // What the factors of a material say takes texels, too, and so does the one place in an image that a triangle shows.
         let has_factors = self.appearance.has_colour || self.appearance.has_materials();
-        let is_bare = has_factors && self.textures.iter().all(Option::is_none);
-        let has_vertices = self.colour.is_some() || self.appearance.maps.normal || is_bare;
+        let is_even = has_factors && self.are_textures_even();
+        let has_vertices = self.colour.is_some() || self.appearance.maps.normal || is_even;
         let of_vertices = if has_vertices { self.vertex_density } else { 0.0 };
-        self.textures.iter().flatten().fold(of_vertices, |most, face| most.max(face.density))
+        of_vertices.max(self.texture_density())
     }
 
     /// As many as images of it need: fewer where all of the triangle looks alike, since no piece of an image reaches beyond what jumps.
     pub fn image_density(&self) -> f32 {
+        (if self.is_even() { EVEN * self.material_density() } else { self.material_density() })
+            .max(self.texture_density())
+    }
+
+    /// Whether it looks alike everywhere.
+    pub fn is_even(&self) -> bool {
         let has_values = self.colour.is_some() || self.appearance.maps.normal || !self.appearance.scalars.is_empty();
-        let is_even = !has_values && self.textures.iter().all(Option::is_none);
-        self.material_density() * if is_even { EVEN } else { 1.0 }
+        !has_values && self.are_textures_even()
+    }
+
+    /// As many as there are at least in the mean of all triangles: along a ramp, where these have no area in the image, those of vertices at most.
+    pub fn least_density(&self) -> f32 {
+        let of_texture = |face: &TexturedFace| face.most_along(&self.corners).min(self.vertex_density);
+        self.textures.iter().flatten().map(of_texture).fold(0.0, f32::max)
+    }
+
+    /// Texels of its textures.
+    fn texture_density(&self) -> f32 {
+        self.textures.iter().flatten().map(|face| face.density).fold(0.0, f32::max)
+    }
+
+    fn are_textures_even(&self) -> bool {
+        self.textures.iter().flatten().all(TexturedFace::is_even)
     }
 
     /// As [`Face::image_density`], along the direction in which there are most of them.

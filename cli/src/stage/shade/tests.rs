@@ -74,6 +74,23 @@ fn vertex_colours_and_scalars_are_interpolated_between_corners() {
 }
 
 #[test]
+fn triangles_without_an_area_in_the_image_have_samples_of_their_vertices() {
+    let image = || encoded(&DynamicImage::ImageRgba8(ImageBuffer::from_pixel(8, 8, Rgba([9; 4]))), ImageFormat::Png);
+    let densities = |uv| {
+        let (appearance, region) = textured(image(), uv);
+        let shader = Shader::new(&appearance, None, &std::env::temp_dir(), 0, &|_| ());
+        let mut painter = shader.painter(&region);
+        let face = painter.face(0, CORNERS);
+        (face.is_even(), face.material_density(), face.image_density().max(face.least_density()))
+    };
+    // One place of a palette, nearly one, and a ramp.
+    assert_eq!(densities([[0.3, 0.3]; 3]), (true, 1.0, EVEN));
+    assert_eq!(densities([[0.3, 0.3], [0.3, 0.31], [0.31, 0.3]]), (true, 1.0, EVEN));
+    assert_eq!(densities([[0.1, 0.3], [0.9, 0.3], [0.5, 0.3]]), (false, 0.0, 1.0));
+    assert!(densities([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]).2 > 7.9);
+}
+
+#[test]
 fn textures_are_filtered_in_linear_light_by_footprint() {
     // Black and white columns: their average has half of the light, not half of the code.
     let image = ImageBuffer::from_fn(8, 8, |x, _| Rgba(if x % 2 == 0 { [0, 0, 0, 255] } else { [255; 4] }));

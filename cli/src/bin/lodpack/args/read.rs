@@ -78,6 +78,11 @@ pub struct ExtractArgs {
     /// material file and images beside it, PLY colours of vertices. Of a mesh that is simplified to --triangles, images are made anew.
     #[arg(long, value_name = "auto|none", default_value = "auto", value_parser = ["auto", "none"])]
     pub channels: String,
+    /// Most texels along each side of the images of a GLB or OBJ, into which those of nodes are packed. A node's image that is larger has one of its
+    /// own.
+    #[arg(long, value_name = "N", default_value_t = lodpack::decode::PagedMesh::SIDE,
+        value_parser = clap::value_parser!(u32).range(64..=16384))]
+    pub page_size: u32,
     /// Only roots that touch this box, in input units. Of a file of heights on a globe: degrees of longitude and latitude, and a number that has
     /// no meaning; 170 to 190 crosses the date line.
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]

@@ -434,9 +434,9 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: 
                 mesh.numbers.iter().map(|(place, channel)| (*place, channel)).collect();
             write_textured_ply(out, textured, look.colour(), &numbers)?;
         }
-        MeshFormat::Glb => write_textured_glb(out, &PagedMesh::new(textured, look, lodpack::decode::PagedMesh::SIDE))?,
+        MeshFormat::Glb => write_textured_glb(out, &PagedMesh::new(textured, look, args.page_size))?,
         MeshFormat::Obj => {
-            let paged = PagedMesh::new(textured, look, lodpack::decode::PagedMesh::SIDE);
+            let paged = PagedMesh::new(textured, look, args.page_size);
             let name = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let page_name = |page: usize| format!("{name}-{page}.png");
             let material_name = format!("{name}.mtl");
