@@ -3,9 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use glob::{MatchOptions, Pattern, glob_with};
-
 use super::ImportError;
+use super::walk::Walk;
 use crate::progress::Progress;
 
 /// Kinds of files that a folder may hold; the first kind that it has counts. Images beside meshes are their textures.
@@ -14,9 +13,6 @@ const KINDS: [&[&str]; 3] = [
     &["asc", "bil", "dem", "flt", "hgt", "png", "tif", "tiff"],
     &["lodpack"],
 ];
-/// Hidden files are no inputs, and names have no case.
-const MATCHING: MatchOptions =
-    MatchOptions { case_sensitive: false, require_literal_separator: true, require_literal_leading_dot: true };
 
 /// The files of inputs as they were typed. A folder stands for all meshes below it, in the order of their names; where there are none, for
 /// all rasters; and where there are none of these either, for all lodpack files. A pattern like `tiles/*.ply` or `city/**/*.obj` stands for
@@ -50,30 +46,13 @@ fn is_pattern(path: &Path) -> bool {
 fn matching(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
     let wrong = |problem: String| ImportError::Pattern { pattern: path.to_owned(), problem };
     let text = path.to_str().unwrap_or_default();
-    let paths = glob_with(text, MATCHING).map_err(|error| wrong(error.msg.to_owned()))?;
-    let mut files = vec![];
-    for entry in paths {
-        let entry = entry.map_err(|error| ImportError::Io { path: error.path().to_owned(), source: error.into() })?;
-        if entry.is_file() {
-            files.push(entry);
-        }
-    }
+    let files = Walk::of(text).map_err(|error| wrong(error.msg.to_owned()))?.files()?;
     if files.is_empty() { Err(wrong("no file matches".into())) } else { Ok(files) }
 }
 
 fn files_in(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
-    let Some(text) = folder.to_str() else {
-        let source = std::io::Error::new(std::io::ErrorKind::InvalidInput, "its name is no text; name its files");
-        return Err(ImportError::Io { path: folder.to_owned(), source });
-    };
-    let pattern = PathBuf::from(Pattern::escape(text)).join("**/*");
     let mut by_kind = KINDS.map(|_| vec![]);
-    let all = match matching(&pattern) {
-        // It has no files at all.
-        Err(ImportError::Pattern { .. }) => vec![],
-        all => all?,
-    };
-    for file in all {
+    for file in Walk::below(folder).files()? {
         let extension = extension_of(&file);
         if let Some(kind) = KINDS.iter().position(|kind| kind.contains(&extension.as_str())) {
             by_kind[kind].push(file);
@@ -141,5 +120,46 @@ mod tests {
         assert_eq!(found(&[tiles("none.ply")]).unwrap(), ["none.ply"]);
         fs::write(tiles("atlas.json"), "{}").unwrap();
         assert_eq!(found(&[dir.path().join("tiles")]).unwrap(), ["tiles"]);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn names_that_are_not_unicode_match_like_others() {
+        use std::os::unix::ffi::OsStrExt;
+        let dir = tempfile::tempdir().unwrap();
+        let odd = dir.path().join(std::ffi::OsStr::from_bytes(b"caf\xe9"));
+        fs::create_dir(&odd).unwrap();
+        for name in [&b"a.obj"[..], b"\xff.obj", b"\xff.txt", b".\xff.obj"] {
+            fs::write(dir.path().join(std::ffi::OsStr::from_bytes(name)), "x").unwrap();
+        }
+        fs::write(odd.join("b.obj"), "x").unwrap();
+        let odd_name = "\u{fffd}.obj";
+        assert_eq!(found(&[dir.path().join("*.obj")]).unwrap(), ["a.obj", odd_name]);
+        assert_eq!(found(&[dir.path().to_owned()]).unwrap(), ["a.obj", "b.obj", odd_name]);
+        assert_eq!(found(&[dir.path().join("**/*.obj")]).unwrap(), ["a.obj", "b.obj", odd_name]);
+        assert_eq!(found(&[odd]).unwrap(), ["b.obj"]);
+    }
+
+    #[test]
+    fn patterns_of_folders_match_as_a_shell_would() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::create_dir_all(dir.path().join("a/b/c")).unwrap();
+        fs::create_dir_all(dir.path().join("B/.hidden")).unwrap();
+        for name in ["x.ply", "a/x.ply", "a/b/x.ply", "a/b/c/y.ply", "B/z.PLY", "B/.hidden/x.ply"] {
+            fs::write(dir.path().join(name), "x").unwrap();
+        }
+        let found = |pattern: &str| {
+            let files = find_inputs(&[dir.path().join(pattern)], "atlas.json", &Silent)?;
+            let name = |file: &PathBuf| file.strip_prefix(dir.path()).unwrap().to_str().unwrap().replace('\\', "/");
+            Ok::<_, ImportError>(files.iter().map(name).collect::<Vec<_>>())
+        };
+        assert_eq!(found("**/*.ply").unwrap(), ["B/z.PLY", "a/b/c/y.ply", "a/b/x.ply", "a/x.ply", "x.ply"]);
+        assert_eq!(found("*/*.ply").unwrap(), ["B/z.PLY", "a/x.ply"]);
+        assert_eq!(found("**/b/**/*.ply").unwrap(), ["B/z.PLY", "a/b/c/y.ply", "a/b/x.ply"]);
+        assert_eq!(found("a/../a/./?.ply").unwrap(), ["a/../a/x.ply"]);
+        assert_eq!(found("B/.hidden/*").unwrap(), ["B/.hidden/x.ply"]);
+        for none in ["*/", "**", "x.ply/*", "B/.h*/x.ply", "no/*"] {
+            assert!(matches!(found(none), Err(ImportError::Pattern { .. })), "{none}");
+        }
     }
 }

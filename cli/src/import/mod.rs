@@ -29,6 +29,7 @@ mod text;
 mod text_files;
 mod textures;
 mod used_part;
+mod walk;
 
 use std::path::{Path, PathBuf};
 
