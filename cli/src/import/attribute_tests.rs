@@ -116,12 +116,12 @@ pub(super) fn png(width: u32, height: u32) -> Vec<u8> {
     bytes.into_inner()
 }
 
-const BYTES: &str = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
-const RED_TO_BLUE: [&str; 4] = ["255 0 0", "0 128 0", "0 0 255", "9 9 9"];
-const QUAD: (&str, &[&str]) = ("", &["4 0 1 2 3"]);
+pub(super) const BYTES: &str = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+pub(super) const RED_TO_BLUE: [&str; 4] = ["255 0 0", "0 128 0", "0 0 255", "9 9 9"];
+pub(super) const QUAD: (&str, &[&str]) = ("", &["4 0 1 2 3"]);
 
 /// The colours of all corners.
-fn colours(appearance: &Appearance, attributes: &RegionAttributes) -> Vec<[f32; 4]> {
+pub(super) fn colours(appearance: &Appearance, attributes: &RegionAttributes) -> Vec<[f32; 4]> {
     let place = appearance.layout.colour.unwrap();
     let corners = attributes.corners.iter().flatten();
     corners
@@ -259,7 +259,7 @@ fn textures_of_ply_are_at_vertices_or_at_the_corners_of_faces() {
     // Without the image, the faces have no texture, and the note names it.
     let folder = Folder::new(&[("a.ply", &files[0])]);
     let (appearance, _, notes) = folder.sound(&["a.ply"]);
-    assert!(appearance.materials[1].base_texture.is_none() && notes.contains("my wood.png cannot be used"), "{notes}");
+    assert!(appearance.is_empty() && notes.contains("my wood.png cannot be used"), "{notes}");
     // Without coordinates the texture means nothing.
     let folder = Folder::new(&[("a.ply", &ply(comment, ("", [""; 4]), QUAD)), ("my wood.png", &png(4, 2))]);
     assert!(folder.sound(&["a.ply"]).0.is_empty());
@@ -278,7 +278,7 @@ fn faces_whose_texture_coordinates_do_not_fit_have_none() {
     assert!(uvs[0][0].is_nan() && uvs[4][0].is_nan() && !uvs[3][0].is_nan() && uvs[7][0] == 1e9 && uvs[9][0].is_nan());
 }
 
-const OBJ_SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+pub(super) const OBJ_SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
 #[test]
 fn obj_faces_take_the_texture_coordinates_of_their_corners() {

@@ -1,7 +1,6 @@
 //! Where importers put what vertices, corners and triangles carry beside the shape.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
 
 use crate::mesh::appearance::{
     AlphaMode, Appearance, COLOUR, Channels, DRAWING, EMISSIVE, METALLIC, Material, MaterialMaps, NORMAL, OCCLUSION,
@@ -61,6 +60,11 @@ impl AttributeSink {
         self.channels.wants(COLOUR)
     }
 
+    /// Whether anything beside the shape is wanted.
+    pub(super) fn wants_channels(&self) -> bool {
+        self.channels != Channels::None
+    }
+
     /// Whether something of materials is wanted, so that they are worth reading.
     pub(super) fn wants_materials(&self) -> bool {
         [COLOUR, NORMAL, EMISSIVE, OCCLUSION, METALLIC, ROUGHNESS, DRAWING].iter().any(|name| self.channels.wants(name))
@@ -116,6 +120,11 @@ impl AttributeSink {
         self.collected.corner_values.extend_from_slice(record);
     }
 
+    /// How many materials there are; the next one has this number.
+    pub(super) fn material_count(&self) -> usize {
+        self.appearance.materials.len()
+    }
+
     /// Adds materials of the current file. The number of the first one is returned.
     pub(super) fn add_materials(&mut self, materials: Vec<Material>) -> Parsed<usize> {
         let first = self.appearance.materials.len();
@@ -133,15 +142,6 @@ impl AttributeSink {
             self.appearance.images.push(image);
             self.appearance.images.len() - 1
         }) as u32
-    }
-
-    /// The images that are files of their own.
-    pub(super) fn image_files(self) -> Vec<PathBuf> {
-        let files = self.appearance.images.into_iter().filter_map(|image| match image {
-            ImageSource::File { path, range: None } => Some(path),
-            _ => None,
-        });
-        files.collect()
     }
 
     /// Sets the material of the triangles from a number on.

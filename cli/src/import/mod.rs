@@ -8,6 +8,7 @@
 //! [`crate::stage::repair`] does the rest.
 
 mod attributes;
+mod beside;
 mod error;
 mod gltf;
 mod inputs;
@@ -28,6 +29,7 @@ mod stl;
 mod text;
 mod text_files;
 mod textures;
+mod usable_image;
 mod used_part;
 mod walk;
 
@@ -258,6 +260,8 @@ fn detect_format(source: &Source) -> Parsed<Format> {
 
 #[cfg(test)]
 mod attribute_tests;
+#[cfg(test)]
+mod fallback_tests;
 #[cfg(test)]
 mod material_tests;
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! One input file: its bytes, and the errors and notes that name it.
 
 use std::cell::Cell;
-use std::fs::File;
+use std::fs::{File, Metadata};
+use std::io;
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 
@@ -25,10 +26,8 @@ impl FileBytes {
     /// Maps a regular, non-empty file.
     pub(super) fn open(path: &Path) -> Parsed<Self> {
         let io = |source| ImportError::Io { path: path.to_owned(), source };
-        // Checked before opening, because opening a pipe could block forever.
         let metadata = std::fs::metadata(path).map_err(io)?;
-        if !metadata.is_file() {
-            let kind = if metadata.is_dir() { "a directory" } else { "a device or pipe" };
+        if let Some(kind) = kind_of_no_file(&metadata) {
             return Err(ImportError::NotAFile { path: path.to_owned(), kind }.into());
         }
         if metadata.len() == 0 {
@@ -78,6 +77,27 @@ impl Deref for FileBytes {
 
     fn deref(&self) -> &[u8] {
         &self.map
+    }
+}
+
+/// What a path leads to that is no regular file. It is asked before a file is opened, because opening a pipe could block forever.
+fn kind_of_no_file(metadata: &Metadata) -> Option<&'static str> {
+    match metadata {
+        of if of.is_file() => None,
+        of if of.is_dir() => Some("a directory"),
+        _ => Some("a device or pipe"),
+    }
+}
+
+/// Bytes of a regular file that an input names; it is asked before the file is opened.
+///
+/// # Errors
+/// If there is no such file, or it is a directory, a device or a pipe.
+pub(super) fn size_of_file(path: &Path) -> io::Result<u64> {
+    let metadata = std::fs::metadata(path)?;
+    match kind_of_no_file(&metadata) {
+        Some(kind) => Err(io::Error::other(format!("it is {kind}, not a file"))),
+        None => Ok(metadata.len()),
     }
 }
 

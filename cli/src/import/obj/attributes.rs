@@ -1,25 +1,21 @@
 //! What OBJ files say beside the shape: colours behind the positions, texture coordinates, and materials.
 
-use std::collections::HashMap;
-use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::collections::{HashMap, HashSet};
+use std::path::PathBuf;
 
-use super::mtl::read_materials;
-use crate::import::attributes::AttributeSink;
+use super::libraries::{libraries, libraries_from, read_library};
+use super::mtl::{LibraryMaterial, LibraryReader};
+use crate::import::beside::Beside;
 use crate::import::error::Parsed;
 use crate::import::polygon::Triangulator;
 use crate::import::scan::Scanner;
 use crate::import::sink::MeshSink;
 use crate::import::source::Source;
-use crate::import::textures::file_beside;
+use crate::import::usable_image::NamedImages;
 use crate::mesh::NONE;
-use crate::mesh::appearance::{COLOUR, Channels, Material, NORMAL};
+use crate::mesh::appearance::{COLOUR, Material, NORMAL};
 use crate::mesh::attributes::AttributeLayout;
 use crate::mesh::srgb::linear_from_srgb;
-
-/// The largest library of materials that is read.
-const MAX_LIBRARY_BYTES: u64 = 64 << 20;
 
 /// The attributes of a file, as far as it was read.
 #[derive(Default)]
@@ -28,8 +24,16 @@ pub(super) struct ObjAttributes {
     is_on: bool,
     /// Whether normals are.
     with_normals: bool,
-    /// Number of each material, and whether it has a texture.
-    materials: HashMap<Vec<u8>, (usize, bool)>,
+    /// The materials of all libraries that were read.
+    materials: Vec<KnownMaterial>,
+    /// Their places by name.
+    by_name: HashMap<Vec<u8>, usize>,
+    libraries: HashSet<PathBuf>,
+    images: NamedImages,
+    /// Whether the libraries of the rest of the file have been read already.
+    has_read_ahead: bool,
+    /// The place of the current material, if it has textures.
+    textured: Option<usize>,
     /// Texture coordinates, with rows from above.
     uvs: Vec<[f32; 2]>,
     normals: Vec<[f32; 3]>,
@@ -38,41 +42,20 @@ pub(super) struct ObjAttributes {
     clamped_count: u64,
     unknown_materials: u64,
     missing_uvs: u64,
+    untextured_faces: u64,
 }
 
-/// The libraries that a statement names: one name with spaces, or several names.
-fn libraries(names: &[u8], source: &Source) -> Vec<PathBuf> {
-    let names = std::str::from_utf8(names.trim_ascii()).unwrap_or_default();
-    let is_file = |name: &str| source.path.parent().is_some_and(|folder| folder.join(name).is_file());
-    let names: Vec<&str> = if is_file(names) { vec![names] } else { names.split_ascii_whitespace().collect() };
-    names.into_iter().filter_map(|name| file_beside(source, name)).collect()
+/// A material among those of the input.
+struct KnownMaterial {
+    number: usize,
+    /// What faces without texture coordinates have in its place, if it has textures.
+    plain: Option<Plain>,
 }
 
-fn read_library(path: &Path) -> io::Result<Vec<u8>> {
-    match fs::metadata(path)?.len() {
-        bytes if bytes > MAX_LIBRARY_BYTES => {
-            Err(io::Error::other(format!("it has {bytes} bytes, more than {MAX_LIBRARY_BYTES}")))
-        }
-        _ => fs::read(path),
-    }
-}
-
-/// The libraries of materials that a file names, and their images.
-pub(in crate::import) fn files_beside(source: &Source) -> Vec<PathBuf> {
-    let mut files = vec![];
-    let mut at = 0;
-    for line in source.bytes.split(|&byte| byte == b'\n' || byte == b'\r') {
-        at += line.len() + 1;
-        source.passed(at);
-        let Some(names) = line.trim_ascii_start().strip_prefix(b"mtllib") else { continue };
-        for library in libraries(names, source) {
-            let mut sink = AttributeSink::new(&Channels::Auto);
-            read_materials(&read_library(&library).unwrap_or_default(), source, &mut sink);
-            files.push(library);
-            files.extend(sink.image_files());
-        }
-    }
-    files
+/// A material without its textures, which is made when a face needs it.
+enum Plain {
+    Unused(Box<Material>),
+    Number(usize),
 }
 
 impl ObjAttributes {
@@ -98,35 +81,65 @@ impl ObjAttributes {
 
     /// Whether some material has a texture.
     pub(super) fn has_textures(&self) -> bool {
-        self.materials.values().any(|(_, is_textured)| *is_textured)
+        self.materials.iter().any(|material| material.plain.is_some())
     }
 
     /// Adds the materials of libraries: `mtllib`.
     pub(super) fn read_libraries(&mut self, names: &[u8], source: &Source, sink: &mut MeshSink) -> Parsed<()> {
-        if !self.is_on {
+        if !self.is_on || self.has_read_ahead {
             return Ok(());
         }
-        for path in libraries(names, source) {
-            let text = match read_library(&path) {
-                Ok(text) => text,
-                Err(error) => {
-                    source.note(&format!("the materials {} cannot be read: {error}; faces have none", path.display()));
-                    continue;
-                }
-            };
-            let materials = read_materials(&text, source, &mut sink.attributes);
-            let is_textured = |material: &Material| {
-                let images = [&material.base_texture, &material.opacity_texture, &material.emissive_texture];
-                images.iter().any(|image| image.is_some()) || material.normal_texture.is_some()
-            };
-            self.with_normals |=
-                sink.attributes.wants_normals(materials.iter().any(|material| material.normal_texture.is_some()));
-            let named: Vec<_> = materials.iter().map(|m| (m.name.clone().into_bytes(), is_textured(m))).collect();
-            let first = sink.attributes.add_materials(materials)?;
-            for (number, (name, is_textured)) in (first..).zip(named) {
-                self.materials.entry(name).or_insert((number, is_textured));
-            }
+        libraries(names, source).into_iter().try_for_each(|path| self.add_library(path, source, sink))
+    }
+
+    /// Adds the materials of a library, once however often it is named.
+    fn add_library(&mut self, path: PathBuf, source: &Source, sink: &mut MeshSink) -> Parsed<()> {
+        if !self.libraries.insert(path.clone()) {
+            return Ok(());
         }
+        let text = match read_library(&path) {
+            Ok(text) => text,
+            Err(error) => {
+                source.note(&format!("the materials {} cannot be read: {error}; faces have none", path.display()));
+                return Ok(());
+            }
+        };
+        let beside = Beside::library(source, &path);
+        let mut reader = LibraryReader { source, images: &mut self.images, sink: &mut sink.attributes, beside };
+        let materials = reader.read(&text);
+        if materials.is_empty() {
+            source.note(&format!("the library {} has no materials: check that it is an MTL file", path.display()));
+        }
+        self.add_materials(materials, sink)
+    }
+
+    fn add_materials(&mut self, materials: Vec<LibraryMaterial>, sink: &mut MeshSink) -> Parsed<()> {
+        let has_normals = materials.iter().any(|material| material.textured.normal_texture.is_some());
+        self.with_normals |= sink.attributes.wants_normals(has_normals);
+        let first = sink.attributes.material_count();
+        let mut added = vec![];
+        for (number, material) in (first..).zip(materials) {
+            let plain = material.has_textures().then(|| Plain::Unused(material.plain.into()));
+            // The first of a name counts.
+            self.by_name.entry(material.name).or_insert(self.materials.len());
+            self.materials.push(KnownMaterial { number, plain });
+            added.push(material.textured);
+        }
+        sink.attributes.add_materials(added)?;
+        Ok(())
+    }
+
+    /// Looks for a material before it is used. Some files name its library after its use, so all that follow offset `at` are read then.
+    pub(super) fn find_material(&mut self, name: &[u8], at: usize, source: &Source, sink: &mut MeshSink) -> Parsed<()> {
+        let name = name.trim_ascii();
+        if !self.is_on || name.is_empty() || self.by_name.contains_key(name) {
+            return Ok(());
+        }
+        if !self.has_read_ahead {
+            self.has_read_ahead = true;
+            libraries_from(source, at).into_iter().try_for_each(|path| self.add_library(path, source, sink))?;
+        }
+        self.unknown_materials += u64::from(!self.by_name.contains_key(name));
         Ok(())
     }
 
@@ -135,16 +148,40 @@ impl ObjAttributes {
         if !self.is_on {
             return;
         }
-        let known = self.materials.get(name.trim_ascii()).copied();
-        self.unknown_materials += u64::from(known.is_none() && !self.materials.is_empty());
-        let (number, is_textured) = known.unwrap_or((0, false));
+        let place = self.by_name.get(name.trim_ascii()).copied();
+        let known = place.map(|place| &self.materials[place]);
+        let is_textured = known.is_some_and(|material| material.plain.is_some());
         if known.is_some() {
             sink.attributes.finds(COLOUR, if is_textured { "textures" } else { "materials" });
         }
-        sink.set_material(number);
+        sink.set_material(known.map_or(0, |material| material.number));
+        self.textured = place.filter(|_| is_textured);
         if is_textured {
             self.open_corners(sink);
         }
+    }
+
+    /// Sets the material of a face, with its textures or without them.
+    fn choose_textured(&mut self, is_textured: bool, sink: &mut MeshSink) -> Parsed<()> {
+        let Some(material) = self.textured.map(|place| &mut self.materials[place]) else { return Ok(()) };
+        self.untextured_faces += u64::from(!is_textured);
+        let number = match material.plain.take() {
+            Some(Plain::Unused(plain)) if !is_textured => {
+                let number = sink.attributes.add_materials(vec![*plain])?;
+                material.plain = Some(Plain::Number(number));
+                number
+            }
+            plain => {
+                let number = match &plain {
+                    Some(Plain::Number(number)) if !is_textured => *number,
+                    _ => material.number,
+                };
+                material.plain = plain;
+                number
+            }
+        };
+        sink.set_material(number);
+        Ok(())
     }
 
     /// Gives corners their records, as soon as something goes into them.
@@ -231,14 +268,18 @@ impl ObjAttributes {
         self.records.clear();
         if sink.attributes.corner_stride() > 0 {
             let has_normals = sink.attributes.corner_stride() > 2;
+            let mut has_uvs = true;
             for &[uv, normal] in beside {
                 let found = self.uvs.get(uv as usize).copied();
                 self.missing_uvs += u64::from(found.is_none() && uv != NONE && self.has_textures());
-                self.records.extend(found.unwrap_or([f32::NAN; 2]));
+                let uv = found.unwrap_or([f32::NAN; 2]);
+                has_uvs &= uv[0].is_finite() && uv[1].is_finite();
+                self.records.extend(uv);
                 if has_normals {
                     self.records.extend(self.normals.get(normal as usize).copied().unwrap_or([f32::NAN; 3]));
                 }
             }
+            self.choose_textured(has_uvs, sink)?;
         }
         sink.push_polygon_with(polygon, &self.records, faces)
     }
@@ -248,6 +289,10 @@ impl ObjAttributes {
         source.note_skipped(self.clamped_count, "vertices have colours outside of 0 to 1: they were clamped");
         source
             .note_skipped(self.unknown_materials, "usemtl statements name materials that no library has: no material");
+        source.note_skipped(
+            self.untextured_faces,
+            "faces of materials with textures have no texture coordinates: they have the colour of their material alone",
+        );
         source.note_skipped(self.missing_uvs, "corners name texture coordinates that do not exist: no texture there");
     }
 }

@@ -5,6 +5,7 @@
 //! but a polygon does, so a file with such polygons is read a second time.
 
 mod attributes;
+mod libraries;
 mod mtl;
 mod ranges;
 
@@ -13,7 +14,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use self::attributes::ObjAttributes;
-pub(super) use self::attributes::files_beside;
+pub(super) use self::libraries::files_beside;
 pub(super) use self::ranges::{count_in_range, read_range};
 use crate::import::MAX_VERTICES;
 use crate::import::error::{ImportError, Location, Parsed};
@@ -90,6 +91,7 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
             b"usemtl" => {
                 has_materials = true;
                 material = words.bytes[words.at..].to_vec();
+                attributes.find_material(&material, statements.at, source, sink)?;
                 attributes.use_material(&material, sink);
             }
             b"mtllib" => {

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use super::header::Georeference;
 use super::{ImportError, Parsed, grid_error};
 use crate::import::error::Location;
+use crate::import::source::size_of_file;
 
 /// The largest header that is read.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
@@ -24,6 +25,7 @@ impl Lines {
     pub fn read(path: &Path) -> Parsed<Self> {
         let io = |source| ImportError::Io { path: path.to_owned(), source };
         let mut text = vec![];
+        size_of_file(path).map_err(io)?;
         File::open(path).map_err(io)?.take(MAX_HEADER_BYTES).read_to_end(&mut text).map_err(io)?;
         let mut lines = Self::new(path);
         String::from_utf8_lossy(&text).lines().for_each(|line| lines.add(line));

@@ -1,0 +1,164 @@
+//! Where the files are that an input names: images, and libraries of materials.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use super::source::Source;
+use super::textures::leaves_folder;
+
+/// The folders in which the files are that a file names.
+pub(super) struct Beside<'a> {
+    source: &'a Source<'a>,
+    /// That of the input.
+    home: &'a Path,
+    /// That of the library that names them, within the input's; it comes first.
+    inner: PathBuf,
+}
+
+impl<'a> Beside<'a> {
+    /// Files that the input itself names.
+    pub fn new(source: &'a Source) -> Self {
+        Self { source, home: source.path.parent().unwrap_or(Path::new("")), inner: PathBuf::new() }
+    }
+
+    /// Files that a library names, which itself was found beside the input.
+    pub fn library(source: &'a Source, library: &Path) -> Self {
+        let beside = Self::new(source);
+        let inner = library.strip_prefix(beside.home).ok().and_then(Path::parent).map(Path::to_owned);
+        Self { inner: inner.unwrap_or_default(), ..beside }
+    }
+
+    /// The path of a file, whether it is there or not; none, with a note, if it would lie outside of the input's folder.
+    pub fn find(&self, what: &str, name: &[u8]) -> Option<PathBuf> {
+        let found = self.existing(name).or_else(|| self.of_same_name(name));
+        found.or_else(|| {
+            let [as_written, .., portable] = &spellings_of(name.trim_ascii());
+            if self.is_elsewhere(portable) {
+                self.source.note(&format!(
+                    "the {what} {} is not in the folder of the file: put it there; it was left out",
+                    as_written.to_string_lossy()
+                ));
+                return None;
+            }
+            Some(self.home.join(&self.inner).join(portable))
+        })
+    }
+
+    /// The path of a file that is there under the name as it is written, or as it is meant.
+    pub fn existing(&self, name: &[u8]) -> Option<PathBuf> {
+        let spellings = spellings(name);
+        let paths = spellings.iter().flat_map(|name| [self.inner.join(name), PathBuf::from(name)]);
+        let within = paths.filter(|path| !leaves_folder(path)).map(|path| self.home.join(path));
+        within.into_iter().find(|path| path.is_file())
+    }
+
+    /// The path of a file of the same name, where the whole path leads elsewhere. Exporters write the path that a file had on their machine.
+    /// The content of a file must not cause files elsewhere to be read, but one of the same name here is what is meant.
+    pub fn of_same_name(&self, name: &[u8]) -> Option<PathBuf> {
+        let spellings = spellings(name);
+        let elsewhere = spellings.iter().filter(|name| self.is_elsewhere(name));
+        let names = elsewhere.filter_map(|name| Path::new(name).file_name());
+        let paths = names.flat_map(|name| [self.home.join(&self.inner).join(name), self.home.join(name)]);
+        paths.into_iter().find(|path| path.is_file())
+    }
+
+    /// Whether a path leads out of the folder of the input, on this system or on Windows.
+    fn is_elsewhere(&self, name: &OsString) -> bool {
+        let has_drive = matches!(name.as_encoded_bytes(), [letter, b':', ..] if letter.is_ascii_alphabetic());
+        has_drive || leaves_folder(&self.inner.join(name))
+    }
+}
+
+/// The names that may be meant, most likely first: files may be called `a "b" # c.png`, but some programs quote names and write comments
+/// behind them.
+fn spellings(name: &[u8]) -> Vec<OsString> {
+    let name = name.trim_ascii();
+    let mut meant = vec![name, unquoted(name)];
+    if let Some(comment) = name.windows(2).position(|pair| matches!(pair, [b' ' | b'\t', b'#'])) {
+        let before = name[..comment].trim_ascii();
+        meant.extend([before, unquoted(before)]);
+    }
+    meant.into_iter().filter(|name| !name.is_empty()).flat_map(spellings_of).collect()
+}
+
+fn unquoted(name: &[u8]) -> &[u8] {
+    name.strip_prefix(b"\"").and_then(|name| name.strip_suffix(b"\"")).map_or(name, <[u8]>::trim_ascii)
+}
+
+/// A name as it is, as that of a file whose name is Unicode where the text is not, and as Windows writes it.
+fn spellings_of(name: &[u8]) -> [OsString; 4] {
+    // Files come from all systems.
+    let portable: Vec<u8> = name.iter().map(|&byte| if byte == b'\\' { b'/' } else { byte }).collect();
+    [os_string(name), unicode(name).into(), unicode(&portable).into(), os_string(&portable)]
+}
+
+/// Text that is not UTF-8 is read as Latin-1, whose numbers are those of Unicode.
+fn unicode(name: &[u8]) -> String {
+    String::from_utf8(name.to_vec()).unwrap_or_else(|_| name.iter().copied().map(char::from).collect())
+}
+
+#[cfg(unix)]
+fn os_string(name: &[u8]) -> OsString {
+    use std::os::unix::ffi::OsStrExt;
+    std::ffi::OsStr::from_bytes(name).to_owned()
+}
+
+#[cfg(not(unix))]
+fn os_string(name: &[u8]) -> OsString {
+    unicode(name).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+    use std::fs;
+
+    /// A folder with an image `g.png` and others, and the path of the file that is found in it for a name.
+    fn found(inner: &str, name: &[u8]) -> Option<String> {
+        let dir = tempfile::tempdir().unwrap();
+        fs::create_dir_all(dir.path().join("tex/deep")).unwrap();
+        for file in ["g.png", "a # b.png", "tex/g.png", "tex/w.png", "h\u{e9}.png"] {
+            fs::write(dir.path().join(file), "x").unwrap();
+        }
+        let input = dir.path().join("a.obj");
+        let source = Source::new(&input, b"", &Silent);
+        let library = dir.path().join(inner).join("a.mtl");
+        let found = Beside::library(&source, &library).find("image", name)?;
+        Some(found.strip_prefix(dir.path()).unwrap().to_str().unwrap().to_owned())
+    }
+
+    #[test]
+    fn files_are_found_under_the_name_that_is_meant() {
+        for (name, expected) in [
+            (&b"g.png"[..], "g.png"),
+            (b" \"g.png\" ", "g.png"),
+            (b"g.png # the colour", "g.png"),
+            (b"\"g.png\"\t# the colour", "g.png"),
+            // A file of the whole name comes first.
+            (b"a # b.png", "a # b.png"),
+            (b"tex\\w.png", "tex/w.png"),
+            (b"h\xe9.png", "h\u{e9}.png"),
+            (b"C:\\x\\g.png", "g.png"),
+            (b"d:/x/g.png # there", "g.png"),
+            (b"\\\\server\\x\\g.png", "g.png"),
+            (b"/abs/g.png", "g.png"),
+            (b"../g.png", "g.png"),
+            // What is missing is named as it is.
+            (b"tex\\none.png", "tex/none.png"),
+        ] {
+            assert_eq!(found("", name).as_deref(), Some(expected), "{}", name.escape_ascii());
+        }
+        assert_eq!(found("", b"C:\\x\\none.png"), None);
+        assert_eq!(found("", b"../none.png"), None);
+    }
+
+    #[test]
+    fn files_of_a_library_are_beside_it_before_they_are_beside_the_input() {
+        assert_eq!(found("tex", b"g.png").as_deref(), Some("tex/g.png"));
+        assert_eq!(found("tex/deep", b"g.png").as_deref(), Some("g.png"));
+        assert_eq!(found("tex/deep", b"../w.png").as_deref(), Some("tex/deep/../w.png"));
+        assert_eq!(found("tex/deep", b"/x/y/g.png").as_deref(), Some("g.png"));
+        assert_eq!(found("tex", b"../../g.png").as_deref(), Some("tex/g.png"));
+    }
+}

@@ -1,0 +1,139 @@
+//! What surfaces show where files describe colours in an unusual way, or name files that cannot be used.
+
+use std::fs;
+
+use super::attribute_tests::{Folder, OBJ_SQUARE, png};
+use crate::mesh::appearance::{AlphaMode, Material};
+use crate::mesh::srgb::linear_from_srgb;
+
+/// Two triangles of a material `m`, whose corners have texture coordinates.
+fn textured_square(head: &str) -> String {
+    format!("{head}{OBJ_SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")
+}
+
+/// Reads the square with a library and an image of several colours `g.png`; returns what the material of each triangle is, and the notes.
+fn materials_of(obj: &str, library: &[u8]) -> (Vec<Material>, String) {
+    let folder = Folder::new(&[("a.obj", obj.as_bytes()), ("a.mtl", library), ("g.png", &png(4, 4))]);
+    let (appearance, attributes, notes) = folder.sound(&["a.obj"]);
+    let material = |&number: &u16| appearance.materials.get(usize::from(number)).cloned().unwrap_or_default();
+    (attributes.materials.iter().map(material).collect(), notes)
+}
+
+fn square_of(library: &[u8]) -> (Vec<Material>, String) {
+    materials_of(&textured_square("mtllib a.mtl\n"), library)
+}
+
+/// The factor that `Kd 0.5 0 0` is.
+fn dark_red() -> [f32; 4] {
+    [linear_from_srgb(0.5), 0.0, 0.0, 1.0]
+}
+
+/// A PNG without its second half.
+fn cut_short() -> Vec<u8> {
+    let whole = png(16, 16);
+    whole[..whole.len() / 2].to_vec()
+}
+
+#[test]
+fn a_material_whose_image_cannot_be_used_shows_its_factor() {
+    let obj = textured_square("mtllib a.mtl\n");
+    for (image, problem) in [("none.png", "No such file"), ("a.mtl", "could not be determined"), ("cut.png", "")] {
+        let library = format!("newmtl m\nmap_Kd {image}\nKd 0.5 0 0\nmap_Ke {image}\n");
+        let folder =
+            Folder::new(&[("a.obj", obj.as_bytes()), ("a.mtl", library.as_bytes()), ("cut.png", &cut_short())]);
+        let (appearance, attributes, notes) = folder.sound(&["a.obj"]);
+        let material = &appearance.materials[usize::from(attributes.materials[0])];
+        assert_eq!((material.base_colour, material.images().count()), (dark_red(), 0));
+        assert_eq!(material.emissive, [0.0; 3]);
+        // It is named once.
+        let expected = format!("{image} cannot be used: ");
+        assert!(notes.matches(&expected).count() == 1 && notes.contains(problem), "{notes}");
+    }
+}
+
+#[test]
+fn faces_without_texture_coordinates_show_the_factor_of_their_material() {
+    let obj = format!("{}f 1 3 4\nf 1//1 3//1 4//1\nf 1/-9 2/-9 4/-9\nf 1/1 2/2 4\nf 1/1 2/2 4/4\n", {
+        textured_square("mtllib a.mtl\n")
+    });
+    let (materials, notes) = materials_of(&obj, b"newmtl m\nKd 0.5 0 0\nmap_Kd g.png\n");
+    let has_image: Vec<bool> = materials.iter().map(|material| material.base_texture.is_some()).collect();
+    assert_eq!(has_image, [true, true, false, false, false, false, true]);
+    for material in &materials {
+        assert_eq!(material.base_colour, if material.base_texture.is_some() { [1.0; 4] } else { dark_red() });
+    }
+    assert!(notes.contains("a.obj: 4 faces of materials with textures have no texture coordinates"), "{notes}");
+    let (_, notes) = square_of(b"newmtl m\nmap_Kd g.png\n");
+    assert!(!notes.contains("texture coordinates"), "{notes}");
+}
+
+#[test]
+fn materials_are_found_in_libraries_that_follow_their_use() {
+    let library = b"newmtl m\nmap_Kd g.png\n";
+    let first = textured_square("").replace("usemtl m\n", "");
+    let late = textured_square("").replace("f 1/1 3/3 4/4\n", "mtllib a.mtl\nf 1/1 3/3 4/4\n");
+    for obj in [format!("usemtl m\n{first}mtllib \\\n a.mtl # here\n"), late] {
+        let (materials, notes) = materials_of(&obj, library);
+        assert!(materials.len() == 2 && materials.iter().all(|material| material.base_texture.is_some()), "{notes}");
+        assert!(!notes.contains("usemtl"), "{notes}");
+    }
+}
+
+#[test]
+fn a_library_is_read_once_however_often_it_is_named() {
+    let head = "mtllib a.mtl\nmtllib none.mtl\nmtllib ./a.mtl a.mtl\nmtllib none.mtl\n";
+    let obj = textured_square(head);
+    let folder = Folder::new(&[("a.obj", obj.as_bytes()), ("a.mtl", b"newmtl m\nKd 1 0 0\n")]);
+    let (appearance, _, notes) = folder.sound(&["a.obj"]);
+    assert_eq!((appearance.materials.len(), notes.matches("cannot be read").count()), (2, 1), "{notes}");
+}
+
+#[test]
+fn names_of_materials_and_images_may_be_in_any_encoding() {
+    let obj = [textured_square("mtllib a.mtl\n").replace("usemtl m\n", "").as_bytes(), b"usemtl \xe9\nf 1/1 2/2 4/4\n"]
+        .concat();
+    let library = b"\xEF\xBB\xBFnewmtl \xe9\nKd 0.5 0 0\nmap_Kd \xe9.png\n";
+    let folder = Folder::new(&[("a.obj", &obj), ("a.mtl", library), ("\u{e9}.png", &png(4, 4))]);
+    let (appearance, attributes, notes) = folder.sound(&["a.obj"]);
+    let material = &appearance.materials[usize::from(attributes.materials[2])];
+    assert!(material.base_texture.is_some(), "{notes}");
+}
+
+#[test]
+fn libraries_without_materials_and_unknown_materials_are_noted() {
+    let (_, notes) = square_of(b"\x00\xff\x00\xff");
+    assert!(notes.contains("a.mtl has no materials") && notes.contains("1 usemtl statements"), "{notes}");
+    let (_, notes) = materials_of(&textured_square("usemtl x\n"), b"");
+    assert!(notes.contains("2 usemtl statements"), "{notes}");
+    // No name means no material.
+    let (_, notes) = materials_of(&format!("{OBJ_SQUARE}usemtl\nf 1 2 3\n"), b"");
+    assert!(!notes.contains("usemtl"), "{notes}");
+}
+
+#[test]
+fn images_of_a_library_are_beside_it_or_beside_the_file() {
+    let obj = textured_square("mtllib sub/b.mtl\n");
+    for image in ["there.png", "g.png", "C:\\x\\there.png", "..\\g.png", "\"there.png\" # the colour"] {
+        let folder = Folder::new(&[("a.obj", obj.as_bytes()), ("g.png", &png(4, 4))]);
+        fs::create_dir(folder.path("sub")).unwrap();
+        fs::write(folder.path("sub/b.mtl"), format!("newmtl m\nmap_Kd -clamp on {image}\n")).unwrap();
+        fs::write(folder.path("sub/there.png"), png(4, 4)).unwrap();
+        let (appearance, _, notes) = folder.sound(&["a.obj"]);
+        assert!(appearance.materials[1].base_texture.is_some(), "{image}: {notes}");
+        let beside = super::files_beside(&folder.path("a.obj"), &super::Channels::Auto);
+        assert!(beside.len() == 2 && beside.iter().all(|path| path.is_file()), "{beside:?}");
+    }
+}
+
+#[test]
+fn opacity_counts_before_what_is_missing_of_it() {
+    for (statements, expected) in [
+        ("d 1\nTr 1\n", (1.0, AlphaMode::Opaque)),
+        ("Tr 1\nd 1\n", (1.0, AlphaMode::Opaque)),
+        ("Tr 0.25\n", (0.75, AlphaMode::Blend)),
+        ("Tr 0.25\nd -halo 0.5\nTr 0\n", (0.5, AlphaMode::Blend)),
+    ] {
+        let (materials, _) = square_of(format!("newmtl m\nKd 0.5 0 0\n{statements}").as_bytes());
+        assert_eq!((materials[0].base_colour[3], materials[0].alpha), expected, "{statements}");
+    }
+}
