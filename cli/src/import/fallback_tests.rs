@@ -2,9 +2,9 @@
 
 use std::fs;
 
-use super::attribute_tests::{Folder, OBJ_SQUARE, png};
-use crate::mesh::appearance::{AlphaMode, Material};
-use crate::mesh::srgb::linear_from_srgb;
+use super::attribute_tests::{BYTES, Folder, OBJ_SQUARE, QUAD, RED_TO_BLUE, colours, ply, png};
+use crate::mesh::appearance::{AlphaMode, Appearance, Material};
+use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
 
 /// Two triangles of a material `m`, whose corners have texture coordinates.
 fn textured_square(head: &str) -> String {
@@ -136,4 +136,103 @@ fn opacity_counts_before_what_is_missing_of_it() {
         let (materials, _) = square_of(format!("newmtl m\nKd 0.5 0 0\n{statements}").as_bytes());
         assert_eq!((materials[0].base_colour[3], materials[0].alpha), expected, "{statements}");
     }
+}
+
+/// Colours of vertices, with texture coordinates.
+fn coloured(comments: &str) -> Vec<u8> {
+    let values = RED_TO_BLUE.map(|colour| format!("{colour} 0.5 0.5"));
+    let properties = format!("{BYTES}property float s\nproperty float t\n");
+    ply(comments, (&properties, [&values[0], &values[1], &values[2], &values[3]]), QUAD)
+}
+
+fn first_colour(appearance: &Appearance, attributes: &crate::mesh::attributes::RegionAttributes) -> [f32; 4] {
+    colours(appearance, attributes)[0]
+}
+
+#[test]
+fn vertex_colours_of_ply_are_kept_where_its_textures_cannot_be_used() {
+    let red = [1.0, 0.0, 0.0, 1.0];
+    for (comments, problem) in [
+        ("comment TextureFile none.png\n", "none.png cannot be used"),
+        ("comment TextureFile cut.png\n", "cut.png cannot be used"),
+        ("comment TextureFile\n", "names no image"),
+        ("comment TextureFile g.png\ncomment TextureFile none.png\n", "none.png cannot be used"),
+    ] {
+        let folder = Folder::new(&[("a.ply", &coloured(comments)), ("cut.png", &cut_short()), ("g.png", &png(4, 4))]);
+        let (appearance, attributes, notes) = folder.sound(&["a.ply"]);
+        assert!(notes.contains(problem) && appearance.has_colour, "{notes}");
+        assert_eq!(first_colour(&appearance, &attributes), red, "{comments}");
+    }
+    // A texture hides them all.
+    let folder = Folder::new(&[("a.ply", &coloured("comment TextureFile g.png\n")), ("g.png", &png(4, 4))]);
+    let (appearance, ..) = folder.sound(&["a.ply"]);
+    assert!(appearance.layout.colour.is_none() && appearance.materials[1].base_texture.is_some());
+}
+
+#[test]
+fn textures_of_ply_are_named_in_any_letters() {
+    for word in ["TextureFile", "textureFile", "texturefile", "TEXTUREFILE"] {
+        let folder = Folder::new(&[("a.ply", &coloured(&format!("comment {word} g.png\n"))), ("g.png", &png(4, 4))]);
+        let (appearance, _, notes) = folder.sound(&["a.ply"]);
+        assert!(appearance.materials.len() == 2, "{word}: {notes}");
+    }
+}
+
+#[test]
+fn colours_of_16_bits_that_are_numbers_of_8_bits_are_read_as_such() {
+    let words = BYTES.replace("uchar", "ushort");
+    let grey = LINEAR_OF_BYTE[128];
+    for (last, green) in [("9 9 255", grey), ("9 9 256", linear_from_srgb(128.0 / 65535.0))] {
+        let values = ["255 0 0", "0 128 0", "0 0 255", last];
+        let folder = Folder::new(&[("a.ply", &ply("", (&words, values), QUAD))]);
+        let (appearance, attributes, notes) = folder.sound(&["a.ply"]);
+        assert!((colours(&appearance, &attributes)[1][1] - green).abs() < 1e-6);
+        assert_eq!(notes.contains("colours have 16 bits, but no number is above 255"), last == "9 9 255", "{notes}");
+    }
+    // Those of faces, too.
+    let faces = ["3 0 1 2 255 0 0", "3 0 2 3 0 128 0"];
+    let folder = Folder::new(&[("a.ply", &ply("", ("", [""; 4]), (&words, &faces)))]);
+    let (appearance, attributes, notes) = folder.sound(&["a.ply"]);
+    assert_eq!(first_colour(&appearance, &attributes), [1.0, 0.0, 0.0, 1.0], "{notes}");
+}
+
+#[test]
+fn numbers_that_ply_has_and_no_channel_keeps_are_noted() {
+    let of_faces = format!("{BYTES}property float quality\nproperty int label\nproperty int flags\n");
+    let faces = ["3 0 1 2 255 0 0 0.5 7 0", "3 0 2 3 0 0 255 0.5 7 0"];
+    let folder = Folder::new(&[("a.ply", &ply("", (BYTES, RED_TO_BLUE), (&of_faces, &faces)))]);
+    let (_, _, notes) = folder.sound(&["a.ply"]);
+    assert!(notes.contains("a.ply: colours of faces are left out"), "{notes}");
+    assert!(notes.contains("a.ply: numbers of faces are left out: quality, label; "), "{notes}");
+    let (_, notes) = folder.import(&["a.ply"], "none");
+    assert!(!notes.contains("of faces"), "{notes}");
+    for name in ["colour", "color", "alpha", "a"] {
+        let property = format!("property float {name}\n");
+        let folder = Folder::new(&[("a.ply", &ply("", (&property, ["0.5"; 4]), QUAD))]);
+        let (appearance, _, notes) = folder.sound(&["a.ply"]);
+        assert!(appearance.is_empty() && notes.contains(&format!("stand for colours: {name}; rename")), "{notes}");
+    }
+    let folder = Folder::new(&[("a.ply", &ply("", (&format!("{BYTES}property uchar alpha\n"), ["9 9 9 9"; 4]), QUAD))]);
+    let (_, _, notes) = folder.sound(&["a.ply"]);
+    assert!(!notes.contains("rename"), "{notes}");
+}
+
+#[test]
+#[cfg(unix)]
+fn pipes_are_refused_before_they_are_opened() {
+    let make_pipe = |path: &std::path::Path| {
+        assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
+    };
+    let obj = textured_square("mtllib pipe.mtl\nmtllib a.mtl\n");
+    let file = ply("comment TextureFile pipe.png\n", ("property float s\nproperty float t\n", ["0 0"; 4]), QUAD);
+    let library = b"newmtl m\nKd 0.5 0 0\nmap_Kd pipe.png\n";
+    let folder = Folder::new(&[("a.obj", obj.as_bytes()), ("a.mtl", library), ("a.ply", &file)]);
+    make_pipe(&folder.path("pipe.mtl"));
+    make_pipe(&folder.path("pipe.png"));
+    let (_, _, notes) = folder.sound(&["a.obj"]);
+    let refused = "it is a device or pipe, not a file";
+    assert!(notes.contains(&format!("pipe.mtl cannot be read: {refused}")), "{notes}");
+    assert!(notes.contains(&format!("pipe.png cannot be used: {refused}")), "{notes}");
+    let (_, _, notes) = folder.sound(&["a.ply"]);
+    assert!(notes.contains(&format!("pipe.png cannot be used: {refused}")), "{notes}");
 }

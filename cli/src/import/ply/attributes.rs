@@ -1,13 +1,14 @@
 //! What PLY properties mean beside the shape: colours, texture coordinates, and numbers of any name.
 
-use super::header::{Element, Header, Kind, Scalar};
+use super::header::{Element, Kind, Scalar};
+use super::skip_property;
+use super::textures::Shown;
 use super::values::Values;
 use crate::import::attributes::AttributeSink;
 use crate::import::error::Parsed;
 use crate::import::source::Source;
-use crate::mesh::appearance::{AlphaMode, COLOUR, Material, NORMAL, TextureUse, Wrap};
+use crate::mesh::appearance::{COLOUR, NORMAL};
 use crate::mesh::attributes::AttributeLayout;
-use crate::mesh::images::ImageSource;
 use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
 
 /// Names of red, green, blue and alpha; alpha may be missing.
@@ -17,7 +18,8 @@ const COLOUR_NAMES: [[&str; 4]; 3] = [
     ["r", "g", "b", "a"],
 ];
 /// Names of texture coordinates.
-const UV_NAMES: [[&str; 2]; 4] = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
+pub(super) const UV_NAMES: [[&str; 2]; 4] =
+    [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
 const NORMAL_NAMES: [&str; 3] = ["nx", "ny", "nz"];
 /// Names that are never scalars of their own.
 const SHAPE_NAMES: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
@@ -47,17 +49,19 @@ pub(super) struct Columns {
     record: Vec<f32>,
     /// Colours that were outside of 0 to 1.
     clamped: u64,
+    /// Whether colours of 16 bits are numbers of 8 bits.
+    has_small_words: bool,
 }
 
 impl Columns {
-    /// The columns of vertices, whose colours give way to a texture.
-    pub(super) fn of_vertices(element: &Element, has_texture: bool, source: &Source, sink: &mut AttributeSink) -> Self {
+    /// The columns of vertices, whose colours give way to textures.
+    pub(super) fn of_vertices(element: &Element, textures: Shown, source: &Source, sink: &mut AttributeSink) -> Self {
         let mut columns = Self { targets: vec![Target::Skip; element.properties.len()], ..Self::default() };
         for (axis, name) in ["x", "y", "z"].iter().enumerate() {
             columns.set(element, name, Target::Axis(axis));
         }
-        let uv = find(element, &UV_NAMES).filter(|_| has_texture);
-        if uv.is_none() {
+        let uv = find(element, &UV_NAMES).filter(|_| textures != Shown::None);
+        if uv.is_none() || textures == Shown::Some {
             columns.add_colour(element, "vertex colours", source, sink);
         }
         if let Some([u, v]) = uv {
@@ -74,18 +78,33 @@ impl Columns {
                 columns.set(element, name, Target::Number(place + axis));
             }
         }
-        let known = COLOUR_NAMES.iter().flatten().chain(UV_NAMES.iter().flatten()).chain(&SHAPE_NAMES);
-        let known: Vec<&str> = known.copied().collect();
-        for property in element.properties.iter().filter(|property| matches!(property.kind, Kind::Scalar(_))) {
-            let name = property.name.as_str();
-            let is_free = !known.contains(&name) && name != COLOUR && name != "color" && columns.is_free(element, name);
-            if is_free && sink.finds(name, "PLY property") {
-                columns.layout.add_scalar(name);
-                columns.set(element, name, Target::Number(columns.layout.stride - 1));
-            }
-        }
+        columns.add_scalars(element, source, sink);
         columns.record = columns.layout.blank();
         columns
+    }
+
+    /// Adds numbers of all names that mean nothing else.
+    fn add_scalars(&mut self, element: &Element, source: &Source, sink: &mut AttributeSink) {
+        let known = COLOUR_NAMES.iter().flatten().chain(UV_NAMES.iter().flatten()).chain(&SHAPE_NAMES);
+        let known: Vec<&str> = known.copied().collect();
+        let mut taken = vec![];
+        for property in element.properties.iter().filter(|property| matches!(property.kind, Kind::Scalar(_))) {
+            let name = property.name.as_str();
+            if !self.is_free(element, name) {
+                continue;
+            }
+            if is_stray_colour(element, name) {
+                taken.push(name);
+            } else if !known.contains(&name) && sink.finds(name, "PLY property") {
+                self.layout.add_scalar(name);
+                self.set(element, name, Target::Number(self.layout.stride - 1));
+            }
+        }
+        if !taken.is_empty() && sink.wants_channels() {
+            let names = taken.join(", ");
+            source
+                .note(&format!("numbers of vertices are left out whose names stand for colours: {names}; rename them"));
+        }
     }
 
     /// The columns of faces, which all their corners get.
@@ -96,6 +115,18 @@ impl Columns {
         }
         columns.record = columns.layout.blank();
         columns
+    }
+
+    /// Whether an element has colours.
+    pub(super) fn has_colour(element: &Element) -> bool {
+        find(element, &COLOUR_NAMES.map(|[red, green, blue, _]| [red, green, blue])).is_some()
+    }
+
+    /// The numbers of an element that are neither its shape nor its colours.
+    pub(super) fn other_numbers(element: &Element) -> Vec<&str> {
+        let numbers = element.properties.iter().filter(|property| matches!(property.kind, Kind::Scalar(_)));
+        let known = |name: &str| COLOUR_NAMES.iter().flatten().chain(&SHAPE_NAMES).any(|known| *known == name);
+        numbers.map(|property| property.name.as_str()).filter(|name| !known(name)).collect()
     }
 
     fn add_colour(&mut self, element: &Element, what: &'static str, source: &Source, sink: &mut AttributeSink) {
@@ -156,7 +187,7 @@ impl Columns {
     fn share(&mut self, value: f64, scalar: Scalar) -> f32 {
         let largest = match scalar {
             Scalar::F32 | Scalar::F64 => 1.0,
-            Scalar::U16 => 65535.0,
+            Scalar::U16 if !self.has_small_words => 65535.0,
             _ => 255.0,
         };
         let share = value / largest;
@@ -171,6 +202,41 @@ impl Columns {
         &self.record
     }
 
+    /// Looks through an element whose colours have 16 bits: some programs write numbers of 8 bits there, which would all be black.
+    pub(super) fn find_small_words<V: Values>(
+        &mut self,
+        element: &Element,
+        source: &Source,
+        mut values: V,
+    ) -> Parsed<()> {
+        let is_word = |at: usize| {
+            matches!(self.targets[at], Target::Encoded(_) | Target::Alpha(_))
+                && element.properties[at].kind == Kind::Scalar(Scalar::U16)
+        };
+        if !(0..element.properties.len()).any(is_word) {
+            return Ok(());
+        }
+        let mut largest = 0.0f64;
+        for _ in 0..element.count {
+            source.passed(values.offset());
+            for (at, property) in element.properties.iter().enumerate() {
+                match property.kind {
+                    Kind::Scalar(scalar) if is_word(at) => largest = largest.max(values.float(scalar)?),
+                    kind => skip_property(kind, &mut values)?,
+                }
+            }
+            values.end_item()?;
+            if largest > 255.0 {
+                return Ok(());
+            }
+        }
+        self.has_small_words = largest > 0.0;
+        if self.has_small_words {
+            source.note("colours have 16 bits, but no number is above 255: they are read as numbers of 8 bits");
+        }
+        Ok(())
+    }
+
     /// Notes for the user what was odd.
     pub(super) fn note(&self, source: &Source) {
         source.note_skipped(
@@ -180,33 +246,16 @@ impl Columns {
     }
 }
 
-/// The first set of names that are all numbers of the element.
-fn find<const N: usize>(element: &Element, sets: &[[&'static str; N]]) -> Option<[&'static str; N]> {
-    let has = |name: &&str| element.properties.iter().any(|p| p.name == **name && matches!(p.kind, Kind::Scalar(_)));
-    sets.iter().find(|names| names.iter().all(has)).copied()
+/// Whether a name stands for a colour, or for a part of one whose other parts are not there.
+fn is_stray_colour(element: &Element, name: &str) -> bool {
+    let mut sets = COLOUR_NAMES.iter().filter(|names| names.contains(&name)).peekable();
+    let is_part = sets.peek().is_some();
+    let is_whole = sets.any(|&[red, green, blue, _]| find(element, &[[red, green, blue]]).is_some());
+    [COLOUR, "color"].contains(&name) || is_part && !is_whole
 }
 
-/// Adds a material for each texture that the header names, and returns the number of the first; none where there are none.
-pub(super) fn add_textures(header: &Header, source: &Source, sink: &mut AttributeSink) -> Parsed<Option<usize>> {
-    let has_uv = header.elements.iter().any(|element| {
-        find(element, &UV_NAMES).is_some() || element.properties.iter().any(|property| property.name == "texcoord")
-    });
-    if header.textures.is_empty() || !has_uv || !sink.finds(COLOUR, "PLY textures") {
-        return Ok(None);
-    }
-    let material = |name: &String| {
-        let image = crate::import::textures::file_beside(source, name).map(|path| {
-            let image = sink.add_image(ImageSource::File { path, range: None });
-            TextureUse { image, uv_set: 0, wrap: [Wrap::Repeat; 2], transform: None }
-        });
-        Material {
-            name: name.clone(),
-            base_texture: image,
-            alpha: AlphaMode::Opaque,
-            hides_vertex_colour: true,
-            ..Material::default()
-        }
-    };
-    let materials = header.textures.iter().map(material).collect();
-    sink.add_materials(materials).map(Some)
+/// The first set of names that are all numbers of the element.
+pub(super) fn find<const N: usize>(element: &Element, sets: &[[&'static str; N]]) -> Option<[&'static str; N]> {
+    let has = |name: &&str| element.properties.iter().any(|p| p.name == **name && matches!(p.kind, Kind::Scalar(_)));
+    sets.iter().find(|names| names.iter().all(has)).copied()
 }

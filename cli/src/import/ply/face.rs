@@ -5,7 +5,9 @@ use std::ops::Range;
 use super::attributes::{Columns, Target};
 use super::header::{Element, Kind, Scalar};
 use super::skip_property;
+use super::textures::Textures;
 use super::values::Values;
+use crate::import::attributes::AttributeSink;
 use crate::import::error::Parsed;
 use crate::import::polygon::Triangulator;
 use crate::import::sink::MeshSink;
@@ -35,13 +37,13 @@ impl FaceCorners {
     pub(super) fn new(
         source: &Source,
         element: &Element,
-        textures: &Option<Range<usize>>,
+        textures: &Textures,
         strips: bool,
         sink: &mut MeshSink,
     ) -> Parsed<Option<Self>> {
         let position = |name: &str| element.properties.iter().position(|property| property.name == name);
         let is_list = |at: &usize| matches!(element.properties[*at].kind, Kind::List { .. });
-        let textures = textures.clone().unwrap_or(0..0);
+        let textures = textures.numbers.clone();
         let coordinates = position("texcoord").filter(|at| !textures.is_empty() && is_list(at));
         let number = position("texnumber").filter(|at| !textures.is_empty() && !is_list(at));
         if !textures.is_empty() {
@@ -49,6 +51,7 @@ impl FaceCorners {
         }
         // Colours of vertices say more, and textures most.
         let with_colour = !strips && textures.is_empty() && !sink.attributes.has_vertex_colour();
+        note_left_out(source, element, with_colour, &sink.attributes);
         let mut columns = Columns::of_faces(element, with_colour, source, &mut sink.attributes);
         let coordinates = coordinates.filter(|_| !strips).map(|at| {
             columns.layout.add_uv(1);
@@ -62,6 +65,11 @@ impl FaceCorners {
         }
         let (uv, records, texture) = (vec![], vec![], 0);
         Ok(Some(Self { columns, coordinates, number, textures, texture, uv, records, misfits: 0 }))
+    }
+
+    /// Looks through the faces for what has to be known of all colours.
+    pub(super) fn look_ahead<V: Values>(&mut self, element: &Element, source: &Source, values: V) -> Parsed<()> {
+        self.columns.find_small_words(element, source, values)
     }
 
     /// Reads a property that is not the list of vertices.
@@ -129,5 +137,21 @@ impl FaceCorners {
             self.misfits,
             "faces have texture coordinates or texture numbers that do not fit: no texture",
         );
+    }
+}
+
+/// Numbers of faces that nobody misses: bits of programs, and what textures use.
+const UNSAID: [&str; 2] = ["flags", "texnumber"];
+
+/// Notes what faces have and is not kept.
+fn note_left_out(source: &Source, element: &Element, with_colour: bool, sink: &AttributeSink) {
+    if sink.wants_colour() && !with_colour && Columns::has_colour(element) {
+        source.note("colours of faces are left out: those of vertices or textures are kept in their place");
+    }
+    let mut numbers = Columns::other_numbers(element);
+    numbers.retain(|name| !UNSAID.contains(name));
+    if sink.wants_channels() && !numbers.is_empty() {
+        let names = numbers.join(", ");
+        source.note(&format!("numbers of faces are left out: {names}; write them as numbers of vertices to keep them"));
     }
 }

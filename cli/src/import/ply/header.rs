@@ -1,6 +1,7 @@
 //! The PLY header.
 
 use super::super::error::{Location, Parsed};
+use super::super::scan::Scanner;
 use super::super::source::Source;
 
 /// How the body is encoded.
@@ -78,8 +79,8 @@ pub(super) struct Header {
     pub(super) elements: Vec<Element>,
     /// Byte offset of the body.
     pub(super) body: usize,
-    /// The images that comments name, as MeshLab writes them.
-    pub(super) textures: Vec<String>,
+    /// The images that comments name, as MeshLab writes them, in whatever encoding.
+    pub(super) textures: Vec<Vec<u8>>,
 }
 
 /// Parses the header. Its lines may end with LF, CR LF or CR, all in the same way as the first.
@@ -101,6 +102,7 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
         };
         let line = bytes[at..at + length].trim_ascii();
         at += length + 1;
+        textures.extend(texture_name(line).map(<[u8]>::to_owned));
         let Ok(line) = std::str::from_utf8(line) else {
             if line.starts_with(b"comment") || line.starts_with(b"obj_info") {
                 continue;
@@ -110,9 +112,6 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         match words[..] {
             ["ply"] if number == 1 => {}
-            ["comment", "TextureFile", ..] => {
-                textures.extend(line.split_once("TextureFile").map(|(_, name)| name.trim().to_owned()));
-            }
             ["comment" | "obj_info", ..] | [] => {}
             ["format", name, version] => {
                 encoding = Some(match name {
@@ -162,4 +161,11 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
         return Err(source.syntax(Location::Line(number), "the header has no line \"format\""));
     };
     Ok(Header { encoding, elements, body: at, textures })
+}
+
+/// The image that a line `comment TextureFile` names; programs write the word with capitals or without.
+fn texture_name(line: &[u8]) -> Option<&[u8]> {
+    let mut words = Scanner::new(line, 0);
+    let is_texture = words.word() == b"comment" && words.word().eq_ignore_ascii_case(b"texturefile");
+    is_texture.then(|| line[words.at..].trim_ascii())
 }

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::attributes::Columns;
 use super::header::{Element, Encoding, Header, Kind, parse_header};
+use super::textures::Shown;
 use super::values::{AsciiValues, Values};
 use super::{left_out, skip_property};
 use crate::import::attributes::AttributeSink;
@@ -36,7 +37,7 @@ impl PlyLines {
         }
         let (vertex, face) = (find("vertex")?, find("face")?);
         let [vertices, faces] = [vertex, face].map(|element| &header.elements[element]);
-        let has_channels = Columns::of_vertices(vertices, false, source, sink).layout.stride > 0
+        let has_channels = Columns::of_vertices(vertices, Shown::None, source, sink).layout.stride > 0
             || Columns::of_faces(faces, true, source, sink).layout.stride > 0;
         let corners =
             faces.properties.iter().position(|p| ["vertex_indices", "vertex_index"].contains(&p.name.as_str()));

@@ -8,24 +8,25 @@ mod face;
 mod header;
 mod lines;
 mod places;
+mod textures;
 mod values;
 
-use std::ops::Range;
 use std::path::PathBuf;
 
 use glam::DVec3;
 
-use self::attributes::{Columns, Target, add_textures};
+use self::attributes::{Columns, Target};
 use self::face::FaceCorners;
 use self::header::{Element, Encoding, Header, Kind};
 pub(super) use self::lines::PlyLines;
 pub(super) use self::places::PlyPlaces;
+use self::textures::{Shown, Textures};
 use self::values::{AsciiValues, BinaryValues, Values};
+use super::beside::Beside;
 use super::error::{ImportError, Location, Parsed};
 use super::polygon::Triangulator;
 use super::sink::MeshSink;
 use super::source::Source;
-use super::textures::file_beside;
 
 pub(super) fn read_ply(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let header = header::parse_header(source)?;
@@ -39,12 +40,12 @@ pub(super) fn read_ply(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
 /// The images that a file names.
 pub(super) fn files_beside(source: &Source) -> Vec<PathBuf> {
     let textures = header::parse_header(source).map_or_else(|_| vec![], |header| header.textures);
-    textures.iter().filter_map(|name| file_beside(source, name)).collect()
+    let named = textures.iter().filter(|name| !name.is_empty());
+    named.filter_map(|name| Beside::new(source).find("image", name)).collect()
 }
 
 fn read_body<V: Values>(source: &Source, header: &Header, mut values: V, sink: &mut MeshSink) -> Parsed<()> {
-    let texture = add_textures(header, source, &mut sink.attributes)?;
-    let textures = texture.map(|first| first..first + header.textures.len());
+    let textures = Textures::add(header, source, &mut sink.attributes)?;
     let mut faces = Triangulator::default();
     let mut vertices_read = false;
     // Faces that precede the vertices are read after them, because polygons need positions.
@@ -53,7 +54,7 @@ fn read_body<V: Values>(source: &Source, header: &Header, mut values: V, sink: &
         values.check_room(element)?;
         match element.name.as_str() {
             "vertex" => {
-                read_vertices(source, element, textures.is_some(), &mut values, sink)?;
+                read_vertices(source, element, textures.shown, &mut values, sink)?;
                 vertices_read = true;
             }
             "face" | "tristrips" if vertices_read => {
@@ -102,7 +103,7 @@ fn skip_property<V: Values>(kind: Kind, values: &mut V) -> Parsed<()> {
 fn read_vertices<V: Values>(
     source: &Source,
     element: &Element,
-    has_texture: bool,
+    textures: Shown,
     values: &mut V,
     sink: &mut MeshSink,
 ) -> Parsed<()> {
@@ -118,11 +119,12 @@ fn read_vertices<V: Values>(
             _ => return Err(source.syntax(line, format!("vertices need exactly one number as property \"{axis}\""))),
         }
     }
-    let mut columns = Columns::of_vertices(element, has_texture, source, &mut sink.attributes);
+    let mut columns = Columns::of_vertices(element, textures, source, &mut sink.attributes);
     let is_kept = |name: &str| {
         element.properties.iter().zip(&columns.targets).any(|(p, target)| p.name == name && *target != Target::Skip)
     };
     left_out(element, is_kept, |what| sink.leave_out(what));
+    columns.find_small_words(element, source, values.clone())?;
     let has_record = columns.layout.stride > 0;
     if has_record {
         sink.set_vertex_layout(columns.layout.clone());
@@ -171,7 +173,7 @@ fn left_out(element: &Element, is_kept: impl Fn(&str) -> bool, mut leave_out: im
 fn read_faces<V: Values>(
     source: &Source,
     element: &Element,
-    textures: &Option<Range<usize>>,
+    textures: &Textures,
     values: &mut V,
     sink: &mut MeshSink,
     faces: &mut Triangulator,
@@ -187,6 +189,9 @@ fn read_faces<V: Values>(
     };
     let vertex_count = sink.vertex_count();
     let mut corners = FaceCorners::new(source, element, textures, strips, sink)?;
+    if let Some(corners) = &mut corners {
+        corners.look_ahead(element, source, values.clone())?;
+    }
     sink.reserve(0, values.likely_triangle_count(element))?;
     let (mut polygon, mut strip) = (vec![], vec![]);
     for face in 0..element.count {

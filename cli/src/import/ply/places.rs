@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::attributes::Columns;
 use super::header::{Element, Encoding, Kind, Scalar, parse_header};
+use super::textures::Shown;
 use super::values::{BinaryValues, Values};
 use crate::import::attributes::AttributeSink;
 use crate::import::error::{ImportError, Location, Parsed};
@@ -58,7 +59,7 @@ impl PlyPlaces {
         }
         let ((vertices, vertex), (triangles, face)) = (vertices?, triangles?);
         // Any face that is no triangle would make the file longer or shorter.
-        if at != source.bytes.len() || Columns::of_vertices(vertex, false, source, sink).layout.stride > 0 {
+        if at != source.bytes.len() || Columns::of_vertices(vertex, Shown::None, source, sink).layout.stride > 0 {
             return None;
         }
         let Kind::List { count, item } = face.properties.first()?.kind else { return None };
