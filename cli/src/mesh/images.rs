@@ -1,15 +1,20 @@
 //! Images as inputs have them: encoded, in files or within them.
 
+mod jpeg;
+
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use image::error::{ImageFormatHint, UnsupportedErrorKind};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 use serde::{Deserialize, Serialize};
 
+use jpeg::check_jpeg;
+
 /// Where the bytes of an encoded image are.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Eq, Serialize, Deserialize)]
 pub enum ImageSource {
     /// In a file, or in a range of one.
     File {
@@ -38,17 +43,49 @@ pub enum ImageSource {
     },
 }
 
+/// Models can name tens of thousands of images, each of which is looked for among the others. So paths are compared as bytes, after what
+/// differs more often: component by component, as paths compare themselves, takes ten times as long.
+impl PartialEq for ImageSource {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::File { path, range }, Self::File { path: other, range: others }) => {
+                range == others && path.as_os_str() == other.as_os_str()
+            }
+            (Self::Inline { name, bytes }, Self::Inline { name: other, bytes: others }) => {
+                bytes == others && name == other
+            }
+            (
+                Self::Kept { file, name, bytes, xxh3 },
+                Self::Kept { file: other_file, name: other_name, bytes: other_bytes, xxh3: other_xxh3 },
+            ) => (file, name, bytes, xxh3) == (other_file, other_name, other_bytes, other_xxh3),
+            _ => false,
+        }
+    }
+}
+
 impl ImageSource {
     /// The image's name for messages.
     pub fn name(&self) -> String {
         match self {
-            Self::File { path, range: None } => path.display().to_string(),
+            Self::File { path, range: None } => shown_name(&path.display().to_string()),
             Self::File { path, range: Some(range) } => {
-                format!("{} (bytes {} to {})", path.display(), range.start, range.end)
+                format!("{} (bytes {} to {})", shown_name(&path.display().to_string()), range.start, range.end)
             }
-            Self::Inline { name, .. } | Self::Kept { name, .. } => name.clone(),
+            Self::Inline { name, .. } | Self::Kept { name, .. } => shown_name(name),
         }
     }
+}
+
+/// A name of a file as messages show it: in one line, and without its middle where it is very long.
+pub(crate) fn shown_name(name: &str) -> String {
+    const MOST: usize = 200;
+    let count = name.chars().count();
+    let plain = |c: char| if c.is_control() { ' ' } else { c };
+    if count <= MOST {
+        return name.chars().map(plain).collect();
+    }
+    let [start, end] = [0, count - MOST / 2].map(|skipped| name.chars().skip(skipped).take(MOST / 2).map(plain));
+    start.chain("...".chars()).chain(end).collect()
 }
 
 /// The most texels of an image.
@@ -63,14 +100,68 @@ impl ImageSource {
     pub fn open(&self, folder: Option<&Path>) -> io::Result<Box<dyn EncodedImage + '_>> {
         let (file, range) = match self {
             Self::Inline { bytes, .. } => return Ok(Box::new(Cursor::new(bytes))),
-            Self::File { path, range } => (File::open(path)?, range.clone()),
-            Self::Kept { file, .. } => (File::open(folder.unwrap_or(Path::new("")).join(file))?, None),
+            Self::File { path, range } => (open_file(path)?, range.clone()),
+            Self::Kept { file, .. } => (open_file(&folder.unwrap_or(Path::new("")).join(file))?, None),
         };
         let length = file.metadata()?.len();
         let range = range.unwrap_or(0..length);
         let end = range.end.min(length);
         Ok(Box::new(BufReader::with_capacity(1 << 16, Section { file, at: 0, range: range.start.min(end)..end })))
     }
+}
+
+/// Opens a file that is no folder, device or pipe: opening a pipe could block forever.
+fn open_file(path: &Path) -> io::Result<File> {
+    if std::fs::metadata(path)?.is_file() {
+        return File::open(path);
+    }
+    Err(io::Error::new(io::ErrorKind::InvalidInput, "it is a folder, device or pipe, not a file: put an image there"))
+}
+
+/// What is wrong with an image that cannot be opened or read, and what to do.
+pub(crate) fn unreadable(error: &io::Error) -> String {
+    match error.kind() {
+        io::ErrorKind::NotFound => "there is no such file: put it there".into(),
+        io::ErrorKind::UnexpectedEof => damaged("unexpected end of file"),
+        _ => in_one_line(&error.to_string()),
+    }
+}
+
+/// What is wrong with an image whose bytes are damaged, and what to do.
+fn damaged(problem: &str) -> String {
+    format!("it is damaged ({}): copy or export it again", in_one_line(problem))
+}
+
+/// What is wrong with an image that cannot be decoded, and what to do.
+fn undecodable(error: &ImageError) -> String {
+    match error {
+        ImageError::Unsupported(problem) => match problem.kind() {
+            UnsupportedErrorKind::Format(ImageFormatHint::Exact(format)) => unread_format(&format!("{format:?}")),
+            UnsupportedErrorKind::Format(_) => unread_format("unknown"),
+            _ => in_one_line(&error.to_string()),
+        },
+        ImageError::IoError(error) => unreadable(error),
+        ImageError::Decoding(problem) => damaged(&problem.to_string()),
+        other => in_one_line(&other.to_string()),
+    }
+}
+
+fn unread_format(format: &str) -> String {
+    format!("its format ({format}) is not read: convert it to PNG, JPEG, WebP or TIFF")
+}
+
+fn png_problem(error: &png::DecodingError) -> String {
+    match error {
+        png::DecodingError::IoError(error) => unreadable(error),
+        png::DecodingError::Format(_) => damaged(&error.to_string()),
+        other => in_one_line(&other.to_string()),
+    }
+}
+
+/// Notes have one line each.
+fn in_one_line(problem: &str) -> String {
+    let words: Vec<&str> = problem.split_whitespace().collect();
+    words.join(" ").trim_end_matches('.').to_owned()
 }
 
 /// A range of a file as a file of its own.
@@ -113,14 +204,24 @@ impl<R: BufRead + Seek> EncodedImage for R {}
 ///
 /// # Errors
 /// What is wrong with it.
-pub fn image_size(encoded: impl EncodedImage) -> Result<[u32; 2], String> {
-    let reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| error.to_string())?;
-    let (width, height) = reader.into_dimensions().map_err(|error| error.to_string())?;
+pub fn image_size(mut encoded: impl EncodedImage) -> Result<[u32; 2], String> {
+    let reader = ImageReader::new(&mut encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
+    let format = reader.format();
+    let (width, height) = reader.into_dimensions().map_err(|error| undecodable(&error))?;
     if width == 0 || height == 0 {
-        return Err("it has no texels".into());
+        return Err("it has no texels: export it again".into());
+    }
+    // A header that was written over must not cost the time and memory of what it declares. Every block of a JPEG takes a bit; the other
+    // formats can have any number of texels in few bytes, or fail at their first missing row.
+    let bytes = encoded.seek(SeekFrom::End(0)).map_err(|error| unreadable(&error))?;
+    if format == Some(ImageFormat::Jpeg) && bytes.saturating_mul(8 * JPEG_BLOCK) < texels_of([width, height]) {
+        return Err(damaged(&format!("its {bytes} bytes cannot hold {width} x {height} texels")));
     }
     Ok([width, height])
 }
+
+/// Texels of a block of a JPEG.
+const JPEG_BLOCK: u64 = 64;
 
 /// How many texels an image of a size has.
 pub fn texels_of(size: [u32; 2]) -> u64 {
@@ -134,31 +235,88 @@ pub fn texels_of(size: [u32; 2]) -> u64 {
 pub fn decode_image(mut encoded: impl EncodedImage) -> Result<DynamicImage, String> {
     let [width, height] = image_size(&mut encoded)?;
     if texels_of([width, height]) > MAX_IMAGE_TEXELS {
-        return Err(format!("it has {width} x {height} texels, more than {MAX_IMAGE_TEXELS}"));
+        return Err(format!("it has {width} x {height} texels, more than {MAX_IMAGE_TEXELS}: make it smaller"));
     }
-    encoded.rewind().map_err(|error| error.to_string())?;
-    let mut reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| error.to_string())?;
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    refuse_damaged_jpeg(&mut encoded)?;
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    let mut reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
     let mut limits = image::Limits::default();
     // The largest texel has four numbers of 32 bits.
     limits.max_alloc = Some(texels_of([width, height]) * 16 + (16 << 20));
     reader.limits(limits);
-    reader.decode().map_err(|error| error.to_string())
+    reader.decode().map_err(|error| undecodable(&error))
+}
+
+/// The decoder of JPEG says nothing of data that are missing.
+fn refuse_damaged_jpeg(encoded: &mut impl EncodedImage) -> Result<(), String> {
+    let start = encoded.fill_buf().map_err(|error| unreadable(&error))?;
+    if !start.starts_with(b"\xFF\xD8") {
+        return Ok(());
+    }
+    let mut bytes = vec![];
+    encoded.read_to_end(&mut bytes).map_err(|error| unreadable(&error))?;
+    check_jpeg(&bytes).map_err(damaged)
 }
 
 /// The rows of a PNG. None of what has to be decoded as a whole: interlaced ones, and other formats.
 ///
 /// # Errors
 /// What is wrong with it.
-pub fn rows_of_png<R: EncodedImage>(mut encoded: R) -> Result<Option<png::Reader<R>>, String> {
+pub fn rows_of_png<R: EncodedImage>(mut encoded: R) -> Result<Option<RowsOfPng<R>>, String> {
     const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
-    let start = encoded.fill_buf().map_err(|error| error.to_string())?;
+    let start = encoded.fill_buf().map_err(|error| unreadable(&error))?;
     if !start.starts_with(SIGNATURE) {
         return Ok(None);
     }
     let mut decoder = png::Decoder::new(encoded);
     decoder.set_transformations(png::Transformations::EXPAND);
-    let reader = decoder.read_info().map_err(|error| error.to_string())?;
-    Ok((!reader.info().interlaced).then_some(reader))
+    // The checksum of the compressed rows counts, too.
+    decoder.ignore_checksums(false);
+    let reader = decoder.read_info().map_err(|error| png_problem(&error))?;
+    let left = reader.info().height;
+    Ok((!reader.info().interlaced).then_some(RowsOfPng { reader, left }))
+}
+
+/// The rows of a PNG that is not interlaced.
+pub struct RowsOfPng<R: EncodedImage> {
+    reader: png::Reader<R>,
+    /// Rows that are not yet read.
+    left: u32,
+}
+
+impl<R: EncodedImage> RowsOfPng<R> {
+    /// What the samples of texels are, and their bits.
+    pub fn output_color_type(&self) -> (png::ColorType, png::BitDepth) {
+        self.reader.output_color_type()
+    }
+
+    /// The samples of the next row into `row`; false after the last one.
+    ///
+    /// # Errors
+    /// What is wrong with the image. The last row is an error if checksums say that one before it is wrong.
+    pub fn next_row(&mut self, row: &mut Vec<u8>) -> Result<bool, String> {
+        if self.left == 0 {
+            return Ok(false);
+        }
+        self.left -= 1;
+        let length = self.reader.output_line_size(self.reader.info().width).ok_or("its rows are too long")?;
+        row.resize(length, 0);
+        self.reader.read_row(row).map_err(|error| png_problem(&error))?;
+        if self.left == 0 {
+            self.check_end()?;
+        }
+        Ok(true)
+    }
+
+    /// Reads what is behind the last row: its checksums. All texels of a file that ends there are known.
+    fn check_end(&mut self) -> Result<(), String> {
+        match self.reader.next_row() {
+            Err(png::DecodingError::IoError(error)) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(()),
+            Err(error) => Err(png_problem(&error)),
+            Ok(_) => Ok(()),
+        }
+    }
 }
 
 /// The most memory that decoding an image takes, until its texels are where they stay; 0 for what is decoded row by row.
@@ -166,17 +324,16 @@ pub fn rows_of_png<R: EncodedImage>(mut encoded: R) -> Result<Option<png::Reader
 /// # Errors
 /// What is wrong with it.
 pub fn decoding_bytes(mut encoded: impl EncodedImage) -> Result<u64, String> {
-    let problem = |error: &dyn std::error::Error| error.to_string();
     if rows_of_png(&mut encoded)?.is_some() {
         return Ok(0);
     }
-    let encoded_bytes = encoded.seek(SeekFrom::End(0)).map_err(|error| problem(&error))?;
-    encoded.rewind().map_err(|error| problem(&error))?;
-    let is_progressive = is_progressive_jpeg(&mut encoded).map_err(|error| problem(&error))?;
-    encoded.rewind().map_err(|error| problem(&error))?;
-    let reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| problem(&error))?;
+    let encoded_bytes = encoded.seek(SeekFrom::End(0)).map_err(|error| unreadable(&error))?;
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    let is_progressive = is_progressive_jpeg(&mut encoded).map_err(|error| unreadable(&error))?;
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    let reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
     let format = reader.format();
-    let decoder = reader.into_decoder().map_err(|error| problem(&error))?;
+    let decoder = reader.into_decoder().map_err(|error| undecodable(&error))?;
     let (width, height) = decoder.dimensions();
     let (colours, texels) = (decoder.color_type(), texels_of([width, height]));
     let decoded = u64::from(colours.bytes_per_pixel());
@@ -214,8 +371,8 @@ pub fn only_colour(
     memory: u64,
 ) -> Result<Option<[u16; 4]>, String> {
     let texels = texels_of(image_size(&mut encoded)?);
-    let bytes = encoded.seek(SeekFrom::End(0)).map_err(|error| error.to_string())?;
-    encoded.rewind().map_err(|error| error.to_string())?;
+    let bytes = encoded.seek(SeekFrom::End(0)).map_err(|error| unreadable(&error))?;
+    encoded.rewind().map_err(|error| unreadable(&error))?;
     let part = texels_of([&columns, &rows].map(|range| range.len() as u32));
     let is_worth_it = bytes <= most_bytes_of_one_colour(texels) || part.saturating_mul(SMALL_PART) < texels;
     if !is_worth_it || texels > MAX_IMAGE_TEXELS || part == 0 {
@@ -224,11 +381,11 @@ pub fn only_colour(
     if let Some(reader) = rows_of_png(&mut encoded)? {
         return only_colour_of_rows(reader, [columns, rows]);
     }
-    encoded.rewind().map_err(|error| error.to_string())?;
+    encoded.rewind().map_err(|error| unreadable(&error))?;
     if decoding_bytes(&mut encoded)? > memory {
         return Ok(None);
     }
-    encoded.rewind().map_err(|error| error.to_string())?;
+    encoded.rewind().map_err(|error| unreadable(&error))?;
     let image = decode_image(encoded)?.crop_imm(columns.start, rows.start, columns.len() as u32, rows.len() as u32);
     let length = usize::from(image.color().bytes_per_pixel());
     let all = image.as_bytes();
@@ -237,20 +394,22 @@ pub fn only_colour(
 }
 
 fn only_colour_of_rows<R: EncodedImage>(
-    mut reader: png::Reader<R>,
+    mut reader: RowsOfPng<R>,
     [columns, rows]: [Range<u32>; 2],
 ) -> Result<Option<[u16; 4]>, String> {
     let (colours, depth) = reader.output_color_type();
     let is_fine = depth == png::BitDepth::Sixteen;
     let length = colours.samples() * if is_fine { 2 } else { 1 };
-    let mut first: Vec<u8> = vec![];
+    let (mut first, mut row): (Vec<u8>, Vec<u8>) = Default::default();
     // Nearly all images end within their first row.
     for number in 0..rows.end {
-        let Some(row) = reader.next_row().map_err(|error| error.to_string())? else { break };
+        if !reader.next_row(&mut row)? {
+            break;
+        }
         if number < rows.start {
             continue;
         }
-        let mut texels = row.data().chunks(length).take(columns.end as usize).skip(columns.start as usize);
+        let mut texels = row.chunks(length).take(columns.end as usize).skip(columns.start as usize);
         if first.is_empty() {
             first.extend(texels.clone().next().unwrap_or_default());
         }
@@ -342,6 +501,93 @@ mod tests {
             bytes.rewind().unwrap();
             assert_eq!(only_colour(bytes, [0..90, 5..69], u64::MAX), Ok(Some(fine)));
         }
+    }
+
+    /// Something that has many colours.
+    fn encoded(format: ImageFormat) -> Vec<u8> {
+        let texel = |x: u32, y: u32| image::Rgb([(x * x * 7 + y * 13) as u8, (x * 9 + y * y) as u8, 9]);
+        let image = DynamicImage::ImageRgb8(image::ImageBuffer::from_fn(70, 50, texel));
+        let mut bytes = Cursor::new(vec![]);
+        image.write_to(&mut bytes, format).unwrap();
+        bytes.into_inner()
+    }
+
+    /// Reads all rows of a PNG.
+    fn rows(bytes: &[u8]) -> Result<u32, String> {
+        let mut rows = rows_of_png(Cursor::new(bytes))?.expect("it is a PNG");
+        let (mut row, mut count) = (vec![], 0);
+        while rows.next_row(&mut row)? {
+            count += 1;
+        }
+        Ok(count)
+    }
+
+    #[test]
+    fn checksums_of_pngs_count() {
+        let bytes = encoded(ImageFormat::Png);
+        assert_eq!(rows(&bytes), Ok(50));
+        let data = bytes.windows(4).position(|four| four == b"IDAT").unwrap();
+        let length = u32::from_be_bytes(bytes[data - 4..data].try_into().unwrap()) as usize;
+        let checksum = data + 4 + length;
+        let mut damaged = bytes.clone();
+        damaged[checksum] ^= 1;
+        let problem = rows(&damaged).unwrap_err();
+        assert!(problem.contains("it is damaged (CRC error") && problem.contains("export it again"), "{problem}");
+        // The checksum of the rows themselves, under one of the chunk that fits.
+        damaged = bytes.clone();
+        damaged[checksum - 1] ^= 1;
+        let fitting = crc32fast::hash(&damaged[data..checksum]).to_be_bytes();
+        damaged[checksum..checksum + 4].copy_from_slice(&fitting);
+        assert!(rows(&damaged).unwrap_err().contains("it is damaged"));
+        // All rows are there, and nothing says that they are wrong.
+        assert_eq!(rows(&bytes[..checksum]), Ok(50));
+        assert_eq!(rows(&bytes[..checksum + 4]), Ok(50));
+        assert!(rows(&bytes[..bytes.len() / 2]).unwrap_err().contains("it is damaged (unexpected end of file)"));
+    }
+
+    #[test]
+    fn a_jpeg_that_is_cut_or_cannot_hold_its_texels_is_damaged() {
+        let bytes = encoded(ImageFormat::Jpeg);
+        assert!(decode_image(Cursor::new(&bytes)).is_ok());
+        let problem = decode_image(Cursor::new(&bytes[..bytes.len() / 2])).unwrap_err();
+        assert_eq!(problem, "it is damaged (its data end too early): copy or export it again");
+        let mut large = bytes;
+        let frame = large.windows(2).position(|two| two == [0xFF, 0xC0]).unwrap();
+        large[frame + 5..frame + 9].copy_from_slice(&[0x3E, 0x80, 0x3E, 0x80]);
+        let problem = image_size(Cursor::new(&large)).unwrap_err();
+        assert!(problem.contains("bytes cannot hold 16000 x 16000 texels"), "{problem}");
+    }
+
+    #[test]
+    fn formats_that_are_not_read_are_named_with_those_that_are() {
+        for (start, format) in [(&b"GIF89a\x01\0\x01\0"[..], "Gif"), (b"BM", "Bmp"), (b"noise", "unknown")] {
+            let problem = image_size(Cursor::new(start)).unwrap_err();
+            assert_eq!(problem, format!("its format ({format}) is not read: convert it to PNG, JPEG, WebP or TIFF"));
+        }
+        for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP, ImageFormat::Tiff] {
+            let bytes = encoded(format);
+            for end in 0..bytes.len().min(700) {
+                let problem = image_size(Cursor::new(&bytes[..end])).err().unwrap_or_default();
+                assert!(!problem.contains('\n'), "{problem}");
+            }
+        }
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn only_files_are_opened() {
+        for path in ["/dev/zero", "/"] {
+            let image = ImageSource::File { path: path.into(), range: None };
+            let problem = image.open(None).err().map(|error| unreadable(&error));
+            assert!(problem.is_some_and(|problem| problem.contains("not a file: put an image there")), "{path}");
+        }
+    }
+
+    #[test]
+    fn long_names_are_shown_without_their_middle() {
+        assert_eq!(shown_name("a\nb\u{e9}.png"), "a b\u{e9}.png");
+        let shown = shown_name(&format!("{}\u{e9}{}.png", "a".repeat(500), "b".repeat(500)));
+        assert_eq!(shown, format!("{}...{}.png", "a".repeat(100), "b".repeat(96)));
     }
 
     #[test]

@@ -1,11 +1,12 @@
 //! Decoded images: each is decoded when it is first used, and forgotten when others need its memory.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::texels::Place;
 use super::texture::{Meaning, Texture, TextureError};
-use crate::mesh::images::ImageSource;
+use crate::mesh::images::{ImageSource, unreadable};
 use crate::storage::WorkError;
 
 /// Images as textures. Each can be there several times, by how it is meant.
@@ -18,6 +19,8 @@ pub(super) struct TextureCache<'a> {
     /// Why a file for texels cannot be used, the first time that this happens.
     failure: Mutex<Option<WorkError>>,
     slots: Vec<Mutex<Slot>>,
+    /// The images of which was said that they cannot be used: each may be there several times.
+    noted: Mutex<BTreeSet<usize>>,
     usage: Mutex<Usage>,
 }
 
@@ -45,7 +48,17 @@ impl<'a> TextureCache<'a> {
     ) -> Self {
         let slots = (0..Meaning::COUNT * images.len()).map(|_| Mutex::new(Slot::Absent)).collect();
         let place = Place::new(scratch, memory / 2);
-        Self { images, folder, note, memory, place, failure: Mutex::default(), slots, usage: Mutex::default() }
+        Self {
+            images,
+            folder,
+            note,
+            memory,
+            place,
+            failure: Mutex::default(),
+            slots,
+            noted: Mutex::default(),
+            usage: Mutex::default(),
+        }
     }
 
     /// The texture of a key ([`Meaning::key`]). None if the image cannot be decoded.
@@ -78,14 +91,17 @@ impl<'a> TextureCache<'a> {
     }
 
     fn decode(&self, key: usize) -> Option<Texture> {
-        let image = self.images.get(key / Meaning::COUNT)?;
-        let opened = image.open(self.folder).map_err(|error| TextureError::Image(error.to_string()));
+        let number = key / Meaning::COUNT;
+        let image = self.images.get(number)?;
+        let opened = image.open(self.folder).map_err(|error| TextureError::Image(unreadable(&error)));
         let texture = opened.and_then(|encoded| Texture::decode(encoded, Meaning::of_key(key), &self.place));
         match texture {
             Ok(texture) => return Some(texture),
             Err(TextureError::Image(problem)) => {
-                let name = image.name();
-                (self.note)(&format!("the image {name} cannot be used: {problem}; its material has no texture"));
+                if self.noted.lock().unwrap_or_else(PoisonError::into_inner).insert(number) {
+                    let name = image.name();
+                    (self.note)(&format!("the image {name} cannot be used: {problem}; its material has no texture"));
+                }
             }
             Err(TextureError::File(error)) => {
                 self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);

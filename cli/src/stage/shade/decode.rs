@@ -5,7 +5,7 @@ use image::DynamicImage;
 use super::level::{Texels, little_endian, root};
 use super::texels::Place;
 use super::texture::{Meaning, TextureError};
-use crate::mesh::images::{EncodedImage, MAX_IMAGE_TEXELS, decode_image, rows_of_png, texels_of};
+use crate::mesh::images::{EncodedImage, MAX_IMAGE_TEXELS, RowsOfPng, decode_image, rows_of_png, texels_of};
 use crate::mesh::srgb::linear_from_srgb;
 use crate::storage::WorkError;
 
@@ -53,7 +53,7 @@ fn from_whole(image: DynamicImage, meaning: Meaning, place: &Place) -> Result<Te
 
 /// The texels of a PNG, which is decoded row by row.
 fn from_rows<R: EncodedImage>(
-    mut rows: png::Reader<R>,
+    mut rows: RowsOfPng<R>,
     size: [u32; 2],
     meaning: Meaning,
     place: &Place,
@@ -68,12 +68,10 @@ fn from_rows<R: EncodedImage>(
         (false, false) => 4,
     };
     let texels = place.keep(texels_of(size) * of_texel as u64, |push| -> Result<(), TextureError> {
-        let mut line = vec![];
-        for _ in 0..size[1] {
-            let row = rows.next_row().map_err(|error| error.to_string())?;
-            let data = row.as_ref().map_or(&[][..], |row| row.data());
+        let (mut line, mut data) = (vec![], vec![]);
+        while rows.next_row(&mut data)? {
             if is_plain && colours == png::ColorType::Rgb {
-                push(data);
+                push(&data);
                 continue;
             }
             line.clear();

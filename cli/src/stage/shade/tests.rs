@@ -315,6 +315,23 @@ fn a_large_image_that_ends_early_is_left_out_with_a_note() {
 }
 
 #[test]
+fn a_damaged_image_of_several_meanings_is_noted_once() {
+    let image = DynamicImage::ImageLuma8(ImageBuffer::from_fn(64, 64, |x, y| Luma([(x * y % 256) as u8])));
+    let ImageSource::Inline { name, bytes } = encoded(&image, ImageFormat::Jpeg) else { unreachable!() };
+    let (mut appearance, region) = textured(ImageSource::Inline { name, bytes: bytes[..900].to_vec() }, [[0.5; 2]; 3]);
+    let texture = appearance.materials[0].base_texture.clone().unwrap();
+    appearance.materials[0].occlusion_texture = Some((texture, 1.0));
+    appearance.maps.occlusion = true;
+    let notes = Mutex::new(String::new());
+    let note = |text: &str| notes.lock().unwrap().push_str(text);
+    let shader = Shader::new(&appearance, None, &std::env::temp_dir(), 0, &note);
+    let colour = shader.painter(&region).face(0, CORNERS).base_colour([1.0, 0.0, 0.0], 0.0);
+    assert_eq!(colour, [0.5, 1.0, 1.0, 1.0]);
+    let notes = notes.lock().unwrap();
+    assert!(notes.matches("cannot be used: it is damaged").count() == 1, "{notes}");
+}
+
+#[test]
 fn a_file_of_texels_that_cannot_be_made_is_an_error_and_no_note() {
     let image = encoded(&DynamicImage::ImageLuma8(ImageBuffer::from_pixel(8, 8, Luma([9]))), ImageFormat::Png);
     let (appearance, region) = textured(image, [[0.5; 2]; 3]);

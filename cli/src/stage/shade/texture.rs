@@ -6,7 +6,7 @@ use super::decode::decode;
 use super::level::{Level, Texels, coarser_size, straight};
 use super::texels::Place;
 use crate::mesh::appearance::Wrap;
-use crate::mesh::images::{EncodedImage, image_size, texels_of};
+use crate::mesh::images::{EncodedImage, image_size, texels_of, unreadable};
 use crate::mesh::srgb::brightness;
 use crate::storage::WorkError;
 
@@ -83,7 +83,7 @@ impl Texture {
         place: &Place,
     ) -> Result<Self, TextureError> {
         let size = image_size(&mut encoded)?;
-        encoded.rewind().map_err(|error| error.to_string())?;
+        encoded.rewind().map_err(|error| unreadable(&error))?;
         let texels = decode(encoded, size, meaning, place)?;
         let coarser = std::iter::successors(coarser_size(size), |&size| coarser_size(size));
         let coarser = coarser.map(|size| (size, OnceLock::new())).collect();
