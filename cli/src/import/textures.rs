@@ -1,5 +1,7 @@
 //! The files that inputs name beside themselves.
 
+mod causes;
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;
@@ -7,32 +9,52 @@ use std::path::{Component, Path, PathBuf};
 
 use xxhash_rust::xxh3::Xxh3;
 
+pub(super) use causes::Causes;
+
 use super::ImportError;
 use super::source::Source;
 use crate::mesh::appearance::{Appearance, Material};
-use crate::mesh::images::{ImageSource, MAX_IMAGE_TEXELS, decoding_bytes, image_size, texels_of};
+use crate::mesh::images::{
+    ImageSource, MAX_IMAGE_TEXELS, decoding_bytes, image_size, shown_name, texels_of, unreadable,
+};
 use crate::progress::Progress;
 use crate::storage::memory::least_for_decoding;
 use crate::storage::{WorkDirectory, WorkError};
 
 /// The path of a file that an input names, which lies in the input's folder or below; otherwise none, with a note.
 pub(super) fn file_beside(source: &Source, name: &str) -> Option<PathBuf> {
+    let found = path_beside(source, name);
+    if found.is_none() {
+        source.note(&not_beside(&shown_name(name.trim())));
+    }
+    found
+}
+
+/// What is said about a file that is not in the folder of the input.
+pub(super) fn not_beside(name: &str) -> String {
+    format!("the image {name} is not in the folder of the file: put it there; it was left out")
+}
+
+/// The path of a file that an input names, which lies in the input's folder or below.
+pub(super) fn path_beside(source: &Source, name: &str) -> Option<PathBuf> {
     let name = name.trim();
     let folder = source.path.parent().map_or_else(PathBuf::new, ToOwned::to_owned);
     // Files come from all systems.
     let portable = name.replace('\\', "/");
-    let named = if folder.join(name).is_file() { name } else { portable.as_str() };
+    let is_there = folder.join(name).is_file();
+    let named = if is_there { name } else { portable.as_str() };
     let path = Path::new(named);
-    if !leaves_folder(path) {
+    if !leaves_folder(path) && (is_there || !begins_with_drive(&portable)) {
         return Some(folder.join(path));
     }
     // Exporters write the path that the image had on their machine. The content of a file must not cause files elsewhere to be read,
     // but one of the same name here is what is meant.
-    let beside = portable.rsplit('/').next().map(|last| folder.join(last)).filter(|beside| beside.is_file());
-    if beside.is_none() {
-        source.note(&format!("the image {name} is not in the folder of the file: put it there; it was left out"));
-    }
-    beside
+    portable.rsplit('/').next().map(|last| folder.join(last)).filter(|beside| beside.is_file())
+}
+
+/// Whether a path is one of a drive of Windows, such as `C:/a.png`, which only Windows takes for one that leads elsewhere.
+fn begins_with_drive(path: &str) -> bool {
+    matches!(path.as_bytes(), [letter, b':', ..] if letter.is_ascii_alphabetic())
 }
 
 /// Whether a path leads out of the folder in which it begins: the content of a file must not cause other files to be
@@ -63,11 +85,12 @@ pub(super) fn check_images(
     progress: &dyn Progress,
 ) -> Result<(), ImportError> {
     (appearance.texels, appearance.decoding_bytes) = (0, 0);
+    let (mut unusable, mut causes) = (BTreeSet::new(), Causes::default());
     for number in named_images(appearance) {
         let Some(image) = appearance.images.get(number) else { continue };
         let name = image.name();
         let look = || -> Result<_, String> {
-            let open = || image.open(None).map_err(|error| error.to_string());
+            let open = || image.open(None).map_err(|error| unreadable(&error));
             let size = image_size(open()?)?;
             let is_allowed = texels_of(size) <= MAX_IMAGE_TEXELS;
             Ok((size, if is_allowed { decoding_bytes(open()?)? } else { 0 }))
@@ -92,15 +115,31 @@ pub(super) fn check_images(
                 appearance.decoding_bytes = appearance.decoding_bytes.max(bytes);
             }
             Err(problem) => {
-                progress.note(&format!("the image {name} cannot be used: {problem}; its material has no texture"));
-                appearance.materials.iter_mut().for_each(|material| {
-                    material.base_texture.take_if(|texture| texture.image as usize == number);
-                    material.opacity_texture.take_if(|texture| texture.image as usize == number);
+                causes.add(&problem, &name, |name| {
+                    format!("the image {name} cannot be used: {problem}; its material has no texture")
                 });
+                unusable.insert(number as u32);
             }
         }
     }
+    causes.sentences().for_each(|sentence| progress.note(&sentence));
+    appearance.materials.iter_mut().for_each(|material| drop_images(material, &unusable));
     Ok(())
+}
+
+/// Takes images away from a material.
+fn drop_images(material: &mut Material, unusable: &BTreeSet<u32>) {
+    for texture in [
+        &mut material.base_texture,
+        &mut material.opacity_texture,
+        &mut material.emissive_texture,
+        &mut material.metallic_roughness_texture,
+    ] {
+        texture.take_if(|texture| unusable.contains(&texture.image));
+    }
+    for texture in [&mut material.normal_texture, &mut material.occlusion_texture] {
+        texture.take_if(|(texture, _)| unusable.contains(&texture.image));
+    }
 }
 
 /// Copies all images that can be used to a work directory, so that the rest of the build needs nothing else.
@@ -151,5 +190,17 @@ mod tests {
         for outside in ["../a.bin", "b/../../a.bin", "/etc/passwd", "./../a.bin"] {
             assert!(leaves_folder(Path::new(outside)), "{outside}");
         }
+    }
+
+    #[test]
+    fn paths_of_other_machines_mean_a_file_of_the_same_name_here() {
+        let folder = tempfile::tempdir().unwrap();
+        let (model, beside) = (folder.path().join("a.glb"), folder.path().join("g.png"));
+        let source = Source::new(&model, b"", &crate::progress::Silent);
+        let names = ["C:\\t\\g.png", "c:/t/g.png", "/t/g.png", "\\\\server\\g.png", "..\\g.png"];
+        assert_eq!(names.map(|name| path_beside(&source, name)), [const { None }; 5]);
+        fs::write(&beside, b"").unwrap();
+        assert_eq!(names.map(|name| path_beside(&source, name)), [(); 5].map(|()| Some(beside.clone())));
+        assert_eq!(path_beside(&source, "t/g.png"), Some(folder.path().join("t/g.png")));
     }
 }

@@ -12,6 +12,7 @@ use super::smooth::are_smooth;
 use crate::import::error::Parsed;
 use crate::import::sink::MeshSink;
 use crate::import::source::Source;
+use crate::import::textures::Causes;
 use crate::mesh::appearance::{COLOUR, NORMAL};
 use crate::mesh::attributes::AttributeLayout;
 
@@ -33,11 +34,10 @@ impl SceneAttributes {
         sink: &mut MeshSink,
     ) -> Parsed<Self> {
         let materials = Materials::read(source, document, buffers, &mut sink.attributes)?;
+        note_missing_coordinates(source, document, &materials);
         let primitives = || {
             let all = document.meshes().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>());
-            all.filter(|primitive| {
-                matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
-            })
+            all.filter(is_surface)
         };
         let mut layout = AttributeLayout::default();
         let has_colours = primitives().any(|primitive| primitive.get(&Semantic::Colors(0)).is_some());
@@ -132,6 +132,31 @@ impl SceneAttributes {
     pub(super) fn note(&self, source: &Source) {
         source.note_skipped(self.clamped_count, "vertices have colours outside of 0 to 1: they were clamped");
     }
+}
+
+/// Whether a primitive has triangles.
+pub(super) fn is_surface(primitive: &Primitive) -> bool {
+    matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
+}
+
+/// Notes primitives that do not say where the textures of their materials are.
+fn note_missing_coordinates(source: &Source, document: &Document, materials: &Materials) {
+    let mut causes = Causes::default();
+    for mesh in document.meshes() {
+        for primitive in mesh.primitives().filter(is_surface) {
+            let is_missing = |set: &u32| primitive.get(&Semantic::TexCoords(*set)).is_none();
+            for set in materials.sets_needed_by(&primitive.material()).filter(is_missing) {
+                let name = format!("primitive {} of mesh {}", primitive.index(), mesh.index());
+                causes.add(&set.to_string(), &name, |name| {
+                    format!(
+                        "{name} has no TEXCOORD_{set}, which a texture of its material needs: the material has its \
+                         factor alone there; export it again with texture coordinates"
+                    )
+                });
+            }
+        }
+    }
+    causes.sentences().for_each(|sentence| source.note(&sentence));
 }
 
 /// A value, or none and a note.

@@ -132,10 +132,10 @@ impl Bytes<'_> {
     }
 }
 
-/// Whether a URI starts like "https:".
+/// Whether a URI starts like "https:". A single letter is a drive of Windows.
 pub(super) fn has_scheme(uri: &str) -> bool {
     uri.split_once(':')
-        .is_some_and(|(scheme, _)| !scheme.is_empty() && scheme.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'+'))
+        .is_some_and(|(scheme, _)| scheme.len() > 1 && scheme.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'+'))
 }
 
 /// Names the document whose buffer cannot be read.

@@ -1,5 +1,8 @@
 //! Materials, textures and images of a glTF document.
 
+use std::borrow::Cow;
+use std::collections::{BTreeSet, HashMap};
+
 use ::gltf::material::AlphaMode as GltfAlpha;
 use ::gltf::texture::{Info, Texture, TextureTransform, WrappingMode};
 use ::gltf::{Document, Material as GltfMaterial};
@@ -8,7 +11,7 @@ use super::buffers::{Buffers, decode_percent, has_scheme};
 use crate::import::attributes::AttributeSink;
 use crate::import::error::Parsed;
 use crate::import::source::Source;
-use crate::import::textures::file_beside;
+use crate::import::textures::{Causes, not_beside, path_beside};
 use crate::mesh::appearance::{AlphaMode, Material, TextureUse, Wrap};
 use crate::mesh::images::ImageSource;
 
@@ -18,10 +21,11 @@ pub(super) struct Materials {
     /// The number of the first one; none where colours are not wanted.
     first: Option<usize>,
     /// The sets of texture coordinates that they use, ascending.
-    ///
     pub(super) uv_sets: Vec<u32>,
     /// Whether one of them has an image of normals.
     pub(super) has_normals: bool,
+    /// The sets of texture coordinates that the textures of each need.
+    needed_sets: Vec<BTreeSet<u32>>,
 }
 
 impl Materials {
@@ -40,10 +44,27 @@ impl Materials {
         uv_sets.dedup();
         // Records have room for as many sets as an input can need.
         uv_sets.truncate(MAX_UV_SETS);
-        let mut reader = MaterialReader { source, document, buffers, sink, uv_sets: &uv_sets };
+        let mut reader = MaterialReader {
+            source,
+            document,
+            buffers,
+            sink,
+            uv_sets: &uv_sets,
+            images: HashMap::new(),
+            left_out: BTreeSet::new(),
+            causes: Causes::default(),
+        };
         let materials: Vec<Material> = document.materials().map(|material| reader.material(&material)).collect();
+        reader.causes.sentences().for_each(|sentence| source.note(&sentence));
         let has_normals = materials.iter().any(|material| material.normal_texture.is_some());
-        Ok(Self { first: Some(sink.add_materials(materials)?), uv_sets, has_normals })
+        let sets_of = |material: &Material| texture_uses(material).map(|of| uv_sets[usize::from(of.uv_set)]).collect();
+        let needed_sets = materials.iter().map(sets_of).collect();
+        Ok(Self { first: Some(sink.add_materials(materials)?), uv_sets, has_normals, needed_sets })
+    }
+
+    /// The sets of texture coordinates that the textures of a material need.
+    pub(super) fn sets_needed_by(&self, material: &GltfMaterial) -> impl Iterator<Item = u32> {
+        material.index().and_then(|index| self.needed_sets.get(index)).into_iter().flatten().copied()
     }
 
     /// The number of a primitive's material; 0 where it has none.
@@ -78,12 +99,31 @@ fn sets_of(material: &GltfMaterial) -> Vec<u32> {
     colours.iter().flatten().map(uv_set).chain(others.into_iter().flatten()).collect()
 }
 
+/// All textures of a material.
+fn texture_uses(material: &Material) -> impl Iterator<Item = &TextureUse> {
+    let Material { base_texture, opacity_texture, emissive_texture, metallic_roughness_texture, .. } = material;
+    let alone = [base_texture, opacity_texture, emissive_texture, metallic_roughness_texture].map(Option::as_ref);
+    let scaled = [&material.normal_texture, &material.occlusion_texture];
+    alone.into_iter().chain(scaled.map(|texture| texture.as_ref().map(|(texture, _)| texture))).flatten()
+}
+
+/// Extensions that give a texture an image of a format that is not read.
+pub(super) const UNREAD_IMAGES: [&str; 3] = ["KHR_texture_basisu", "MSFT_texture_dds", "EXT_texture_avif"];
+
+/// What becomes of a material whose texture cannot be used.
+const FACTOR_ALONE: &str = "its material has its factor alone";
+
 struct MaterialReader<'a> {
     source: &'a Source<'a>,
     document: &'a Document,
     buffers: &'a Buffers<'a>,
     sink: &'a mut AttributeSink,
     uv_sets: &'a [u32],
+    /// The numbers of the document's images among those of the input; none of those that cannot be used.
+    images: HashMap<usize, Option<u32>>,
+    /// Textures without an image that is read. Several maps may use them.
+    left_out: BTreeSet<usize>,
+    causes: Causes,
 }
 
 impl MaterialReader<'_> {
@@ -130,33 +170,69 @@ impl MaterialReader<'_> {
     }
 
     fn image_use(&mut self, texture: &Texture, set: u32, transform: Option<[f32; 6]>) -> Option<TextureUse> {
-        let image = image_of(texture)?;
-        let source = self.image(image)?;
-        let set = self.uv_sets.binary_search(&set).ok()?;
+        let image = self.image_of(texture)?;
+        let Ok(set) = self.uv_sets.binary_search(&set) else {
+            self.causes.add("sets", &label_of(texture), |label| {
+                format!(
+                    "{label} needs TEXCOORD_{set}, but only {MAX_UV_SETS} sets of texture coordinates are read: \
+                     {FACTOR_ALONE}; export it with fewer sets"
+                )
+            });
+            return None;
+        };
         let sampler = texture.sampler();
         let wrap = |mode: WrappingMode| match mode {
             WrappingMode::Repeat => Wrap::Repeat,
             WrappingMode::MirroredRepeat => Wrap::Mirror,
             WrappingMode::ClampToEdge => Wrap::Clamp,
         };
-        Some(TextureUse {
-            image: self.sink.add_image(source),
-            uv_set: set as u8,
-            wrap: [wrap(sampler.wrap_s()), wrap(sampler.wrap_t())],
-            transform,
-        })
+        Some(TextureUse { image, uv_set: set as u8, wrap: [wrap(sampler.wrap_s()), wrap(sampler.wrap_t())], transform })
+    }
+
+    /// The number of a texture's image: that of the WebP extension where there is one. None, with a note, where it cannot be read.
+    fn image_of(&mut self, texture: &Texture) -> Option<u32> {
+        let webp = texture.extension_value("EXT_texture_webp").and_then(|extension| extension.get("source")?.as_u64());
+        let named = [webp.map(|source| source as usize), texture.source().map(|image| image.index())];
+        let image_count = self.document.as_json().images.len();
+        let Some(number) = named.into_iter().flatten().find(|&number| number < image_count) else {
+            if self.left_out.insert(texture.index()) {
+                self.note_texture_without_image(texture);
+            }
+            return None;
+        };
+        if let Some(known) = self.images.get(&number) {
+            return *known;
+        }
+        let image = self.image(number).map(|image| self.sink.add_image(image));
+        self.images.insert(number, image);
+        image
+    }
+
+    fn note_texture_without_image(&mut self, texture: &Texture) {
+        let label = label_of(texture);
+        match UNREAD_IMAGES.iter().find(|name| texture.extension_value(name).is_some()) {
+            Some(extension) => self.causes.add(extension, &label, |label| {
+                format!(
+                    "{label} has its image only in the form of {extension}, which is not read: {FACTOR_ALONE}; \
+                     convert the image to PNG, JPEG or WebP"
+                )
+            }),
+            None => self.causes.add("none", &label, |label| {
+                format!("{label} names no image that is there: {FACTOR_ALONE}; export it again with its images")
+            }),
+        }
     }
 
     /// Where an image is; none, with a note, where it cannot be.
-    fn image(&self, number: usize) -> Option<ImageSource> {
+    fn image(&mut self, number: usize) -> Option<ImageSource> {
         // The document's own access panics where an image is not described completely.
         let json = self.document.as_json().images.get(number)?;
-        let label = format!("image {number} of {}", self.source.path.display());
+        let (name, label) = (format!("image {number}"), format!("image {number} of {}", self.source.path.display()));
         if let Some(view) = &json.buffer_view {
             let view = self.document.views().nth(view.value())?;
             let found = self.buffers.image(&view, &label);
             if found.is_none() {
-                self.source.note(&format!("image {number} reaches beyond its buffer: it was left out"));
+                self.causes.add("beyond", &name, |name| format!("{name} reaches beyond its buffer: it was left out"));
             }
             return found;
         }
@@ -164,31 +240,41 @@ impl MaterialReader<'_> {
             Some(uri) if uri.starts_with("data:") => {
                 let decoded = ::gltf::buffer::Data::from_source(::gltf::buffer::Source::Uri(uri), None);
                 if decoded.is_err() {
-                    self.source.note(&format!("image {number} has a data URI that is not base64: it was left out"));
+                    let sentence = |name: &str| format!("{name} has a data URI that is not base64: it was left out");
+                    self.causes.add("base64", &name, sentence);
                 }
                 decoded.ok().map(|data| ImageSource::Inline { name: label, bytes: data.0 })
             }
             Some(uri) if has_scheme(uri) => {
-                self.source
-                    .note(&format!("the image {uri} is not a file beside the model: it was left out; download it"));
+                self.causes.add("remote", uri, |uri| {
+                    format!("the image {uri} is not a file beside the model: it was left out; download it")
+                });
                 None
             }
             Some(uri) => {
-                let path = file_beside(self.source, &decode_percent(uri)?)?;
-                Some(ImageSource::File { path, range: None })
+                // What is no text when it is decoded may be the name as it is.
+                let name = decode_percent(uri).unwrap_or(Cow::Borrowed(uri));
+                let path = path_beside(self.source, &name);
+                if path.is_none() {
+                    self.causes.add("outside", name.trim(), not_beside);
+                }
+                Some(ImageSource::File { path: path?, range: None })
             }
             None => {
-                self.source.note(&format!("image {number} has neither a name nor bytes: it was left out"));
+                let sentence = |name: &str| format!("{name} has neither a name nor bytes: it was left out");
+                self.causes.add("nothing", &name, sentence);
                 None
             }
         }
     }
 }
 
-/// The number of a texture's image: that of the WebP extension where there is one.
-fn image_of(texture: &Texture) -> Option<usize> {
-    let webp = texture.extension_value("EXT_texture_webp").and_then(|extension| extension.get("source")?.as_u64());
-    webp.map(|source| source as usize).or_else(|| texture.source().map(|image| image.index()))
+/// The name of a texture in messages.
+fn label_of(texture: &Texture) -> String {
+    match texture.name().filter(|name| !name.is_empty()) {
+        Some(name) => format!("texture {} ({name})", texture.index()),
+        None => format!("texture {}", texture.index()),
+    }
 }
 
 /// By how much emitted light is brighter than its factor (`KHR_materials_emissive_strength`).

@@ -7,9 +7,12 @@
 mod accessor;
 mod attributes;
 mod buffers;
+mod document;
+mod extras;
 mod materials;
 mod smooth;
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 use ::gltf::mesh::Mode;
@@ -23,15 +26,9 @@ use super::source::Source;
 use super::textures::file_beside;
 
 use accessor::{location_of, read_indices, read_positions};
-use attributes::SceneAttributes;
+use attributes::{SceneAttributes, is_surface};
 use buffers::Buffers;
-
-/// Extensions that change the surface itself: without them, a file that uses one cannot be read.
-const SURFACE_EXTENSIONS: [&str; 3] =
-    ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "EXT_mesh_gpu_instancing"];
-
-/// Required extensions that need nothing from the validator: quantised positions are read by their component type.
-const HARMLESS_EXTENSIONS: [&str; 1] = ["KHR_mesh_quantization"];
+use document::{check_surface_extensions, document_bytes, parse_document};
 
 /// Reads a binary container.
 pub(super) fn read_glb(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
@@ -78,12 +75,7 @@ fn read_document<'a>(source: &Source<'a>, json: &'a [u8], binary: Option<&'a [u8
     sink.hold(source, document_bytes(json))?;
     let document = parse_document(source, json)?;
     source.drop_pages();
-    if let Some(extension) = document.extensions_used().find(|used| SURFACE_EXTENSIONS.contains(used)) {
-        return Err(source.unsupported(
-            format!("the extension {extension}"),
-            "export it without compression and instancing extensions",
-        ));
-    }
+    check_surface_extensions(source, &document, binary.is_some())?;
     let buffers = Buffers::open(source, &document, binary)?;
     let attributes = SceneAttributes::of_document(source, &document, &buffers, sink)?;
     let mut scene = SceneReader { source, buffers: &buffers, attributes, sink, skipped_primitive_count: 0 };
@@ -91,6 +83,8 @@ fn read_document<'a>(source: &Source<'a>, json: &'a [u8], binary: Option<&'a [u8
     scene.attributes.note(source);
     source.note_skipped(scene.skipped_primitive_count, "point or line primitives were left out");
     source.note_skipped(document.skins().len() as u64, "skins were ignored: the mesh is taken in its bind pose");
+    let what = "meshes have morph targets with weights, which were ignored: the mesh is taken in its base shape";
+    source.note_skipped(morphed_count(&document), what);
     Ok(())
 }
 
@@ -115,86 +109,29 @@ pub(super) fn files_beside(source: &Source) -> Vec<PathBuf> {
     };
     let names = serde_json::from_slice(json).unwrap_or(Names { images: vec![] });
     let uris = names.images.into_iter().filter_map(|image| image.uri).filter(|uri| !buffers::has_scheme(uri));
-    uris.filter_map(|uri| file_beside(source, &buffers::decode_percent(&uri)?)).collect()
-}
-
-/// An upper bound on the memory for the document and its embedded buffers; none if it is negligible.
-fn document_bytes(json: &[u8]) -> u64 {
-    // The text itself, its strings (once more if they have escapes), and the buffers decoded from them.
-    const PER_BYTE: u64 = 4;
-    // The largest objects are nodes, with their entry in the list of open ones; the largest list items are bounds.
-    const PER_OBJECT: u64 = 384;
-    const PER_COMMA: u64 = 64;
-    const NOTHING: u64 = 4 << 20;
-    let count = |letter: u8| json.iter().filter(|&&b| b == letter).count() as u64;
-    let bytes = PER_BYTE * json.len() as u64 + PER_OBJECT * count(b'{') + PER_COMMA * count(b',');
-    if bytes > NOTHING { bytes } else { 0 }
-}
-
-/// Parses and validates the JSON.
-fn parse_document(source: &Source, json: &[u8]) -> Parsed<Document> {
-    check_version(source, json)?;
-    let mut root = ::gltf::json::Root::from_slice(json).map_err(|error| {
-        if error.is_eof() {
-            return source.truncated(Location::Line(error.line() as u64), "the JSON text has no end");
-        }
-        source.syntax(Location::Line(error.line() as u64), format!("not valid glTF JSON: {error}; the file is damaged"))
-    })?;
-    if let Some(extension) = root.extensions_required.iter().find(|e| SURFACE_EXTENSIONS.contains(&e.as_str())) {
-        return Err(source.unsupported(
-            format!("the extension {extension}"),
-            "export it without compression and instancing extensions",
-        ));
-    }
-    root.extensions_required.retain(|e| !HARMLESS_EXTENSIONS.contains(&e.as_str()));
-    // The validator looks up positions without checking their accessor, and insists on bounds that nothing here needs.
-    for (number, mesh) in root.meshes.iter().enumerate() {
-        for (_, accessor) in mesh.primitives.iter().flat_map(|p| &p.attributes) {
-            let Some(accessor) = root.accessors.get_mut(accessor.value()) else {
-                let problem = format!(
-                    "uses accessor {}, but there are {}; export the file again",
-                    accessor.value(),
-                    root.accessors.len()
-                );
-                return Err(source.syntax(Location::Item("mesh", number as u64), problem));
-            };
-            let zeros = || Some(vec![0.0f32; 3].into());
-            accessor.min = accessor.min.take().or_else(zeros);
-            accessor.max = accessor.max.take().or_else(zeros);
-        }
-    }
-    Document::from_json(root).map_err(|error| {
-        let problem = match error {
-            ::gltf::Error::Validation(problems) => {
-                let (path, problem) =
-                    problems.into_iter().next().map_or_else(Default::default, |(p, e)| (p.to_string(), e.to_string()));
-                format!("not valid glTF: {path}: {problem}; export the file again")
-            }
-            other => format!("not valid glTF: {other}; export the file again"),
-        };
-        source.syntax(Location::Byte(0), problem)
+    uris.filter_map(|uri| {
+        let name = buffers::decode_percent(&uri).unwrap_or(Cow::Borrowed(&uri));
+        file_beside(source, &name)
     })
+    .collect()
 }
 
-/// Refuses documents of versions other than 2, which have other fields. Text that is not JSON is left to the parser.
-fn check_version(source: &Source, json: &[u8]) -> Parsed<()> {
-    #[derive(serde::Deserialize)]
-    struct Head {
-        asset: Asset,
-    }
-    #[derive(serde::Deserialize)]
-    #[serde(rename_all = "camelCase")]
-    struct Asset {
-        version: Option<String>,
-        min_version: Option<String>,
-    }
-    let Ok(Head { asset }) = serde_json::from_slice(json) else { return Ok(()) };
-    let is_known = |version: &String| version.split('.').next() == Some("2");
-    let needs_more = asset.min_version.filter(|least| least != "2.0");
-    match needs_more.or(asset.version.filter(|version| !is_known(version))) {
-        Some(version) => Err(source.unsupported(format!("glTF version {version}"), "convert it to glTF 2.0")),
-        None => Ok(()),
-    }
+/// How many meshes are not in their base shape.
+fn morphed_count(document: &Document) -> u64 {
+    let root = document.as_json();
+    let weights_of = |mesh: usize| root.meshes.get(mesh).and_then(|mesh| mesh.weights.as_deref());
+    let has_targets = |mesh: usize| {
+        let primitives = root.meshes.get(mesh).map_or(&[][..], |mesh| &mesh.primitives);
+        primitives.iter().any(|primitive| primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()))
+    };
+    // The weights of a node stand in place of those of its mesh.
+    let of_nodes = root.nodes.iter().filter_map(|node| {
+        let mesh = node.mesh?.value();
+        Some((mesh, node.weights.as_ref().map(|weights| &weights[..]).or(weights_of(mesh))))
+    });
+    let of_meshes = (0..root.meshes.len()).filter(|_| root.nodes.is_empty()).map(|mesh| (mesh, weights_of(mesh)));
+    let is_morphed = |weights: Option<&[f32]>| weights.unwrap_or_default().iter().any(|&weight| weight != 0.0);
+    of_nodes.chain(of_meshes).filter(|&(mesh, weights)| is_morphed(weights) && has_targets(mesh)).count() as u64
 }
 
 struct SceneReader<'a> {
@@ -253,12 +190,11 @@ impl SceneReader<'_> {
 
     fn read_mesh(&mut self, mesh: &::gltf::Mesh, world_from_mesh: DMat4) -> Parsed<()> {
         for (number, primitive) in mesh.primitives().enumerate() {
-            match primitive.mode() {
-                Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan => {
-                    let location = Location::Item("mesh", mesh.index() as u64);
-                    self.read_primitive(&primitive, number, location, world_from_mesh)?;
-                }
-                _ => self.skipped_primitive_count += 1,
+            if is_surface(&primitive) {
+                let location = Location::Item("mesh", mesh.index() as u64);
+                self.read_primitive(&primitive, number, location, world_from_mesh)?;
+            } else {
+                self.skipped_primitive_count += 1;
             }
         }
         Ok(())
@@ -399,3 +335,5 @@ fn parent_from_node(node: &Node) -> DMat4 {
 
 #[cfg(test)]
 pub(super) mod tests;
+#[cfg(test)]
+mod texture_tests;

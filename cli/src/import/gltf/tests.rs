@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 
 use super::super::import_meshes;
 use super::super::tests::{error_of, import_bytes, import_noting};
+use super::document::SURFACE_EXTENSIONS;
 use super::*;
 use crate::mesh::Mesh;
 use crate::progress::Silent;
@@ -221,11 +222,95 @@ fn omissions_are_noted_and_unreadable_features_refused() {
     assert_eq!(mesh.unwrap().triangles.len(), 2);
     assert!(notes.contains("1 other scenes") && notes.contains("1 point or line primitives"), "{notes}");
     for extension in SURFACE_EXTENSIONS {
-        assert!(changed_error(|d| d["extensionsUsed"] = json!([extension])).contains(extension));
         assert!(changed_error(|d| d["extensionsRequired"] = json!([extension])).contains(extension));
     }
     assert!(changed_error(|d| d["extensionsRequired"] = json!(["ACME_curves"])).contains("extensionsRequired[0]"));
     assert!(changed_error(|d| d["buffers"][0]["uri"] = "https://example.org/a.bin".into()).contains("download it"));
+}
+
+#[test]
+fn extensions_that_are_not_required_are_refused_only_if_the_surface_is_nowhere_else() {
+    let whole = changed(|_| {}).unwrap();
+    let used = |pointer: &str, name: &str, value: Value, lacks: bool| {
+        let change = |document: &mut Value| {
+            document["extensionsUsed"] = json!([name]);
+            document.pointer_mut(pointer).unwrap()["extensions"] = json!({name: value});
+            if lacks && name == "KHR_draco_mesh_compression" {
+                document["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+            } else if lacks {
+                document["bufferViews"][0]["buffer"] = json!(1);
+                document["buffers"].as_array_mut().unwrap().push(json!({"byteLength": 48}));
+            }
+        };
+        changed(change).map_err(|error| error.to_string())
+    };
+    for name in SURFACE_EXTENSIONS {
+        assert_eq!(changed(|document| document["extensionsUsed"] = json!([name])).unwrap(), whole);
+    }
+    let draco = "KHR_draco_mesh_compression";
+    let of_primitive = json!({"bufferView": 4, "attributes": {"POSITION": 0}});
+    assert_eq!(used("/meshes/0/primitives/0", draco, of_primitive.clone(), false), Ok(whole.clone()));
+    assert!(used("/meshes/0/primitives/0", draco, of_primitive, true).unwrap_err().contains(draco));
+    for name in ["EXT_meshopt_compression", "KHR_meshopt_compression"] {
+        let of_view = json!({"buffer": 0, "byteLength": 9, "byteStride": 12, "count": 4, "mode": "ATTRIBUTES"});
+        assert_eq!(used("/bufferViews/0", name, of_view.clone(), false), Ok(whole.clone()));
+        assert!(used("/bufferViews/0", name, of_view, true).unwrap_err().contains(name));
+    }
+    let instances = "EXT_mesh_gpu_instancing";
+    assert!(used("/nodes/0", instances, json!({"attributes": {}}), false).unwrap_err().contains(instances));
+}
+
+#[test]
+fn extras_and_unknown_extensions_may_be_anything() {
+    let more = json!({
+        "materials": [{"pbrMetallicRoughness": {}}], "textures": [{"source": 0}], "samplers": [{}],
+        "images": [{"uri": "missing.png"}], "cameras": [], "skins": [], "animations": []
+    });
+    let whole = changed(|_| {}).unwrap();
+    let places = [
+        "",
+        "/asset",
+        "/scenes/0",
+        "/nodes/0",
+        "/meshes/0",
+        "/meshes/0/primitives/0",
+        "/materials/0",
+        "/textures/0",
+        "/materials/0/pbrMetallicRoughness",
+        "/samplers/0",
+        "/images/0",
+        "/accessors/0",
+        "/bufferViews/0",
+        "/buffers/0",
+    ];
+    for place in places {
+        for value in [json!({"a": 1}), json!([1]), json!("text"), json!(3), json!(true), Value::Null] {
+            let with = |key: &str, value: &Value| {
+                let read = changed(|document| {
+                    document.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+                    document.pointer_mut(place).unwrap()[key] = value.clone();
+                });
+                assert!(read.as_ref().is_ok_and(|mesh| *mesh == whole), "{place} {key} {value}: {:?}", read.err());
+            };
+            with("extras", &value);
+            with("extensions", &json!({"ACME_thing": value}));
+        }
+    }
+}
+
+#[test]
+fn meshes_that_are_not_in_their_base_shape_are_noted() {
+    let noted = |of_mesh: Value, of_node: Value| {
+        let mut document = document();
+        document["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": 0}]);
+        document["meshes"][0]["weights"] = of_mesh;
+        document["nodes"][0]["weights"] = of_node;
+        let (mesh, notes) = import_noting("a.glb", &glb(&document, &binary()));
+        assert_eq!(mesh.unwrap(), changed(|_| {}).unwrap());
+        notes.contains("1 meshes have morph targets with weights, which were ignored")
+    };
+    assert!(noted(json!([0.5]), Value::Null) && noted(Value::Null, json!([0.5])) && noted(json!([0]), json!([0.5])));
+    assert!(!noted(json!([0.0]), Value::Null) && !noted(Value::Null, Value::Null) && !noted(json!([0.5]), json!([0])));
 }
 
 #[test]
