@@ -11,6 +11,8 @@ use image::error::{ImageFormatHint, UnsupportedErrorKind};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 use serde::{Deserialize, Serialize};
 
+use jpeg::check_jpeg;
+
 /// Where the bytes of an encoded image are.
 #[derive(Clone, Debug, Eq, Serialize, Deserialize)]
 pub enum ImageSource {
@@ -236,7 +238,7 @@ pub fn decode_image(mut encoded: impl EncodedImage) -> Result<DynamicImage, Stri
         return Err(format!("it has {width} x {height} texels, more than {MAX_IMAGE_TEXELS}: make it smaller"));
     }
     encoded.rewind().map_err(|error| unreadable(&error))?;
-    refuse_cut_jpeg(&mut encoded)?;
+    refuse_damaged_jpeg(&mut encoded)?;
     encoded.rewind().map_err(|error| unreadable(&error))?;
     let mut reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
     let mut limits = image::Limits::default();
@@ -246,16 +248,15 @@ pub fn decode_image(mut encoded: impl EncodedImage) -> Result<DynamicImage, Stri
     reader.decode().map_err(|error| undecodable(&error))
 }
 
-/// Refuses a JPEG that has no end: its decoder fills what is missing with grey, and says nothing.
-///
-/// # Errors
-/// That it is damaged.
-pub fn refuse_cut_jpeg(encoded: &mut impl EncodedImage) -> Result<(), String> {
-    let is_jpeg = encoded.fill_buf().map_err(|error| unreadable(&error))?.starts_with(b"\xFF\xD8");
-    if is_jpeg && jpeg::is_cut(encoded).map_err(|error| unreadable(&error))? {
-        return Err(damaged("its data end too early"));
+/// The decoder of JPEG says nothing of data that are missing.
+fn refuse_damaged_jpeg(encoded: &mut impl EncodedImage) -> Result<(), String> {
+    let start = encoded.fill_buf().map_err(|error| unreadable(&error))?;
+    if !start.starts_with(b"\xFF\xD8") {
+        return Ok(());
     }
-    Ok(())
+    let mut bytes = vec![];
+    encoded.read_to_end(&mut bytes).map_err(|error| unreadable(&error))?;
+    check_jpeg(&bytes).map_err(damaged)
 }
 
 /// The rows of a PNG. None of what has to be decoded as a whole: interlaced ones, and other formats.
@@ -328,7 +329,7 @@ pub fn decoding_bytes(mut encoded: impl EncodedImage) -> Result<u64, String> {
     }
     let encoded_bytes = encoded.seek(SeekFrom::End(0)).map_err(|error| unreadable(&error))?;
     encoded.rewind().map_err(|error| unreadable(&error))?;
-    let is_progressive = jpeg::is_progressive(&mut encoded).map_err(|error| unreadable(&error))?;
+    let is_progressive = is_progressive_jpeg(&mut encoded).map_err(|error| unreadable(&error))?;
     encoded.rewind().map_err(|error| unreadable(&error))?;
     let reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
     let format = reader.format();
@@ -427,6 +428,26 @@ fn only_colour_of_rows<R: EncodedImage>(
         [red, green, blue, alpha] => [red, green, blue, alpha],
         _ => return Ok(None),
     }))
+}
+
+/// Whether the first frame of a JPEG is progressive.
+fn is_progressive_jpeg(encoded: &mut impl EncodedImage) -> io::Result<bool> {
+    /// The markers of frames are 0xC0 to 0xCF, but for three of tables.
+    const OTHERS: [u8; 3] = [0xC4, 0xC8, 0xCC];
+    let mut two = [0; 2];
+    encoded.read_exact(&mut two)?;
+    if two != [0xFF, 0xD8] {
+        return Ok(false);
+    }
+    loop {
+        encoded.read_exact(&mut two)?;
+        let [0xFF, marker] = two else { return Ok(false) };
+        if (0xC0..=0xCF).contains(&marker) && !OTHERS.contains(&marker) {
+            return Ok(marker & 3 == 2);
+        }
+        encoded.read_exact(&mut two)?;
+        encoded.seek_relative(i64::from(u16::from_be_bytes(two)).max(2) - 2)?;
+    }
 }
 
 #[cfg(test)]
@@ -571,7 +592,7 @@ mod tests {
 
     #[test]
     fn progressive_images_are_told_by_their_frame() {
-        let is_progressive = |bytes: &[u8]| jpeg::is_progressive(&mut Cursor::new(bytes)).ok();
+        let is_progressive = |bytes: &[u8]| is_progressive_jpeg(&mut Cursor::new(bytes)).ok();
         // A comment of two letters, a table, and a frame.
         let with = |frame: u8| [&b"\xFF\xD8\xFF\xFE\0\x04ab\xFF\xC4\0\x02\xFF"[..], &[frame]].concat();
         assert_eq!(
