@@ -17,6 +17,16 @@ fn arg(path: &Path) -> &str {
     path.to_str().expect("test paths are UTF-8")
 }
 
+#[cfg(unix)]
+#[test]
+fn what_is_no_file_is_not_opened() {
+    for (path, problem) in [("/dev/zero", "device or pipe"), ("/", "directory")] {
+        let out = lodpack().args(["info", path]).output().expect("runs");
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert!(out.status.code() == Some(2) && said.contains(problem), "{path}: {said}");
+    }
+}
+
 #[test]
 fn a_scan_goes_in_and_meshes_come_out() {
     let dir = tempfile::tempdir().expect("a temporary directory");

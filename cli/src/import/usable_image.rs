@@ -8,7 +8,8 @@ use std::path::PathBuf;
 use super::attributes::AttributeSink;
 use super::source::{Source, size_of_file};
 use crate::mesh::images::{
-    EncodedImage, ImageSource, MAX_IMAGE_TEXELS, decode_image, decoding_bytes, image_size, rows_of_png, texels_of,
+    EncodedImage, ImageSource, MAX_IMAGE_TEXELS, decode_image, decoding_bytes, image_size, refuse_cut_jpeg,
+    rows_of_png, texels_of,
 };
 
 /// The images that a file names, each looked at once, with their numbers in the sink if they can be used.
@@ -50,13 +51,17 @@ fn check(image: &ImageSource) -> Result<(), String> {
         return Ok(());
     }
     decoding_bytes(open()?)?;
+    refuse_cut_jpeg(&mut open()?)?;
     if is_cut_short(open()?).map_err(|error| error.to_string())? { decode(&mut || open()) } else { Ok(()) }
 }
 
 /// Decodes all of an image, which takes long for a large one.
 fn decode<'a>(open: &mut dyn FnMut() -> Result<Box<dyn EncodedImage + 'a>, String>) -> Result<(), String> {
     match rows_of_png(open()?)? {
-        Some(mut rows) => while rows.next_row().map_err(|error| error.to_string())?.is_some() {},
+        Some(mut rows) => {
+            let mut row = vec![];
+            while rows.next_row(&mut row)? {}
+        }
         None => drop(decode_image(open()?)?),
     }
     Ok(())

@@ -12,7 +12,6 @@ use std::path::{Path, PathBuf};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use serde::{Deserialize, Serialize};
 
-use jpeg::check_jpeg;
 pub use png_rows::{RowsOfPng, rows_of_png};
 use problem::{damaged, undecodable};
 pub(crate) use problem::{shown_name, unreadable};
@@ -184,7 +183,7 @@ pub fn decode_image(mut encoded: impl EncodedImage) -> Result<DynamicImage, Stri
         return Err(format!("it has {width} x {height} texels, more than {MAX_IMAGE_TEXELS}: make it smaller"));
     }
     encoded.rewind().map_err(|error| unreadable(&error))?;
-    refuse_damaged_jpeg(&mut encoded)?;
+    refuse_cut_jpeg(&mut encoded)?;
     encoded.rewind().map_err(|error| unreadable(&error))?;
     let mut reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
     let mut limits = image::Limits::default();
@@ -194,15 +193,16 @@ pub fn decode_image(mut encoded: impl EncodedImage) -> Result<DynamicImage, Stri
     reader.decode().map_err(|error| undecodable(&error))
 }
 
-/// The decoder of JPEG says nothing of data that are missing.
-fn refuse_damaged_jpeg(encoded: &mut impl EncodedImage) -> Result<(), String> {
-    let start = encoded.fill_buf().map_err(|error| unreadable(&error))?;
-    if !start.starts_with(b"\xFF\xD8") {
-        return Ok(());
+/// Refuses a JPEG that has no end: its decoder fills what is missing with grey, and says nothing.
+///
+/// # Errors
+/// That it is damaged.
+pub fn refuse_cut_jpeg(encoded: &mut impl EncodedImage) -> Result<(), String> {
+    let is_jpeg = encoded.fill_buf().map_err(|error| unreadable(&error))?.starts_with(b"\xFF\xD8");
+    if is_jpeg && jpeg::is_cut(encoded).map_err(|error| unreadable(&error))? {
+        return Err(damaged("its data end too early"));
     }
-    let mut bytes = vec![];
-    encoded.read_to_end(&mut bytes).map_err(|error| unreadable(&error))?;
-    check_jpeg(&bytes).map_err(damaged)
+    Ok(())
 }
 
 /// The most memory that decoding an image takes, until its texels are where they stay; 0 for what is decoded row by row.
@@ -215,7 +215,7 @@ pub fn decoding_bytes(mut encoded: impl EncodedImage) -> Result<u64, String> {
     }
     let encoded_bytes = encoded.seek(SeekFrom::End(0)).map_err(|error| unreadable(&error))?;
     encoded.rewind().map_err(|error| unreadable(&error))?;
-    let is_progressive = is_progressive_jpeg(&mut encoded).map_err(|error| unreadable(&error))?;
+    let is_progressive = jpeg::is_progressive(&mut encoded).map_err(|error| unreadable(&error))?;
     encoded.rewind().map_err(|error| unreadable(&error))?;
     let reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
     let format = reader.format();
@@ -314,26 +314,6 @@ fn only_colour_of_rows<R: EncodedImage>(
         [red, green, blue, alpha] => [red, green, blue, alpha],
         _ => return Ok(None),
     }))
-}
-
-/// Whether the first frame of a JPEG is progressive.
-fn is_progressive_jpeg(encoded: &mut impl EncodedImage) -> io::Result<bool> {
-    /// The markers of frames are 0xC0 to 0xCF, but for three of tables.
-    const OTHERS: [u8; 3] = [0xC4, 0xC8, 0xCC];
-    let mut two = [0; 2];
-    encoded.read_exact(&mut two)?;
-    if two != [0xFF, 0xD8] {
-        return Ok(false);
-    }
-    loop {
-        encoded.read_exact(&mut two)?;
-        let [0xFF, marker] = two else { return Ok(false) };
-        if (0xC0..=0xCF).contains(&marker) && !OTHERS.contains(&marker) {
-            return Ok(marker & 3 == 2);
-        }
-        encoded.read_exact(&mut two)?;
-        encoded.seek_relative(i64::from(u16::from_be_bytes(two)).max(2) - 2)?;
-    }
 }
 
 #[cfg(test)]

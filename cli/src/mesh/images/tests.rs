@@ -142,7 +142,7 @@ fn long_names_are_shown_without_their_middle() {
 
 #[test]
 fn progressive_images_are_told_by_their_frame() {
-    let is_progressive = |bytes: &[u8]| is_progressive_jpeg(&mut Cursor::new(bytes)).ok();
+    let is_progressive = |bytes: &[u8]| jpeg::is_progressive(&mut Cursor::new(bytes)).ok();
     // A comment of two letters, a table, and a frame.
     let with = |frame: u8| [&b"\xFF\xD8\xFF\xFE\0\x04ab\xFF\xC4\0\x02\xFF"[..], &[frame]].concat();
     assert_eq!([0xC0, 0xC1, 0xC2].map(|frame| is_progressive(&with(frame))), [Some(false), Some(false), Some(true)]);

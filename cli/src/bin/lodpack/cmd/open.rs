@@ -72,6 +72,10 @@ fn source_of(path: &Path) -> Result<Arc<dyn ReadAt + Send + Sync>> {
             _ => bail!("{}: addresses with {scheme}:// cannot be read; use http, https, or a path", path.display()),
         },
         None if path.is_dir() => bail!("{} is a directory; name a .lodpack file", path.display()),
+        // A pipe might never be opened, and has no end to begin with.
+        None if std::fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) => {
+            bail!("{} is a device or pipe; name a .lodpack file", path.display())
+        }
         None => Arc::new(std::fs::File::open(path).with_context(|| format!("cannot open {}", path.display()))?),
     })
 }
