@@ -1,10 +1,10 @@
 //! Where the files are that an input names: images, and libraries of materials.
 
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use super::source::Source;
-use super::textures::leaves_folder;
+use crate::mesh::images::shown_name;
 
 /// The folders in which the files are that a file names.
 pub(super) struct Beside<'a> {
@@ -30,17 +30,18 @@ impl<'a> Beside<'a> {
 
     /// The path of a file, whether it is there or not; none, with a note, if it would lie outside of the input's folder.
     pub fn find(&self, what: &str, name: &[u8]) -> Option<PathBuf> {
-        let found = self.existing(name).or_else(|| self.of_same_name(name));
-        found.or_else(|| {
-            let [as_written, .., portable] = &spellings_of(name.trim_ascii());
-            if self.is_elsewhere(portable) {
-                self.source.note(&format!(
-                    "the {what} {} is not in the folder of the file: put it there; it was left out",
-                    as_written.to_string_lossy()
-                ));
-                return None;
-            }
-            Some(self.home.join(&self.inner).join(portable))
+        let found = self.path(name);
+        if found.is_none() {
+            self.source.note(&not_beside(what, &shown_name(&String::from_utf8_lossy(name.trim_ascii()))));
+        }
+        found
+    }
+
+    /// The same without a note.
+    pub fn path(&self, name: &[u8]) -> Option<PathBuf> {
+        self.existing(name).or_else(|| self.of_same_name(name)).or_else(|| {
+            let [.., portable] = spellings_of(name.trim_ascii());
+            (!self.is_elsewhere(&portable)).then(|| self.home.join(&self.inner).join(portable))
         })
     }
 
@@ -67,6 +68,26 @@ impl<'a> Beside<'a> {
         let has_drive = matches!(name.as_encoded_bytes(), [letter, b':', ..] if letter.is_ascii_alphabetic());
         has_drive || leaves_folder(&self.inner.join(name))
     }
+}
+
+/// What is said about a file that is not in the folder of the input.
+pub(super) fn not_beside(what: &str, name: &str) -> String {
+    format!("the {what} {name} is not in the folder of the file: put it there; it was left out")
+}
+
+/// Whether a path leads out of the folder in which it begins: the content of a file must not cause other files to be
+/// read.
+pub(super) fn leaves_folder(path: &Path) -> bool {
+    let mut depth = 0;
+    path.components().any(|component| {
+        match component {
+            Component::Normal(_) => depth += 1,
+            Component::ParentDir => depth -= 1,
+            Component::CurDir => {}
+            Component::RootDir | Component::Prefix(_) => return true,
+        }
+        depth < 0
+    })
 }
 
 /// The names that may be meant, most likely first: files may be called `a "b" # c.png`, but some programs quote names and write comments
@@ -126,6 +147,16 @@ mod tests {
         let library = dir.path().join(inner).join("a.mtl");
         let found = Beside::library(&source, &library).find("image", name)?;
         Some(found.strip_prefix(dir.path()).unwrap().to_str().unwrap().to_owned())
+    }
+
+    #[test]
+    fn files_lie_in_the_folder_of_their_document_or_below() {
+        for inside in ["a.bin", "./a.bin", "b/a.bin", "b/../a.bin"] {
+            assert!(!leaves_folder(Path::new(inside)), "{inside}");
+        }
+        for outside in ["../a.bin", "b/../../a.bin", "/etc/passwd", "./../a.bin"] {
+            assert!(leaves_folder(Path::new(outside)), "{outside}");
+        }
     }
 
     #[test]

@@ -1,76 +1,22 @@
-//! The files that inputs name beside themselves.
+//! The images that materials name: whether they can be used, and copies of them for jobs.
 
 mod causes;
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;
-use std::path::{Component, Path, PathBuf};
+use std::path::Path;
 
 use xxhash_rust::xxh3::Xxh3;
 
 pub(super) use causes::Causes;
 
 use super::ImportError;
-use super::source::Source;
 use crate::mesh::appearance::{Appearance, Material};
-use crate::mesh::images::{
-    ImageSource, MAX_IMAGE_TEXELS, decoding_bytes, image_size, shown_name, texels_of, unreadable,
-};
+use crate::mesh::images::{ImageSource, MAX_IMAGE_TEXELS, decoding_bytes, image_size, texels_of, unreadable};
 use crate::progress::Progress;
 use crate::storage::memory::least_for_decoding;
 use crate::storage::{WorkDirectory, WorkError};
-
-/// The path of a file that an input names, which lies in the input's folder or below; otherwise none, with a note.
-pub(super) fn file_beside(source: &Source, name: &str) -> Option<PathBuf> {
-    let found = path_beside(source, name);
-    if found.is_none() {
-        source.note(&not_beside(&shown_name(name.trim())));
-    }
-    found
-}
-
-/// What is said about a file that is not in the folder of the input.
-pub(super) fn not_beside(name: &str) -> String {
-    format!("the image {name} is not in the folder of the file: put it there; it was left out")
-}
-
-/// The path of a file that an input names, which lies in the input's folder or below.
-pub(super) fn path_beside(source: &Source, name: &str) -> Option<PathBuf> {
-    let name = name.trim();
-    let folder = source.path.parent().map_or_else(PathBuf::new, ToOwned::to_owned);
-    // Files come from all systems.
-    let portable = name.replace('\\', "/");
-    let is_there = folder.join(name).is_file();
-    let named = if is_there { name } else { portable.as_str() };
-    let path = Path::new(named);
-    if !leaves_folder(path) && (is_there || !begins_with_drive(&portable)) {
-        return Some(folder.join(path));
-    }
-    // Exporters write the path that the image had on their machine. The content of a file must not cause files elsewhere to be read,
-    // but one of the same name here is what is meant.
-    portable.rsplit('/').next().map(|last| folder.join(last)).filter(|beside| beside.is_file())
-}
-
-/// Whether a path is one of a drive of Windows, such as `C:/a.png`, which only Windows takes for one that leads elsewhere.
-fn begins_with_drive(path: &str) -> bool {
-    matches!(path.as_bytes(), [letter, b':', ..] if letter.is_ascii_alphabetic())
-}
-
-/// Whether a path leads out of the folder in which it begins: the content of a file must not cause other files to be
-/// read.
-pub(super) fn leaves_folder(path: &Path) -> bool {
-    let mut depth = 0;
-    path.components().any(|component| {
-        match component {
-            Component::Normal(_) => depth += 1,
-            Component::ParentDir => depth -= 1,
-            Component::CurDir => {}
-            Component::RootDir | Component::Prefix(_) => return true,
-        }
-        depth < 0
-    })
-}
 
 /// The images that some material names.
 fn named_images(appearance: &Appearance) -> BTreeSet<usize> {
@@ -176,31 +122,4 @@ fn keep(directory: &WorkDirectory, number: usize, image: &ImageSource) -> Result
     }
     directory.count(bytes);
     Ok(ImageSource::Kept { file, name, bytes, xxh3: hash.digest() })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn files_lie_in_the_folder_of_their_document_or_below() {
-        for inside in ["a.bin", "./a.bin", "b/a.bin", "b/../a.bin"] {
-            assert!(!leaves_folder(Path::new(inside)), "{inside}");
-        }
-        for outside in ["../a.bin", "b/../../a.bin", "/etc/passwd", "./../a.bin"] {
-            assert!(leaves_folder(Path::new(outside)), "{outside}");
-        }
-    }
-
-    #[test]
-    fn paths_of_other_machines_mean_a_file_of_the_same_name_here() {
-        let folder = tempfile::tempdir().unwrap();
-        let (model, beside) = (folder.path().join("a.glb"), folder.path().join("g.png"));
-        let source = Source::new(&model, b"", &crate::progress::Silent);
-        let names = ["C:\\t\\g.png", "c:/t/g.png", "/t/g.png", "\\\\server\\g.png", "..\\g.png"];
-        assert_eq!(names.map(|name| path_beside(&source, name)), [const { None }; 5]);
-        fs::write(&beside, b"").unwrap();
-        assert_eq!(names.map(|name| path_beside(&source, name)), [(); 5].map(|()| Some(beside.clone())));
-        assert_eq!(path_beside(&source, "t/g.png"), Some(folder.path().join("t/g.png")));
-    }
 }

@@ -9,9 +9,9 @@ use ::gltf::buffer::{Data, Source as BufferSource, View};
 
 use crate::mesh::images::ImageSource;
 
+use super::super::beside::leaves_folder;
 use super::super::error::{ImportError, Location, Parsed};
 use super::super::source::{DROP_BYTES, FileBytes, Source};
-use super::super::textures::leaves_folder;
 
 enum Bytes<'a> {
     Inside(&'a [u8]),

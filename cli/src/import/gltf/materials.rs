@@ -9,9 +9,10 @@ use ::gltf::{Document, Material as GltfMaterial};
 
 use super::buffers::{Buffers, decode_percent, has_scheme};
 use crate::import::attributes::AttributeSink;
+use crate::import::beside::{Beside, not_beside};
 use crate::import::error::Parsed;
 use crate::import::source::Source;
-use crate::import::textures::{Causes, not_beside, path_beside};
+use crate::import::textures::Causes;
 use crate::mesh::appearance::{AlphaMode, Material, TextureUse, Wrap};
 use crate::mesh::images::ImageSource;
 
@@ -254,9 +255,9 @@ impl MaterialReader<'_> {
             Some(uri) => {
                 // What is no text when it is decoded may be the name as it is.
                 let name = decode_percent(uri).unwrap_or(Cow::Borrowed(uri));
-                let path = path_beside(self.source, &name);
+                let path = Beside::new(self.source).path(name.as_bytes());
                 if path.is_none() {
-                    self.causes.add("outside", name.trim(), not_beside);
+                    self.causes.add("outside", name.trim(), |name| not_beside("image", name));
                 }
                 Some(ImageSource::File { path: path?, range: None })
             }

@@ -20,10 +20,10 @@ use ::gltf::scene::Transform;
 use ::gltf::{Document, Node, Primitive};
 use glam::{DMat4, DQuat, DVec3, Vec4};
 
+use super::beside::Beside;
 use super::error::{ImportError, Location, Parsed};
 use super::sink::MeshSink;
 use super::source::Source;
-use super::textures::file_beside;
 
 use accessor::{location_of, read_indices, read_positions};
 use attributes::{SceneAttributes, is_surface};
@@ -111,7 +111,7 @@ pub(super) fn files_beside(source: &Source) -> Vec<PathBuf> {
     let uris = names.images.into_iter().filter_map(|image| image.uri).filter(|uri| !buffers::has_scheme(uri));
     uris.filter_map(|uri| {
         let name = buffers::decode_percent(&uri).unwrap_or(Cow::Borrowed(&uri));
-        file_beside(source, &name)
+        Beside::new(source).find("image", name.as_bytes())
     })
     .collect()
 }
