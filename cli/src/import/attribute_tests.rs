@@ -214,6 +214,24 @@ fn numbers_of_vertices_are_scalars_by_name() {
 }
 
 #[test]
+fn numbers_that_are_missing_or_rounded_are_noted_and_too_many_refused() {
+    let properties = format!("{BYTES}property double quality\nproperty double time\n");
+    let values = ["1 2 3 nan 1600000001", "1 2 3 inf 1600000002", "1 2 3 1 1600000003", "1 2 3 2 1600000004"];
+    let folder = Folder::new(&[("a.ply", &ply("", (&properties, values), QUAD))]);
+    let (_, _, notes) = folder.sound(&["a.ply"]);
+    assert!(notes.contains("quality is no finite number at 2 vertices, which get what is beside them"), "{notes}");
+    assert!(notes.contains("time has numbers of more digits than are kept: they may be off by 64"), "{notes}");
+
+    let many: String = (0..70).map(|number| format!("property float n{number}\n")).collect();
+    let zeros = format!("1 2 3{}", " 0".repeat(70));
+    let values = [zeros.as_str(); 4];
+    let folder = Folder::new(&[("a.ply", &ply("", (&format!("{BYTES}{many}"), values), QUAD))]);
+    let error = folder.import(&["a.ply"], "auto").0.unwrap_err();
+    assert!(error.contains("has 71 channels, of which a file keeps 63: choose some with --channels"), "{error}");
+    assert!(folder.import(&["a.ply"], "n1,n69").0.is_ok());
+}
+
+#[test]
 fn float_colours_above_one_are_clamped_and_counted() {
     let floats = BYTES.replace("uchar", "float");
     let values = ["2 0 0", "0 1 0", "nan 0 -1", "0 0 0"];

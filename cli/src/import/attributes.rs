@@ -308,6 +308,14 @@ impl AttributeSink {
         }
     }
 
+    /// Refuses more channels than a file holds.
+    pub(super) fn check_count(&self) -> Parsed<()> {
+        let wanted = self.found.iter().map(|(name, _)| name.as_str()).filter(|name| self.channels.wants(name));
+        let count = wanted.collect::<BTreeSet<_>>().len();
+        let most = MOST_CHANNELS;
+        if count > most { Err(ImportError::ManyChannels { count, most }.into()) } else { Ok(()) }
+    }
+
     fn fill_vertices(&mut self, vertices: u64) {
         let (all, first) = (self.written[0] + self.collected.vertex_values.len() as u64, self.file.first_vertex_value);
         let is_missing = fill(&mut self.collected.vertex_values, &self.vertex_layout, vertices, all - first);
@@ -339,6 +347,8 @@ fn fill(values: &mut Vec<f32>, layout: &AttributeLayout, records: u64, there: u6
     missing > 0
 }
 
+/// A file holds one more, which may say how the surface is drawn.
+const MOST_CHANNELS: usize = 63;
 /// Of all that a scalar's values differ by, what rounding may take before it is said.
 const SEEN_ROUNDING: f64 = 1e-6;
 

@@ -223,6 +223,15 @@ pub enum ImportError {
         found: String,
     },
 
+    /// The input has more channels than a file holds.
+    #[error("the input has {count} channels, of which a file keeps {most}: choose some with --channels NAME,...")]
+    ManyChannels {
+        /// How many there are.
+        count: usize,
+        /// How many there may be.
+        most: usize,
+    },
+
     /// An image says that it is too large to be decoded.
     #[error(
         "the image {name} has {width} x {height} texels, but one image may have at most {limit}; make it smaller, or pass --channels none"

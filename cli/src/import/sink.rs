@@ -389,6 +389,7 @@ impl MeshSink {
             self.spill()?;
         }
         self.attributes.check_names()?;
+        self.attributes.check_count()?;
         let (attributes, appearance) = self.attributes.finish();
         match self.spill {
             Some(spill) => Ok(spill.finish(attributes, appearance).map_err(ImportError::from)?),

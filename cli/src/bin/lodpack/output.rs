@@ -207,6 +207,12 @@ pub fn length(value: f64) -> String {
     }
 }
 
+/// A number as it is, or its first seven digits where there are many.
+pub fn number(value: f64) -> String {
+    let all = value.to_string();
+    if all.len() <= 12 { all } else { format!("{value:.6e}") }
+}
+
 /// Bytes in a unit that keeps the number short.
 pub fn bytes(value: u64) -> String {
     match value {

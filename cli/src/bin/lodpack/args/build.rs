@@ -48,8 +48,8 @@ pub struct ModelArgs {
     #[arg(long)]
     pub extensible: bool,
     /// What to keep beside the shape: auto for the colour (of vertices, materials and textures) and every number per vertex that the
-    /// input has, none for the shape alone, or names, as colour,quality.
-    #[arg(long, default_value_t, value_name = "auto|none|NAME,...")]
+    /// input has, all for these and all normals, none for the shape alone, or names, as colour,quality.
+    #[arg(long, default_value_t, value_name = "auto|all|none|NAME,...")]
     pub channels: Channels,
     /// How good stored colours are, from 1 (smallest) to 100 (almost exact).
     #[arg(long, value_name = "QUALITY", default_value_t = 85, value_parser = clap::value_parser!(u8).range(1..=100), alias = "colour-quality")]

@@ -126,6 +126,15 @@ fn tell(drawn: &Drawn, tolerance: Option<f64>, format: MeshFormat, args: &Extrac
     }
 }
 
+/// Notes what the format has no place for.
+fn tell_of_numbers(file: &lodpack::File<Source>, format: MeshFormat, args: &ExtractArgs) {
+    let numbers = file.channels().iter().filter(|channel| is_number(channel));
+    let names: Vec<&str> = numbers.map(|channel| channel.name.as_str()).collect();
+    if !names.is_empty() && format != MeshFormat::Ply && args.channels == "auto" {
+        messages::tell("note", &format!("{} is not written: write PLY to keep it", names.join(", ")));
+    }
+}
+
 /// What is written with their names, the tolerance in units of the file, how many nodes that is, and bytes and requests.
 type Answer = (Vec<(&'static str, Drawn)>, Option<f64>, (u64, &'static str), [u64; 2]);
 
@@ -190,6 +199,7 @@ fn mesh_of(
     args: &ExtractArgs,
 ) -> Result<(Drawn, u64)> {
     let (look, channels) = look_of(file, format, args);
+    tell_of_numbers(file, format, args);
     let finishing = args.triangles.filter(|_| !args.raw && !args.context && args.nodes.is_none());
     let query = Query {
         volume: args.bbox.map(|bbox| bbox.0.into()),

@@ -6,7 +6,7 @@ use super::open::{Opened, Source, in_file, open_any, open_ground};
 use super::print_json;
 use super::why::{Account, Kind};
 use crate::args::InfoArgs;
-use crate::output::{by_filling, bytes, count, length, say};
+use crate::output::{by_filling, bytes, count, length, number, say};
 use anyhow::Result;
 use lodpack::index::{FillingCounts, Placement, UpAxis};
 use lodpack_cli::pipeline::summary::roots_by_name;
@@ -237,11 +237,12 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
         count(info.arcs),
         count(info.corners)
     );
-    for (number, channel) in info.channels.iter().enumerate() {
+    for (place, channel) in info.channels.iter().enumerate() {
         let Channel { name, kind, components, low, step, bound, bytes: size } = channel;
         let components = if *components == 1 { "1 component".into() } else { format!("{components} components") };
-        let bound = if *bound > 0.0 { format!(", within {bound}") } else { String::new() };
-        let head = if number == 0 { "channels" } else { "" };
+        let [low, step] = [low, step].map(|value| number(*value));
+        let bound = if *bound > 0.0 { format!(", texels within {}", number(*bound)) } else { String::new() };
+        let head = if place == 0 { "channels" } else { "" };
         say!("  {head:<10} {name}: {kind}, {components} from {low} in steps of {step}{bound}; images {}", bytes(*size));
     }
     if !info.channels.is_empty() {
