@@ -9,7 +9,7 @@ use super::attributes::AttributeSink;
 use super::source::{Source, size_of_file};
 use crate::mesh::images::{
     EncodedImage, ImageSource, MAX_IMAGE_TEXELS, decode_image, decoding_bytes, image_size, refuse_cut_jpeg,
-    rows_of_png, texels_of,
+    rows_of_png, texels_of, unreadable,
 };
 
 /// The images that a file names, each looked at once, with their numbers in the sink if they can be used.
@@ -44,15 +44,15 @@ impl NamedImages {
 /// Says why an image cannot be used. One that is too large is refused later, with an error.
 fn check(image: &ImageSource) -> Result<(), String> {
     if let ImageSource::File { path, .. } = image {
-        size_of_file(path).map_err(|error| error.to_string())?;
+        size_of_file(path).map_err(|error| unreadable(&error))?;
     }
-    let open = || image.open(None).map_err(|error| error.to_string());
+    let open = || image.open(None).map_err(|error| unreadable(&error));
     if texels_of(image_size(open()?)?) > MAX_IMAGE_TEXELS {
         return Ok(());
     }
     decoding_bytes(open()?)?;
     refuse_cut_jpeg(&mut open()?)?;
-    if is_cut_short(open()?).map_err(|error| error.to_string())? { decode(&mut || open()) } else { Ok(()) }
+    if is_cut_short(open()?).map_err(|error| unreadable(&error))? { decode(&mut || open()) } else { Ok(()) }
 }
 
 /// Decodes all of an image, which takes long for a large one.
