@@ -37,7 +37,8 @@ fn cut_short() -> Vec<u8> {
 #[test]
 fn a_material_whose_image_cannot_be_used_shows_its_factor() {
     let obj = textured_square("mtllib a.mtl\n");
-    for (image, problem) in [("none.png", "No such file"), ("a.mtl", "could not be determined"), ("cut.png", "")] {
+    let problems = ["there is no such file: put it there", "its format is unknown", "it is damaged"];
+    for (image, problem) in ["none.png", "a.mtl", "cut.png"].into_iter().zip(problems) {
         let library = format!("newmtl m\nmap_Kd {image}\nKd 0.5 0 0\nmap_Ke {image}\n");
         let folder =
             Folder::new(&[("a.obj", obj.as_bytes()), ("a.mtl", library.as_bytes()), ("cut.png", &cut_short())]);
