@@ -54,6 +54,15 @@ fn obj_faces_take_the_normals_of_their_corners() {
 }
 
 #[test]
+fn images_of_mtl_that_are_not_read_are_named() {
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
+    let library = "newmtl m\nKd 1 0 0\nmap_Ka a.png\nmap_Bump b.png\nmap_Ks c.png\nbump b.png\nmap_Bump b.png\n";
+    let folder = Folder::new(&[("a.obj", obj.as_bytes()), ("a.mtl", library.as_bytes())]);
+    let (_, _, notes) = folder.sound(&["a.obj"]);
+    assert!(notes.contains("images of materials are left out: bump, map_bump, map_ks; those of map_Kd"), "{notes}");
+}
+
+#[test]
 fn gltf_materials_have_all_their_maps_and_normals_turn_with_their_node() {
     let directions: [[f32; 3]; 3] = [[0., 0., 1.], [0., 1., 0.], [1., 0., 0.]];
     let bytes: Vec<u8> = directions.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();

@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 
 use lodpack::decode::texels::{Image, Map, Piece};
 use lodpack::decode::{self, AlphaMode, Drawing, TexturedMesh};
+use rayon::prelude::*;
 
+use super::extrude::{drawn_texels, extrude};
 use super::layers::{Layer, Look, frame};
 
 /// A mesh of which each vertex has one place in one page.
@@ -60,6 +62,13 @@ fn by_page(drawings: &[Drawing], textured: &TexturedMesh, paged: &decode::PagedM
     result
 }
 
+/// Which texels of a page are drawn.
+fn drawn_on(paged: &decode::PagedMesh, page: usize) -> Vec<bool> {
+    let size = paged.page_sizes[page];
+    let place = |vertex: u32| [0, 1].map(|k| paged.places[vertex as usize][k] * size[k] as f32);
+    drawn_texels(size, paged.triangles[page].iter().map(|triangle| triangle.map(place)))
+}
+
 /// The colours of an image.
 fn without_alpha(image: Image<u8>) -> Image<u8> {
     if image.components != 4 {
@@ -78,13 +87,18 @@ impl PagedMesh {
         let paged = decode::PagedMesh::new(textured, side);
         let mut pages: Vec<Page> = vec![vec![]; paged.page_sizes.len()];
         let drawings = by_page(&look.drawings(textured), textured, &paged);
+        let drawn: Vec<Vec<bool>> = match look.layers.is_empty() {
+            true => vec![],
+            false => (0..paged.page_sizes.len()).into_par_iter().map(|page| drawn_on(&paged, page)).collect(),
+        };
         for &layer in &look.layers {
             let images: Vec<Option<Image<u8>>> =
                 textured.textures.iter().map(|texture| look.image(texture, layer)).collect();
             let images: Vec<Option<&Image<u8>>> = images.iter().map(Option::as_ref).collect();
             let [red, green, blue] = layer.blank();
             let filled = paged.filled(&images, 3, &[red, green, blue, 255]);
-            for (number, (page, image)) in pages.iter_mut().zip(filled).enumerate() {
+            for (number, (page, mut image)) in pages.iter_mut().zip(filled).enumerate() {
+                extrude(&mut image, &drawn[number]);
                 let is_opaque =
                     drawings.get(number).is_some_and(|all| all.iter().all(|one| one.alpha == AlphaMode::Opaque));
                 page.push((layer, if is_opaque { without_alpha(image) } else { image }));

@@ -1,5 +1,7 @@
 //! MTL, the materials of OBJ files: `Kd`, `d`, `Tr`, `map_Kd` and `map_d` with their options, `Ke` and `map_Ke`, `norm`, `Pm` and `Pr`.
 
+use std::collections::BTreeSet;
+
 use crate::import::attributes::AttributeSink;
 use crate::import::beside::Beside;
 use crate::import::scan::{Scanner, parse_float};
@@ -41,7 +43,7 @@ impl LibraryReader<'_> {
     /// The materials of a library, in its order.
     pub fn read(&mut self, text: &[u8]) -> Vec<LibraryMaterial> {
         let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
-        let mut materials: Vec<LibraryMaterial> = vec![];
+        let (mut materials, mut unread): (Vec<LibraryMaterial>, BTreeSet<String>) = Default::default();
         for line in text.split(|&b| b == b'\n' || b == b'\r').map(<[u8]>::trim_ascii) {
             let mut words = Scanner::new(line, 0);
             let keyword = words.word().to_ascii_lowercase();
@@ -59,8 +61,18 @@ impl LibraryReader<'_> {
                 b"map_ke" => textured.emissive_texture = self.texture(rest),
                 // Images of heights have these keywords, too, and cannot be told apart; `norm` is always an image of normals.
                 b"norm" => textured.normal_texture = self.texture(rest).map(|texture| (texture, 1.0)),
+                // What has the light of the surroundings is the image of colours once more.
+                b"map_ka" => {}
+                b"bump" | b"disp" | b"refl" => drop(unread.insert(readable(&keyword))),
+                _ if keyword.starts_with(b"map_") => drop(unread.insert(readable(&keyword))),
                 _ => {}
             }
+        }
+        if !unread.is_empty() {
+            let names = unread.into_iter().collect::<Vec<_>>().join(", ");
+            self.source.note(&format!(
+                "images of materials are left out: {names}; those of map_Kd, map_d, map_Ke and norm are read"
+            ));
         }
         materials.iter_mut().for_each(LibraryMaterial::join);
         materials
@@ -115,11 +127,14 @@ impl LibraryReader<'_> {
     }
 }
 
+fn readable(name: &[u8]) -> String {
+    String::from_utf8_lossy(name).into_owned()
+}
+
 impl LibraryMaterial {
     fn new(name: &[u8]) -> Self {
         // Colours of vertices without a texture are multiplied by Kd; alpha counts only where the library mentions it.
-        let readable = String::from_utf8_lossy(name).into_owned();
-        let plain = Material { name: readable, alpha: AlphaMode::Opaque, ..Material::default() };
+        let plain = Material { name: readable(name), alpha: AlphaMode::Opaque, ..Material::default() };
         Self { name: name.to_owned(), textured: Material::default(), plain, has_d: false }
     }
 
