@@ -3,7 +3,7 @@
 use crate::commands::lodpack;
 use crate::{open, scan};
 use glam::DVec3;
-use lodpack_cli::geometry_images::{AtlasOptions, build_atlas, read_atlas, write_atlas};
+use lodpack_cli::geometry_images::{AtlasOptions, WriteOptions, build_atlas, read_atlas, write_atlas};
 use lodpack_cli::import::import_meshes;
 use lodpack_cli::measure::verify::distance::BoxTree;
 use lodpack_cli::measure::verify::inspect_edges;
@@ -34,8 +34,8 @@ fn distance(from: &Mesh, to: &Mesh) -> (f64, f64) {
 /// The mesh reconstructed from its atlas, and the number of patches.
 fn through_atlas(mesh: &Mesh, options: &AtlasOptions, resolution: Option<u32>, dir: &Path) -> (Mesh, usize) {
     let built = build_atlas(mesh.clone(), options, &Silent);
-    let resolution = resolution.unwrap_or_else(|| built.product.default_resolution());
-    write_atlas(dir, &built.product, resolution).expect("a writable temporary directory");
+    let options = WriteOptions { resolution, ..WriteOptions::default() };
+    write_atlas(dir, &built.product, &options, &Silent).expect("a writable temporary directory");
     (read_atlas(dir).expect("what was written is readable"), built.product.patches.len())
 }
 

@@ -111,7 +111,7 @@ impl Folder {
 }
 
 /// Root mean square differences of what is shown in the middle of each triangle from what belongs there: of colours, and of the number.
-fn errors(shown: &TexturedMesh, [low, step]: [f64; 2]) -> [f64; 2] {
+pub(crate) fn errors(shown: &TexturedMesh, [low, step]: [f64; 2]) -> [f64; 2] {
     let (mut sums, mut area_in_all) = ([0.0; 2], 0.0);
     for (number, (corners, places)) in shown.mesh.triangles.iter().zip(&shown.places).enumerate() {
         let points = corners.map(|v| DVec3::from(shown.mesh.positions[v as usize]));

@@ -36,6 +36,7 @@
 #![allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter")]
 
 mod atlas;
+mod atlas_channels;
 mod bad_input;
 mod bad_terrain;
 mod browser;

@@ -5,7 +5,8 @@ use std::collections::HashMap;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{ArcKnot, AtlasChart, AtlasHeader, AtlasPatch, AtlasProduct, PatchBorder};
+use super::{ArcKnot, AtlasChart, AtlasHeader, AtlasPatch, AtlasProduct, Looks, PatchBorder};
+use crate::mesh::attributes::{RegionAttributes, Surface};
 use crate::mesh::union_find::{find, unite};
 use crate::mesh::{Adjacency, Mesh, NONE};
 use crate::progress::Progress;
@@ -13,7 +14,7 @@ use crate::stage::arc_samples::{SampledArc, sample_arcs};
 use crate::stage::arcs::{ARC_UNITS, Arc, Atlas, LoopVertex, Seams, cut_chart, trace_arcs};
 use crate::stage::chart::{BorderVertex, ChartMesh};
 use crate::stage::embed::{EmbedError, EmbedOptions, EmbedReport, Embedding, embed_chart};
-use crate::stage::repair::{RepairReport, repair};
+use crate::stage::repair::{RepairReport, repair, repair_with_origins};
 use crate::stage::segment::{SegmentOptions, segment_charts};
 use crate::text::count;
 
@@ -54,10 +55,10 @@ pub struct BuiltAtlas {
 
 /// Cuts a mesh into charts and maps each to a polygon. Charts that have no map after some attempts become patches, with a note.
 ///
-/// The result depends on the mesh and the options alone.
-pub fn build_atlas(input: Mesh, options: &AtlasOptions, progress: &dyn Progress) -> BuiltAtlas {
+/// A chart has triangles that are drawn alike. The result depends on the surface and the options alone.
+pub fn build_atlas(input: impl Into<Surface>, options: &AtlasOptions, progress: &dyn Progress) -> BuiltAtlas {
     progress.begin("repair", 0);
-    let (mesh, adjacency, repairs) = repair(input);
+    let (mesh, adjacency, repairs, looks) = repaired(input.into());
     let mut built = BuiltAtlas {
         repairs,
         vertex_count: mesh.positions.len() as u64,
@@ -74,6 +75,9 @@ pub fn build_atlas(input: Mesh, options: &AtlasOptions, progress: &dyn Progress)
     progress.begin("segment", 0);
     let segment_options = SegmentOptions { target_triangles: options.chart_triangles, ..SegmentOptions::default() };
     let mut labels = segment_charts(&mesh, &adjacency, &segment_options);
+    if looks.appearance.has_drawings {
+        separate_drawings(&mut labels, &adjacency, |triangle| looks.drawing(triangle));
+    }
     let mut charts = CutCharts::new(&mesh, &adjacency, &labels, origin);
     progress.begin("embed", charts.atlas.charts.len() as u64);
     let mut maps = charts.embed(&options.embed, &HashMap::new(), progress);
@@ -89,8 +93,45 @@ pub fn build_atlas(input: Mesh, options: &AtlasOptions, progress: &dyn Progress)
         maps = charts.embed(&options.embed, &known, progress);
     }
     built.embedding = EmbedReport::of(&maps);
-    built.product = charts.into_product(&mesh, origin, maps, progress);
+    built.product = AtlasProduct { looks, ..charts.into_product(&mesh, origin, maps, progress) };
     built
+}
+
+/// The mesh without what is wrong with it, and what is left of its attributes.
+fn repaired(input: Surface) -> (Mesh, Adjacency, RepairReport, Looks) {
+    let Surface { mesh, attributes, appearance } = input;
+    if appearance.is_empty() {
+        let (mesh, adjacency, repairs) = repair(mesh);
+        return (mesh, adjacency, repairs, Looks::default());
+    }
+    let triangles = (0..mesh.triangles.len() as u32).zip(mesh.triangles.iter().copied());
+    let mut kept = RegionAttributes::gather(&attributes, &appearance, &attributes, triangles);
+    let (mesh, adjacency, repairs, origins) = repair_with_origins(mesh);
+    kept.keep(origins.into_iter());
+    (mesh, adjacency, repairs, Looks { appearance, attributes: kept })
+}
+
+/// Divides charts where one part of them is drawn in another way than the next.
+fn separate_drawings(labels: &mut [u32], adjacency: &Adjacency, drawing: impl Fn(u32) -> u16) {
+    let is_alike = |a: u32, b: u32| labels[a as usize] == labels[b as usize] && drawing(a) == drawing(b);
+    let mut parent: Vec<u32> = (0..labels.len() as u32).collect();
+    for (half_edge, &opposite) in adjacency.opposite.iter().enumerate() {
+        let (a, b) = (half_edge as u32 / 3, opposite / 3);
+        if opposite != NONE && is_alike(a, b) {
+            unite(&mut parent, a, b);
+        }
+    }
+    // Charts are numbered by their first triangle.
+    let mut number_of = vec![NONE; labels.len()];
+    let mut next = 0;
+    for triangle in 0..labels.len() as u32 {
+        let first = find(&mut parent, triangle) as usize;
+        if number_of[first] == NONE {
+            number_of[first] = next;
+            next += 1;
+        }
+        labels[triangle as usize] = number_of[first];
+    }
 }
 
 type Map = Result<Embedding, EmbedError>;
@@ -174,10 +215,11 @@ impl CutCharts {
         let charts = self.charts.into_iter().zip(maps).zip(self.atlas.charts).filter_map(|((mesh, map), chart)| {
             // A chart with a map has one loop.
             let sides = chart.loops.into_iter().next()?;
-            Some(AtlasChart { mesh, embedding: map.ok()?, sides })
+            Some(AtlasChart { mesh, embedding: map.ok()?, sides, numbers: chart.triangles })
         });
         let charts = charts.collect();
-        AtlasProduct { header: AtlasHeader { origin, units: String::new() }, arcs, charts, patches }
+        let header = AtlasHeader { origin, units: String::new() };
+        AtlasProduct { header, arcs, charts, patches, looks: Looks::default() }
     }
 }
 
@@ -236,6 +278,7 @@ fn patches_of(atlas: &Atlas, mesh: &Mesh, origin: DVec3, is_patch: &[bool]) -> V
         let index = patch_of[first as usize];
         patch_of[chart as usize] = index;
         let (patch, numbers) = (&mut patches[index as usize], &mut vertices[index as usize]);
+        patch.numbers.extend(&atlas.charts[chart as usize].triangles);
         for &t in &atlas.charts[chart as usize].triangles {
             patch.triangles.push(mesh.triangles[t as usize].map(|v| {
                 *numbers.entry(v).or_insert_with(|| {

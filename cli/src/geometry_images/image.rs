@@ -37,13 +37,7 @@ impl GeometryImage {
             .write()
             .non_parallel()
             .to_file(path)
-            .map_err(|error| {
-                let source = match error {
-                    exr::error::Error::Io(source) => source,
-                    other => std::io::Error::other(other),
-                };
-                AtlasError::Write { path: path.into(), source }
-            })
+            .map_err(|error| AtlasError::of_writing(path, error))
     }
 
     /// Reads an image whose size must be that of `resolution`.

@@ -6,11 +6,15 @@ use std::path::{Component, Path};
 use serde::{Deserialize, Serialize};
 
 use super::MAX_RESOLUTION;
+use super::looks::ImageChannel;
+use super::product::AtlasHeader;
 
 /// The value of `format` in every `atlas.json`.
 const FORMAT: &str = "lodpack-atlas";
 /// The value of `version`: the only one that is written or read.
 const VERSION: u32 = 1;
+/// Bytes of the longest name of a channel, as files have it.
+const MAX_NAME: usize = 255;
 
 /// One edge of a geometry image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -98,6 +102,16 @@ pub(super) struct Root {
     pub corner: u32,
     #[serde(default)]
     pub neighbours: Neighbours,
+    /// File names of its images of the atlas's channels, in their order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub images: Vec<String>,
+    /// How it is drawn: a number as files have it (SPEC.md 21.6).
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub drawing: u16,
+}
+
+fn is_zero(number: &u16) -> bool {
+    *number == 0
 }
 
 /// A piece of the surface that is a mesh.
@@ -107,6 +121,9 @@ pub(super) struct Patch {
     pub file: String,
     #[serde(default)]
     pub borders: Vec<Border>,
+    /// How it is drawn.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub drawing: u16,
 }
 
 /// A stretch of a patch's border that is an edge of an image.
@@ -127,14 +144,18 @@ pub(super) struct Manifest {
     #[serde(default)]
     pub units: String,
     pub origin: [f64; 3],
+    /// What the roots have images of, beside their shape.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub channels: Vec<ImageChannel>,
     pub roots: Vec<Root>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub patches: Vec<Patch>,
 }
 
 impl Manifest {
-    pub fn new(origin: [f64; 3], units: String, roots: Vec<Root>, patches: Vec<Patch>) -> Self {
-        Self { format: FORMAT.into(), version: VERSION, units, origin, roots, patches }
+    pub fn new(header: &AtlasHeader, channels: Vec<ImageChannel>, roots: Vec<Root>, patches: Vec<Patch>) -> Self {
+        let (origin, units) = (header.origin.to_array(), header.units.clone());
+        Self { format: FORMAT.into(), version: VERSION, units, origin, channels, roots, patches }
     }
 
     /// Checks everything that needs no image. The message names the root.
@@ -148,6 +169,7 @@ impl Manifest {
         if !self.origin.iter().all(|x| x.is_finite()) {
             return Err("the origin is not finite".into());
         }
+        self.check_channels()?;
         let mut sample_count = 0u64;
         for (index, root) in self.roots.iter().enumerate() {
             let name = &root.file;
@@ -178,6 +200,32 @@ impl Manifest {
             return Err(format!("{sample_count} samples are more than a mesh can hold; lower the resolutions"));
         }
         self.check_patches()
+    }
+
+    fn check_channels(&self) -> Result<(), String> {
+        for (number, channel) in self.channels.iter().enumerate() {
+            let ImageChannel { name, resolution, .. } = channel;
+            if *resolution > MAX_RESOLUTION {
+                return Err(format!("channel {name:?}: resolution {resolution} is above {MAX_RESOLUTION}"));
+            }
+            let is_known = self.channels[..number].iter().any(|known| known.name == *name);
+            if is_known || name.is_empty() || name.len() > MAX_NAME || name.chars().any(char::is_control) {
+                return Err(format!(
+                    "channel {name:?}: names must be different, have 1 to {MAX_NAME} bytes and no control characters"
+                ));
+            }
+        }
+        let count = self.channels.len();
+        for root in &self.roots {
+            let name = &root.file;
+            if root.images.len() != count {
+                return Err(format!("root {name}: there are {} images for {count} channels", root.images.len()));
+            }
+            if let Some(image) = root.images.iter().find(|image| !is_plain_file_name(image)) {
+                return Err(format!("root {name}: {image:?} is not a plain file name"));
+            }
+        }
+        Ok(())
     }
 
     fn check_patches(&self) -> Result<(), String> {

@@ -11,16 +11,31 @@
 //! A patch is a piece of the surface for which no map was found: a PLY mesh, its positions relative to the origin too. For each edge of an
 //! image on which the patch borders, `atlas.json` lists the patch's vertices along that edge. The edge's samples are among them, in
 //! order; the vertices between are inserted into the image's triangles.
+//!
+//! What the surface carries has images of its own for each root, at the same places (s, t): PNG for what materials have, at a
+//! resolution of its own, and EXR for numbers, at that of the root. Borders are as doubled in them as in the images of positions: roots whose
+//! surface is drawn alike have the same bytes on both sides. Patches have colours and numbers at their vertices.
+//!
+//! Mips are folders `mip_01`, `mip_02` ... of the same layout, each with images of half the steps: their positions are every second sample,
+//! and what else there is comes from the input again, averaged over what a sample stands for.
 
 mod border_edges;
 mod files;
 mod from_mesh;
 mod image;
+mod import;
+mod looks;
 mod manifest;
+mod numbers;
+mod paint;
 mod patch;
+mod patch_file;
 mod product;
+mod quads;
 mod read;
 mod sides;
+mod surface;
+mod triangulate;
 mod weld;
 mod write;
 
@@ -29,12 +44,13 @@ mod tests;
 
 use std::path::PathBuf;
 
-pub use files::atlas_files;
+pub use files::{atlas_files, mip_folders};
 pub use from_mesh::{AtlasOptions, BuiltAtlas, build_atlas};
+pub use import::import_atlas;
 pub use manifest::ImageEdge;
-pub use product::{ArcKnot, AtlasChart, AtlasHeader, AtlasPatch, AtlasProduct, PatchBorder};
+pub use product::{ArcKnot, AtlasChart, AtlasHeader, AtlasPatch, AtlasProduct, Looks, PatchBorder};
 pub use read::read_atlas;
-pub use write::write_atlas;
+pub use write::{Resolutions, WriteOptions, write_atlas};
 
 /// Largest resolution of a root: 4097 x 4097 samples.
 pub const MAX_RESOLUTION: u32 = 12;
@@ -100,7 +116,26 @@ pub enum AtlasError {
         /// The reason that the decoder gave.
         source: exr::error::Error,
     },
-    /// A geometry image does not have the size of its resolution.
+    /// An image of numbers is not an EXR image with the channel Y.
+    #[error("{} is not an EXR image with the channel Y; convert it", path.display())]
+    Numbers {
+        /// The image.
+        path: PathBuf,
+        /// The reason that the decoder gave.
+        source: exr::error::Error,
+    },
+    /// An image with texels cannot be used.
+    #[error("{} cannot be used: {what}", path.display())]
+    Texels {
+        /// The image.
+        path: PathBuf,
+        /// The reason.
+        what: String,
+    },
+    /// A file for texels of the input's images cannot be made, written or read.
+    #[error(transparent)]
+    Work(#[from] crate::storage::WorkError),
+    /// An image does not have the size of its resolution.
     #[error(
         "{}: {width} x {height} pixels, but resolution {resolution} needs {expected} x {expected}; \
          resample the image or correct atlas.json",
@@ -141,4 +176,15 @@ pub enum AtlasError {
         /// How they differ.
         what: String,
     },
+}
+
+impl AtlasError {
+    /// An EXR image could not be written.
+    fn of_writing(path: &std::path::Path, error: exr::error::Error) -> Self {
+        let source = match error {
+            exr::error::Error::Io(source) => source,
+            other => std::io::Error::other(other),
+        };
+        Self::Write { path: path.into(), source }
+    }
 }

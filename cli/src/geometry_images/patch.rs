@@ -17,22 +17,30 @@ pub(super) struct Surroundings<'a> {
     pub corner_count: &'a [u32],
 }
 
-/// The patch with all samples of its borders as vertices, and its borders, one for each edge of an image beside it.
+/// A vertex that a patch gets on an edge of its border.
+pub(super) struct Between {
+    /// Vertices of the patch.
+    pub ends: [u32; 2],
+    /// How far it is from the first to the second, 0 to 1.
+    pub share: f64,
+}
+
+/// The patch with all samples of its borders as vertices, which follow its own; and its borders, one for each edge of an image beside it.
 ///
 /// Its own vertices stay: the reader inserts them into the images' triangles.
-pub(super) fn sampled_patch(patch: &AtlasPatch, around: &Surroundings) -> (AtlasPatch, Vec<Border>) {
+pub(super) fn sampled_patch(patch: &AtlasPatch, around: &Surroundings) -> (AtlasPatch, Vec<Between>, Vec<Border>) {
     let mut patch = patch.clone();
     let mut is_border = vec![false; patch.positions.len()];
     for &v in patch.borders.iter().flat_map(|border| &border.vertices) {
         is_border[v as usize] = true;
     }
-    let mut edges = BorderEdges::new(&patch.triangles, &is_border);
-    let mut borders = Vec::new();
+    let mut edges = BorderEdges::new(&patch.triangles, &is_border, |v| v);
+    let (mut added, mut borders) = (Vec::new(), Vec::new());
     for border in std::mem::take(&mut patch.borders) {
         let arc = border.arc as usize;
         let samples = &around.arc_samples[arc];
         let (mut chain, mut middle) =
-            insert_samples(&mut patch, &mut edges, &border.vertices, &around.arcs[arc], samples);
+            insert_samples(&mut patch, &mut edges, &mut added, &border.vertices, &around.arcs[arc], samples);
         let Some(side) = around.sides_of[arc].first() else { continue };
         if side.reversed {
             chain.reverse();
@@ -45,13 +53,14 @@ pub(super) fn sampled_patch(patch: &AtlasPatch, around: &Surroundings) -> (Atlas
         let to_end = chain[middle..].to_vec();
         borders.push(Border { root: first + (side.side + 1) % count, edge: ImageEdge::Right, vertices: to_end });
     }
-    (patch, borders)
+    (patch, added, borders)
 }
 
 /// The vertices of one border, knots and samples together, in the arc's direction, and the index of the middle one.
 fn insert_samples(
     patch: &mut AtlasPatch,
-    edges: &mut BorderEdges,
+    edges: &mut BorderEdges<impl Fn(u32) -> u32>,
+    added: &mut Vec<Between>,
     vertices: &[u32],
     knots: &[ArcKnot],
     samples: &[[f32; 3]],
@@ -72,6 +81,13 @@ fn insert_samples(
             } else {
                 between.push(patch.positions.len() as u32);
                 patch.positions.push(position);
+                // The first sample is the first knot.
+                let (before, start) = (i.saturating_sub(1), knots[i.saturating_sub(1)].param);
+                let param = next_sample as f64 / step_count as f64;
+                added.push(Between {
+                    ends: [vertices[before], vertex],
+                    share: (param - start) / (knot.param - start).max(f64::MIN_POSITIVE),
+                });
             }
             next_sample += 1;
         }

@@ -3,6 +3,8 @@
 use glam::DVec3;
 
 use super::MAX_RESOLUTION;
+use crate::mesh::appearance::Appearance;
+use crate::mesh::attributes::RegionAttributes;
 use crate::stage::arcs::HalfArc;
 use crate::stage::chart::ChartMesh;
 use crate::stage::embed::Embedding;
@@ -27,6 +29,17 @@ pub struct AtlasProduct {
     pub charts: Vec<AtlasChart>,
     /// Pieces that stay triangle meshes.
     pub patches: Vec<AtlasPatch>,
+    /// What the surface carries.
+    pub looks: Looks,
+}
+
+/// What the surface of an atlas carries beside its shape.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Looks {
+    /// Its channels and materials; empty if it carries nothing.
+    pub appearance: Appearance,
+    /// Those of all triangles of the repaired mesh.
+    pub attributes: RegionAttributes,
 }
 
 /// A vertex of an arc.
@@ -47,6 +60,8 @@ pub struct AtlasChart {
     pub embedding: Embedding,
     /// The arc of each side. At most one chart or patch runs along an arc in each direction.
     pub sides: Vec<HalfArc>,
+    /// The triangles' numbers in the repaired mesh; nobody needs them where the surface carries nothing.
+    pub numbers: Vec<u32>,
 }
 
 /// A piece of the surface without a map, of any topology.
@@ -58,6 +73,8 @@ pub struct AtlasPatch {
     pub triangles: Vec<[u32; 3]>,
     /// Where the patch borders on charts.
     pub borders: Vec<PatchBorder>,
+    /// The triangles' numbers in the repaired mesh, as those of charts.
+    pub numbers: Vec<u32>,
 }
 
 /// A stretch of a patch's border.
@@ -78,7 +95,12 @@ impl AtlasProduct {
     /// The resolution, 1 to [`MAX_RESOLUTION`], at which the images have about as many samples as the charts have vertices.
     pub fn default_resolution(&self) -> u32 {
         let vertex_count: usize = self.charts.iter().map(|chart| chart.mesh.positions.len()).sum();
-        let wanted = vertex_count as f64 / self.root_count().max(1) as f64;
+        self.resolution_for(vertex_count as f64)
+    }
+
+    /// The resolution at which all images together have about so many samples.
+    pub(super) fn resolution_for(&self, samples: f64) -> u32 {
+        let wanted = samples / self.root_count().max(1) as f64;
         // The nearest in ratio. A root adds 4^r samples, since it shares its border.
         (1..MAX_RESOLUTION).find(|&r| wanted < 2.0 * f64::from(1_u32 << (2 * r))).unwrap_or(MAX_RESOLUTION)
     }

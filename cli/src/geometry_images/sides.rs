@@ -14,15 +14,6 @@ pub(super) struct SideId {
     pub reversed: bool,
 }
 
-/// A side's samples, and its partner.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Side {
-    /// The same arc as a side of the other chart. It runs the other way.
-    pub partner: Option<SideId>,
-    /// Positions at equal steps of the parameter, from the side's first corner to its last.
-    pub samples: Vec<[f32; 3]>,
-}
-
 /// Samples every arc once, in its own direction, at 2^(resolution + 1) equal steps of its parameter. Everything that borders on the arc
 /// takes these samples, so all agree.
 pub(super) fn sample_arcs(arcs: &[Vec<ArcKnot>], resolution: u32) -> Vec<Vec<[f32; 3]>> {
@@ -41,24 +32,13 @@ pub(super) fn sides_of_arcs(charts: &[AtlasChart], arc_count: usize) -> Vec<Vec<
     sides_of
 }
 
-/// All sides of all charts.
-pub(super) fn chart_sides(
-    charts: &[AtlasChart],
-    arc_samples: &[Vec<[f32; 3]>],
-    sides_of: &[Vec<SideId>],
-) -> Vec<Vec<Side>> {
-    let sides = |chart: &AtlasChart| {
-        let side = |half: &HalfArc| {
-            let mut samples = arc_samples[half.arc as usize].clone();
-            if half.reversed {
-                samples.reverse();
-            }
-            let others = &sides_of[half.arc as usize];
-            Side { partner: others.iter().find(|other| other.reversed != half.reversed).copied(), samples }
-        };
-        chart.sides.iter().map(side).collect()
+/// For all sides of all charts the same arc as a side of the other chart, if there is one. It runs the other way.
+pub(super) fn partners_of(charts: &[AtlasChart], sides_of: &[Vec<SideId>]) -> Vec<Vec<Option<SideId>>> {
+    let partner = |half: &HalfArc| {
+        let others = &sides_of[half.arc as usize];
+        others.iter().find(|other| other.reversed != half.reversed).copied()
     };
-    charts.iter().map(sides).collect()
+    charts.iter().map(|chart| chart.sides.iter().map(partner).collect()).collect()
 }
 
 /// Positions at equal steps of the parameter, linear between the knots.

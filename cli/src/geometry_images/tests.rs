@@ -8,6 +8,7 @@ use glam::DVec3;
 use super::image::GeometryImage;
 use super::*;
 use crate::mesh::{Adjacency, NONE};
+use crate::progress::Silent;
 use crate::stage::arcs::HalfArc;
 use crate::stage::chart::ChartMesh;
 use crate::stage::embed::tests::{disk, grid_triangles};
@@ -67,7 +68,7 @@ fn pillow() -> AtlasProduct {
         .into_iter()
         .map(|mesh| {
             let embedding = embed_chart(&mesh, &EmbedOptions::default()).unwrap();
-            AtlasChart { mesh, embedding, sides: vec![] }
+            AtlasChart { mesh, embedding, ..AtlasChart::default() }
         })
         .collect();
     product.charts[0].sides = (0..4).map(|arc| HalfArc { arc, reversed: false }).collect();
@@ -94,13 +95,14 @@ fn pillow_with_patch() -> AtlasProduct {
         PatchBorder { arc, vertices }
     });
     let borders = borders.collect();
-    product.patches = vec![AtlasPatch { positions: chart.positions, triangles: chart.triangles, borders }];
+    product.patches =
+        vec![AtlasPatch { positions: chart.positions, triangles: chart.triangles, borders, numbers: vec![] }];
     product
 }
 
 fn written(name: &str, resolution: u32) -> Folder {
     let folder = Folder::new(name);
-    write_atlas(&folder.0, &pillow(), resolution).unwrap();
+    write_atlas(&folder.0, &pillow(), &WriteOptions::at(resolution), &Silent).unwrap();
     folder
 }
 
@@ -161,7 +163,7 @@ fn an_open_chart_has_a_border_where_it_has_no_neighbour() {
     let folder = Folder::new("open");
     let mut product = pillow();
     product.charts.pop();
-    write_atlas(&folder.0, &product, 2).unwrap();
+    write_atlas(&folder.0, &product, &WriteOptions::at(2), &Silent).unwrap();
     let mesh = read_atlas(&folder.0).unwrap();
     let adjacency = Adjacency::new(&mesh.triangles, mesh.positions.len());
     assert_eq!(adjacency.opposite.iter().filter(|&&o| o == NONE).count(), 4 * 2 * 4);
@@ -210,9 +212,12 @@ fn samples_that_are_not_finite_are_refused() {
     for p in &mut product.charts[1].mesh.positions {
         p.z *= 1e45;
     }
-    assert!(matches!(write_atlas(&folder.0, &product, 2), Err(AtlasError::NotFinite { .. })));
+    assert!(matches!(
+        write_atlas(&folder.0, &product, &WriteOptions::at(2), &Silent),
+        Err(AtlasError::NotFinite { .. })
+    ));
     assert!(!folder.0.join(MANIFEST_NAME).exists());
-    assert!(write_atlas(&folder.0, &product, MAX_RESOLUTION + 1).is_err());
+    assert!(write_atlas(&folder.0, &product, &WriteOptions::at(MAX_RESOLUTION + 1), &Silent).is_err());
 }
 
 #[test]
@@ -259,7 +264,7 @@ fn a_patch_closes_the_surface_and_keeps_all_its_vertices() {
     for resolution in [1, 2, 3, 5] {
         let folder = Folder::new(&format!("patch-{resolution}"));
         let product = pillow_with_patch();
-        write_atlas(&folder.0, &product, resolution).unwrap();
+        write_atlas(&folder.0, &product, &WriteOptions::at(resolution), &Silent).unwrap();
         let mesh = read_atlas(&folder.0).unwrap();
         let adjacency = Adjacency::new(&mesh.triangles, mesh.positions.len());
         assert!(adjacency.opposite.iter().all(|&o| o != NONE), "{resolution}");
@@ -275,7 +280,7 @@ fn a_patch_closes_the_surface_and_keeps_all_its_vertices() {
 fn patches_that_do_not_fit_are_refused() {
     let spoil = |name: &str, from: &str, to: &str| {
         let folder = Folder::new(name);
-        write_atlas(&folder.0, &pillow_with_patch(), 1).unwrap();
+        write_atlas(&folder.0, &pillow_with_patch(), &WriteOptions::at(1), &Silent).unwrap();
         folder.edit(from, to);
         refusal(&folder.0)
     };

@@ -13,7 +13,7 @@ pub(super) struct Points {
     /// For each point the first one that is the same.
     pub representative: Vec<u32>,
     /// The index of the first point of each image, then of each patch.
-    first: Vec<u32>,
+    pub first: Vec<u32>,
     /// Vertices of patches between two samples of an image.
     pub inserted: Vec<Inserted>,
 }

@@ -19,7 +19,7 @@ pub(super) const MAX_MATERIALS: usize = u16::MAX as usize;
 
 /// Collects the attributes of one file after the other.
 #[derive(Default)]
-pub(super) struct AttributeSink {
+pub(crate) struct AttributeSink {
     channels: Channels,
     /// What is not yet written to temporary files.
     collected: Attributes,
@@ -47,7 +47,7 @@ impl AttributeSink {
     }
 
     /// Remembers that the input has a channel, and says whether it is wanted.
-    pub(super) fn finds(&mut self, channel: &str, source: &'static str) -> bool {
+    pub(crate) fn finds(&mut self, channel: &str, source: &'static str) -> bool {
         if self.channels == Channels::None {
             return false;
         }
@@ -66,7 +66,7 @@ impl AttributeSink {
     }
 
     /// Whether something of materials is wanted, so that they are worth reading.
-    pub(super) fn wants_materials(&self) -> bool {
+    pub(crate) fn wants_materials(&self) -> bool {
         [COLOUR, NORMAL, EMISSIVE, OCCLUSION, METALLIC, ROUGHNESS, DRAWING].iter().any(|name| self.channels.wants(name))
     }
 
@@ -115,7 +115,7 @@ impl AttributeSink {
 
     /// Adds the record of a corner.
     #[inline]
-    pub(super) fn push_corner(&mut self, record: &[f32]) {
+    pub(crate) fn push_corner(&mut self, record: &[f32]) {
         note_values(&mut self.appearance, &mut self.uv_bounds[1], &self.corner_layout, record);
         self.collected.corner_values.extend_from_slice(record);
     }
@@ -126,7 +126,7 @@ impl AttributeSink {
     }
 
     /// Adds materials of the current file. The number of the first one is returned.
-    pub(super) fn add_materials(&mut self, materials: Vec<Material>) -> Parsed<usize> {
+    pub(crate) fn add_materials(&mut self, materials: Vec<Material>) -> Parsed<usize> {
         let first = self.appearance.materials.len();
         self.appearance.materials.extend(materials);
         match self.appearance.materials.len() {
@@ -136,7 +136,7 @@ impl AttributeSink {
     }
 
     /// Adds an image, or finds it; returns its number.
-    pub(super) fn add_image(&mut self, image: ImageSource) -> u32 {
+    pub(crate) fn add_image(&mut self, image: ImageSource) -> u32 {
         let known = self.appearance.images.iter().position(|known| *known == image);
         known.unwrap_or_else(|| {
             self.appearance.images.push(image);

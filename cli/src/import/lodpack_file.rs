@@ -4,7 +4,7 @@
 use std::fs::File;
 
 use glam::DVec3;
-use lodpack::decode::{self, TexturedMesh};
+use lodpack::decode::TexturedMesh;
 use lodpack::index::{ChannelInfo, ChannelKind};
 use lodpack::{Cut, Limits, Query};
 
@@ -181,12 +181,7 @@ fn add_materials(source: &Source, paged: &PagedMesh, parts: &[Part], sink: &mut 
     let of_part = |part: &Part| {
         let mut material = of_pages.get(part.page).cloned().unwrap_or_default();
         if let Some(drawing) = part.drawing {
-            (material.double_sided, material.unlit) = (drawing.is_double_sided, drawing.is_unlit);
-            material.alpha = match drawing.alpha {
-                decode::AlphaMode::Opaque => AlphaMode::Opaque,
-                decode::AlphaMode::Mask(cutoff) => AlphaMode::Mask(cutoff as f32),
-                decode::AlphaMode::Blend => AlphaMode::Blend,
-            };
+            material.draw(drawing);
         }
         material
     };

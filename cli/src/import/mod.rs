@@ -45,9 +45,8 @@ pub use inputs::find_inputs;
 pub(crate) use place::survey_meshes;
 pub use ranged::RangedMesh;
 use raster::RasterOptions;
-use sink::MeshSink;
 pub use sink::{Imported, Overflow, Room, SpilledMesh};
-pub(crate) use sink::{TRIANGLES_NAME, VALUE_NAMES, VERTICES_NAME};
+pub(crate) use sink::{MeshSink, TRIANGLES_NAME, VALUE_NAMES, VERTICES_NAME};
 use source::{FileBytes, Source};
 pub use text::{TextCounts, TextFile, TextPiece, TextSink, Ways};
 pub use text_files::TextFiles;
@@ -122,6 +121,24 @@ pub fn import_large_meshes(
         read_mesh(&Source::of_file(path, &bytes, progress), &mut sink)?;
         progress.advance(size);
     }
+    finish(sink, progress)
+}
+
+/// Imports what a caller has from elsewhere: `push` hands over its vertices, triangles and attributes. `path` is where they come from, for messages.
+///
+/// # Errors
+///
+/// Those of [`import_large_meshes`], and of `push`.
+pub(crate) fn import_with(
+    path: &Path,
+    room: &Room,
+    options: &ImportOptions,
+    progress: &dyn Progress,
+    push: impl FnOnce(&mut MeshSink) -> Parsed<()>,
+) -> Result<Imported, ImportError> {
+    let mut sink = MeshSink::new(room.clone(), &options.channels);
+    push(&mut sink)?;
+    sink.end_file(path)?;
     finish(sink, progress)
 }
 

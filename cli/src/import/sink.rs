@@ -189,7 +189,7 @@ impl Spill {
 }
 
 /// Collects the vertices and triangles of one file after the other. Parsers number vertices per file.
-pub(super) struct MeshSink {
+pub(crate) struct MeshSink {
     room: Room,
     /// The whole mesh or, once there are temporary files, the part not yet written.
     mesh: Mesh,
@@ -205,7 +205,7 @@ pub(super) struct MeshSink {
     held: u64,
     polygon: Vec<[u32; 3]>,
     /// What the surface carries.
-    pub(super) attributes: AttributeSink,
+    pub(crate) attributes: AttributeSink,
     /// What the files contain beside their surface.
     left_out: BTreeSet<&'static str>,
 }
@@ -245,7 +245,7 @@ impl MeshSink {
     }
 
     /// Reserves memory for vertices and triangles that are known to come.
-    pub(super) fn reserve(&mut self, vertices: usize, triangles: usize) -> Parsed<()> {
+    pub(crate) fn reserve(&mut self, vertices: usize, triangles: usize) -> Parsed<()> {
         let (all_vertices, all_triangles) = self.counts();
         if !self.room.has(all_vertices + vertices as u64, all_triangles + triangles as u64, self.others()) {
             return self.spill();
@@ -256,14 +256,14 @@ impl MeshSink {
     }
 
     #[inline]
-    pub(super) fn push_vertex(&mut self, position: DVec3) -> Parsed<()> {
+    pub(crate) fn push_vertex(&mut self, position: DVec3) -> Parsed<()> {
         self.mesh.positions.push(position);
         if self.mesh.positions.len() >= self.full { self.make_room() } else { Ok(()) }
     }
 
     /// Adds a triangle. Its vertices may follow later, but in the same file.
     #[inline]
-    pub(super) fn push_triangle(&mut self, triangle: [u32; 3]) -> Parsed<()> {
+    pub(crate) fn push_triangle(&mut self, triangle: [u32; 3]) -> Parsed<()> {
         // If there are too many vertices, the end of the file refuses them.
         self.mesh.triangles.push(triangle.map(|v| v.wrapping_add(self.first_vertex as u32)));
         if self.mesh.triangles.len() >= self.full { self.make_room() } else { Ok(()) }
@@ -312,7 +312,7 @@ impl MeshSink {
     }
 
     /// Sets the material of the triangles that follow.
-    pub(super) fn set_material(&mut self, material: usize) {
+    pub(crate) fn set_material(&mut self, material: usize) {
         let (_, triangles) = self.counts();
         self.attributes.set_material(material, triangles);
     }
@@ -324,7 +324,7 @@ impl MeshSink {
     }
 
     /// Declares the record of every corner of the file; those of triangles that are already there get a blank one.
-    pub(super) fn set_corner_layout(&mut self, layout: AttributeLayout) {
+    pub(crate) fn set_corner_layout(&mut self, layout: AttributeLayout) {
         let triangles = self.triangle_count();
         self.attributes.set_corner_layout(layout, triangles);
     }

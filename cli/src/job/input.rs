@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::BuildError;
-use crate::geometry_images::read_atlas;
+use crate::geometry_images::import_atlas;
 use crate::import::{ImportOptions, Imported, Room, import_large_meshes, is_gltf};
 use crate::mesh::tolerance::Unit;
 use crate::pipeline::{ModelOptions, PipelineError};
@@ -19,12 +19,10 @@ pub(super) fn read_input(
     model: &ModelOptions,
     progress: &dyn Progress,
 ) -> Result<Imported, BuildError> {
+    let options = ImportOptions { channels: model.channels.clone(), raster: model.raster.clone() };
     match inputs {
-        [dir] if dir.is_dir() => Ok(Imported::new(read_atlas(dir)?, room)?),
-        _ => {
-            let options = ImportOptions { channels: model.channels.clone(), raster: model.raster.clone() };
-            Ok(import_large_meshes(inputs, room, &options, progress)?)
-        }
+        [dir] if dir.is_dir() => Ok(import_atlas(dir, room, &options, progress)?),
+        _ => Ok(import_large_meshes(inputs, room, &options, progress)?),
     }
 }
 

@@ -256,6 +256,8 @@ pub struct Material {
     pub opacity_texture: Option<TextureUse>,
     /// An image of normals relative to the surface: right, up and outwards; and what the first two are multiplied with.
     pub normal_texture: Option<(TextureUse, f32)>,
+    /// Whether the image of normals is not relative to the surface, but has directions in the coordinates of positions.
+    pub has_object_normals: bool,
     /// Light that it emits, linear.
     pub emissive: [f32; 3],
     /// The image over it.
@@ -286,6 +288,7 @@ impl Default for Material {
             base_texture: None,
             opacity_texture: None,
             normal_texture: None,
+            has_object_normals: false,
             emissive: [0.0; 3],
             emissive_texture: None,
             occlusion_texture: None,
@@ -326,6 +329,16 @@ impl Material {
             is_double_sided: self.double_sided,
             is_unlit: self.unlit,
         }
+    }
+
+    /// Has it drawn in some way.
+    pub fn draw(&mut self, drawing: Drawing) {
+        (self.double_sided, self.unlit) = (drawing.is_double_sided, drawing.is_unlit);
+        self.alpha = match drawing.alpha {
+            decode::AlphaMode::Opaque => AlphaMode::Opaque,
+            decode::AlphaMode::Mask(cutoff) => AlphaMode::Mask(cutoff as f32),
+            decode::AlphaMode::Blend => AlphaMode::Blend,
+        };
     }
 
     /// The images that it names, some of them perhaps twice.

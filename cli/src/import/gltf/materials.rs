@@ -136,6 +136,7 @@ impl MaterialReader<'_> {
             name: material.name().unwrap_or_default().to_owned(),
             base_colour: base.map(|factor| if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 1.0 }),
             opacity_texture: None,
+            has_object_normals: false,
             base_texture: base_texture(material).and_then(|texture| self.texture(&texture)),
             normal_texture: material.normal_texture().and_then(|info| {
                 let transform = transform_of(info.extension_value("KHR_texture_transform"));

@@ -11,7 +11,12 @@ impl Face<'_> {
         let texture = self.textures[Use::Normal as usize].as_ref();
         let scale =
             self.material.and_then(|material| material.normal_texture.as_ref()).map_or(1.0, |(_, scale)| *scale);
+        let has_object_normals = self.material.is_some_and(|material| material.has_object_normals);
         let turned = texture.and_then(|face| {
+            if has_object_normals {
+                let [x, y, z, _] = face.sample(weights, footprint).map(|share| f64::from(2.0 * share - 1.0));
+                return DVec3::new(x, y, z).try_normalize();
+            }
             let [a, b, c] = self.corners;
             let side = |i: usize| [face.uv[i][0] - face.uv[0][0], face.uv[i][1] - face.uv[0][1]];
             let ([x, y], [z, w]) = (side(1), side(2));

@@ -169,6 +169,16 @@ pub struct AtlasArgs {
     /// Resolution r: images of 2^r + 1 samples per side. By default about one sample per vertex.
     #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=11))]
     pub resolution: Option<u32>,
+    /// Resolution of images of colours and of what else materials have. By default about one texel per texel of the input, or per vertex.
+    #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=11))]
+    pub texels: Option<u32>,
+    /// Write all coarser resolutions, too, each as an atlas in a folder of its own: mip_01, mip_02 ...
+    #[arg(long)]
+    pub mips: bool,
+    /// What to write images of beside the shape: auto for the colour (of vertices, materials and textures), maps of materials and every number
+    /// per vertex that the input has, all for these and all normals, none for the shape alone, or names, as colour,quality.
+    #[arg(long, default_value_t, value_name = "auto|all|none|NAME,...")]
+    pub channels: Channels,
     /// Overwrite the images in an existing directory.
     #[arg(long)]
     pub force: bool,

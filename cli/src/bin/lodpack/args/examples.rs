@@ -151,7 +151,9 @@ extension show the finest.";
 pub const ATLAS: &str = "\
 Examples:
   lodpack atlas scan.ply -o atlas/
-  lodpack build atlas/ -o scan.lodpack";
+  lodpack atlas model.glb -o atlas/ --mips        images of colours and all else beside those of positions, at all resolutions
+  lodpack build atlas/ -o scan.lodpack
+  lodpack build atlas/mip_02 -o coarse.lodpack    from images of a quarter of the steps";
 
 pub const SELFTEST: &str = "\
 Examples:

@@ -7,9 +7,11 @@ use crate::output::{bytes, check_folder, count, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::geometry_images::{
-    AtlasOptions, BuiltAtlas, UNFINISHED_MANIFEST, atlas_files, build_atlas, write_atlas,
+    AtlasOptions, BuiltAtlas, Resolutions, UNFINISHED_MANIFEST, WriteOptions, atlas_files, build_atlas, mip_folders,
+    write_atlas,
 };
-use lodpack_cli::import::import_meshes;
+use lodpack_cli::import::{ImportOptions, Imported, Room, import_large_meshes};
+use lodpack_cli::mesh::attributes::Surface;
 use lodpack_cli::progress::Progress;
 use std::fs;
 use std::path::Path;
@@ -22,28 +24,33 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
     check_output(dir, args.force)?;
     let unfinished = dir.clone();
     interrupt::on_stop_after(move || discard(&unfinished), Path::new(""), "");
-    let (built, resolution) = {
+    let (built, resolutions) = {
         let progress = Terminal::new(ProgressStyle::Auto, progress_bar::ATLAS);
-        let mesh = import_meshes(&find_inputs(&args.inputs)?, &progress)?;
-        let built = build_atlas(mesh, &AtlasOptions::default(), &progress);
+        let options = ImportOptions { channels: args.channels.clone(), ..ImportOptions::default() };
+        let inputs = find_inputs(&args.inputs)?;
+        let surface = match import_large_meshes(&inputs, &Room::memory_alone(), &options, &progress)? {
+            Imported::Memory(surface) => surface,
+            // Unlimited memory never spills.
+            Imported::Spilled(_) => Surface::default(),
+        };
+        let built = build_atlas(surface, &AtlasOptions::default(), &progress);
         if built.triangle_count == 0 {
             let input = args.inputs.first().map(|path| path.display().to_string()).unwrap_or_default();
             bail!("{input}: after repair, no triangle has an area; check the mesh");
         }
-        let resolution = args.resolution.unwrap_or_else(|| built.product.default_resolution());
+        let options = WriteOptions { resolution: args.resolution, texel_resolution: args.texels, mips: args.mips };
         progress.begin("write", 0);
         remove_old(dir)?;
         IS_NEW.store(!dir.exists(), Ordering::SeqCst);
         IS_WRITING.store(true, Ordering::SeqCst);
-        let written = write_atlas(dir, &built.product, resolution);
+        let written = write_atlas(dir, &built.product, &options, &progress);
         if written.is_err() {
             discard(dir);
         }
         IS_WRITING.store(false, Ordering::SeqCst);
-        written?;
-        (built, resolution)
+        (built, written?)
     };
-    print(&built, resolution, dir)?;
+    print(&built, resolutions, dir)?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -68,6 +75,7 @@ fn discard(dir: &Path) {
     }
     let files = atlas_files(dir).unwrap_or_default();
     files.iter().chain([&dir.join(UNFINISHED_MANIFEST)]).for_each(|file| drop(fs::remove_file(file)));
+    mip_folders(dir).unwrap_or_default().iter().for_each(|folder| drop(fs::remove_dir(folder)));
 }
 
 /// Refuses an unsuitable output before any work is done.
@@ -91,12 +99,15 @@ fn remove_old(dir: &Path) -> Result<()> {
         for file in atlas_files(dir).with_context(|| format!("cannot read {}", dir.display()))? {
             fs::remove_file(&file).with_context(|| format!("cannot remove {}", file.display()))?;
         }
+        // Folders in which there is something else stay.
+        mip_folders(dir).unwrap_or_default().iter().for_each(|folder| drop(fs::remove_dir(folder)));
     }
     Ok(())
 }
 
-fn print(built: &BuiltAtlas, resolution: u32, dir: &Path) -> Result<()> {
+fn print(built: &BuiltAtlas, resolutions: Resolutions, dir: &Path) -> Result<()> {
     let product = &built.product;
+    let resolution = resolutions.positions;
     let side = (1u64 << resolution) + 1;
     let samples = product.root_count() as u64 * side * side;
     let patch_triangles: usize = product.patches.iter().map(|patch| patch.triangles.len()).sum();
@@ -113,6 +124,14 @@ fn print(built: &BuiltAtlas, resolution: u32, dir: &Path) -> Result<()> {
         count(product.charts.len() as u64),
         samples as f64 / built.vertex_count as f64
     );
+    let names = product.looks.channel_names();
+    if !names.is_empty() {
+        let side = (1u64 << resolutions.texels) + 1;
+        say!("  channels   {}; texels {side} x {side} each", names.join(", "));
+    }
+    if resolutions.mips > 0 {
+        say!("  mips       {} folders, the last one with 2 x 2 samples each", resolutions.mips);
+    }
     say!(
         "  patches    {} meshes of {} triangles ({:.2} %); {} charts were divided further",
         count(product.patches.len() as u64),

@@ -1,0 +1,153 @@
+//! Reads an atlas directory as an input: a mesh whose materials are the images of its roots.
+
+use std::path::Path;
+
+use lodpack::decode::Drawing;
+
+use super::AtlasError;
+use super::looks::{ImageChannel, ImageKind};
+use super::read::read_surface;
+use super::surface::AtlasSurface;
+use crate::import::{ImportError, ImportOptions, Imported, MeshSink, Room, import_with};
+use crate::mesh::appearance::{
+    AlphaMode, COLOUR, Channels, DRAWING, EMISSIVE, METALLIC, Material, NORMAL, OCCLUSION, ROUGHNESS, TextureUse, Wrap,
+};
+use crate::mesh::attributes::AttributeLayout;
+use crate::mesh::images::ImageSource;
+use crate::progress::Progress;
+
+type Pushed<T> = Result<T, Box<ImportError>>;
+
+/// Reads the atlas in a directory, with what its surface carries.
+///
+/// # Errors
+/// [`AtlasError`], which names the file; and those of imports.
+pub fn import_atlas(
+    dir: &Path,
+    room: &Room,
+    options: &ImportOptions,
+    progress: &dyn Progress,
+) -> Result<Imported, AtlasError> {
+    let mut atlas = read_surface(dir, options.channels != Channels::None)?;
+    Ok(import_with(dir, room, options, progress, |sink| push(&mut atlas, sink))?)
+}
+
+fn push(atlas: &mut AtlasSurface, sink: &mut MeshSink) -> Pushed<()> {
+    let first = add_materials(atlas, sink)?;
+    let layout = layout_of(atlas, sink);
+    let positions = std::mem::take(&mut atlas.mesh.positions);
+    sink.reserve(positions.len(), atlas.mesh.triangles.len())?;
+    if layout.stride > 0 {
+        sink.set_corner_layout(layout.clone());
+    }
+    positions.into_iter().try_for_each(|position| sink.push_vertex(position))?;
+    let numbers = numbers_of(atlas);
+    let mut record = layout.blank();
+    let mut latest = None;
+    for (triangle, &piece) in atlas.piece_of.iter().enumerate() {
+        if latest.replace(piece) != Some(piece) {
+            sink.set_material(first.map_or(0, |first| first + piece as usize));
+        }
+        for corner in atlas.corners(triangle) {
+            layout.uv.iter().for_each(|&place| record[place..place + 2].copy_from_slice(&atlas.place(corner)));
+            if let Some(place) = layout.colour {
+                record[place..place + 4].copy_from_slice(&atlas.colour(corner));
+            }
+            for (name, place) in &layout.scalars {
+                let which = numbers.iter().position(|known| known == name);
+                record[*place] = which.map_or(f32::NAN, |which| atlas.number(which, corner));
+            }
+            if layout.stride > 0 {
+                sink.attributes.push_corner(&record);
+            }
+        }
+        sink.push_triangle(atlas.mesh.triangles[triangle])?;
+    }
+    Ok(())
+}
+
+/// The names of the channels of numbers.
+fn numbers_of(atlas: &AtlasSurface) -> Vec<String> {
+    let numbers = atlas.channels.iter().filter(|channel| !channel.kind.has_texels());
+    numbers.map(|channel| channel.name.clone()).collect()
+}
+
+/// What corners carry, of what is wanted.
+fn layout_of(atlas: &AtlasSurface, sink: &mut MeshSink) -> AttributeLayout {
+    let mut layout = AttributeLayout::default();
+    if atlas.channels.iter().any(|channel| channel.kind.has_texels()) && sink.attributes.wants_materials() {
+        layout.add_uv(1);
+    }
+    let is_coloured = atlas.channels.iter().any(|channel| channel.kind == ImageKind::Colour);
+    if is_coloured && sink.attributes.finds(COLOUR, "atlas") && atlas.has_patch_colours() {
+        layout.add_colour();
+    }
+    for name in numbers_of(atlas) {
+        if sink.attributes.finds(&name, "atlas") {
+            layout.add_scalar(&name);
+        }
+    }
+    layout
+}
+
+/// Adds a material for each piece, if something of materials is wanted; returns the number of the first.
+fn add_materials(atlas: &AtlasSurface, sink: &mut MeshSink) -> Pushed<Option<usize>> {
+    let is_painted = atlas.channels.iter().any(|channel| channel.kind.has_texels())
+        || atlas.pieces.iter().any(|piece| piece.drawing != 0);
+    if !is_painted || !sink.attributes.wants_materials() {
+        return Ok(None);
+    }
+    let has_drawings = atlas.pieces.iter().any(|piece| piece.drawing != 0);
+    let mut materials = vec![];
+    for piece in &atlas.pieces {
+        let mut material = Material { name: piece.name.clone(), ..Material::default() };
+        if has_drawings && sink.attributes.finds(DRAWING, "atlas") {
+            material.draw(Drawing::of_number(piece.drawing));
+        }
+        let of_texels = atlas.channels.iter().filter(|channel| channel.kind.has_texels());
+        for (channel, path) in of_texels.zip(&piece.images) {
+            let source = ImageSource::File { path: path.clone(), range: None };
+            let image = sink.attributes.add_image(source);
+            add_texture(&mut material, channel, image, sink);
+        }
+        materials.push(material);
+    }
+    sink.attributes.add_materials(materials).map(Some)
+}
+
+/// Adds the image of a channel to a material.
+fn add_texture(material: &mut Material, channel: &ImageChannel, image: u32, sink: &mut MeshSink) {
+    // Samples lie at the ends of a root's sides, texels half a texel from the border of an image.
+    let side = ((1u32 << channel.resolution) + 1) as f32;
+    let (step, start) = ((side - 1.0) / side, 0.5 / side);
+    let transform = Some([step, 0.0, start, 0.0, step, start]);
+    let texture = TextureUse { image, uv_set: 0, wrap: [Wrap::Clamp; 2], transform };
+    match channel.kind {
+        ImageKind::Colour => {
+            material.base_texture = Some(texture);
+            if !channel.alpha && material.alpha == AlphaMode::Unstated {
+                material.alpha = AlphaMode::Opaque;
+            }
+        }
+        ImageKind::Normal => {
+            sink.attributes.finds(NORMAL, "atlas");
+            (material.normal_texture, material.has_object_normals) = (Some((texture, 1.0)), true);
+        }
+        ImageKind::Emissive => {
+            sink.attributes.finds(EMISSIVE, "atlas");
+            (material.emissive, material.emissive_texture) = ([1.0; 3], Some(texture));
+        }
+        ImageKind::Factors => {
+            let has = |name: &str| channel.factors.iter().any(|known| known == name);
+            [OCCLUSION, METALLIC, ROUGHNESS].into_iter().filter(|name| has(name)).for_each(|name| {
+                sink.attributes.finds(name, "atlas");
+            });
+            if has(METALLIC) || has(ROUGHNESS) {
+                material.metallic = if has(METALLIC) { 1.0 } else { 0.0 };
+                material.metallic_roughness_texture = Some(texture.clone());
+            }
+            material.occlusion_texture = has(OCCLUSION).then_some((texture, 1.0));
+        }
+        ImageKind::Scalar | ImageKind::Label => {}
+    }
+}
