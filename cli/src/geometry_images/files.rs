@@ -60,8 +60,16 @@ fn is_atlas_name(name: &str) -> bool {
         };
         Some(numbers && is_image)
     };
-    let patch = |name: &str| Some(is_number(name.strip_prefix("patch_")?.strip_suffix(".ply")?));
-    name == MANIFEST_NAME || root(name) == Some(true) || patch(name) == Some(true)
+    let patch = |name: &str| {
+        let (stem, extension) = name.strip_prefix("patch_")?.split_once('.')?;
+        let (number, channel) = stem.split_once('_').map_or((stem, None), |(number, channel)| (number, Some(channel)));
+        let is_file = match channel {
+            None => extension == "ply",
+            Some(channel) => extension == "png" && channel.bytes().all(|b| b.is_ascii_alphanumeric()),
+        };
+        Some(is_number(number) && is_file)
+    };
+    name == MANIFEST_NAME || [root(name), patch(name)].contains(&Some(true))
 }
 
 #[cfg(test)]
@@ -77,7 +85,8 @@ mod tests {
                 "root_123456_31.exr",
                 "root_00012_3_colour.png",
                 "root_00012_3_number0.exr",
-                "patch_00000.ply"
+                "patch_00000.ply",
+                "patch_00000_colour.png"
             ]
             .iter()
             .all(|n| is_atlas_name(n))

@@ -50,9 +50,6 @@ fn push(atlas: &mut AtlasSurface, sink: &mut MeshSink) -> Pushed<()> {
         }
         for corner in atlas.corners(triangle) {
             layout.uv.iter().for_each(|&place| record[place..place + 2].copy_from_slice(&atlas.place(corner)));
-            if let Some(place) = layout.colour {
-                record[place..place + 4].copy_from_slice(&atlas.colour(corner));
-            }
             for (name, place) in &layout.scalars {
                 let which = numbers.iter().position(|known| known == name);
                 record[*place] = which.map_or(f32::NAN, |which| atlas.number(which, corner));
@@ -77,10 +74,6 @@ fn layout_of(atlas: &AtlasSurface, sink: &mut MeshSink) -> AttributeLayout {
     let mut layout = AttributeLayout::default();
     if atlas.channels.iter().any(|channel| channel.kind.has_texels()) && sink.attributes.wants_materials() {
         layout.add_uv(1);
-    }
-    let is_coloured = atlas.channels.iter().any(|channel| channel.kind == ImageKind::Colour);
-    if is_coloured && sink.attributes.finds(COLOUR, "atlas") && atlas.has_patch_colours() {
-        layout.add_colour();
     }
     for name in numbers_of(atlas) {
         if sink.attributes.finds(&name, "atlas") {
@@ -108,22 +101,28 @@ fn add_materials(atlas: &AtlasSurface, sink: &mut MeshSink) -> Pushed<Option<usi
         for (channel, path) in of_texels.zip(&piece.images) {
             let source = ImageSource::File { path: path.clone(), range: None };
             let image = sink.attributes.add_image(source);
-            add_texture(&mut material, channel, image, sink);
+            let texture = texture_of(channel, image, piece.is_root);
+            add_texture(&mut material, channel, texture, sink);
         }
         materials.push(material);
     }
     sink.attributes.add_materials(materials).map(Some)
 }
 
-/// Adds the image of a channel to a material.
-fn add_texture(material: &mut Material, channel: &ImageChannel, image: u32, sink: &mut MeshSink) {
+/// How an image is used.
+fn texture_of(channel: &ImageChannel, image: u32, is_root: bool) -> TextureUse {
     // Samples lie at the ends of a root's sides, texels half a texel from the border of an image.
     let side = ((1u32 << channel.resolution) + 1) as f32;
     let (step, start) = ((side - 1.0) / side, 0.5 / side);
-    let transform = Some([step, 0.0, start, 0.0, step, start]);
-    let texture = TextureUse { image, uv_set: 0, wrap: [Wrap::Clamp; 2], transform };
+    let transform = is_root.then_some([step, 0.0, start, 0.0, step, start]);
+    TextureUse { image, uv_set: 0, wrap: [Wrap::Clamp; 2], transform }
+}
+
+/// Adds the image of a channel to a material.
+fn add_texture(material: &mut Material, channel: &ImageChannel, texture: TextureUse, sink: &mut MeshSink) {
     match channel.kind {
         ImageKind::Colour => {
+            sink.attributes.finds(COLOUR, "atlas");
             material.base_texture = Some(texture);
             if !channel.alpha && material.alpha == AlphaMode::Unstated {
                 material.alpha = AlphaMode::Opaque;

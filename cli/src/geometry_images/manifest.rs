@@ -121,6 +121,9 @@ pub(super) struct Patch {
     pub file: String,
     #[serde(default)]
     pub borders: Vec<Border>,
+    /// File names of its images of the channels that have texels, in their order; its mesh has places in them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub images: Vec<String>,
     /// How it is drawn.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub drawing: u16,
@@ -223,6 +226,17 @@ impl Manifest {
             }
             if let Some(image) = root.images.iter().find(|image| !is_plain_file_name(image)) {
                 return Err(format!("root {name}: {image:?} is not a plain file name"));
+            }
+        }
+        let count = self.channels.iter().filter(|channel| channel.kind.has_texels()).count();
+        for patch in &self.patches {
+            let name = &patch.file;
+            if ![0, count].contains(&patch.images.len()) {
+                let images = patch.images.len();
+                return Err(format!("patch {name}: there are {images} images for {count} channels with texels"));
+            }
+            if let Some(image) = patch.images.iter().find(|image| !is_plain_file_name(image)) {
+                return Err(format!("patch {name}: {image:?} is not a plain file name"));
             }
         }
         Ok(())

@@ -14,7 +14,8 @@
 //!
 //! What the surface carries has images of its own for each root, at the same places (s, t): PNG for what materials have, at a
 //! resolution of its own, and EXR for numbers, at that of the root. Borders are as doubled in them as in the images of positions: roots whose
-//! surface is drawn alike have the same bytes on both sides. Patches have colours and numbers at their vertices.
+//! surface is drawn alike have the same bytes on both sides. Patches have images whose
+//! places the corners of their PLY triangles name, and numbers at their vertices.
 //!
 //! Mips are folders `mip_01`, `mip_02` ... of the same layout, each with images of half the steps: their positions are every second sample,
 //! and what else there is comes from the input again, averaged over what a sample stands for.
@@ -30,6 +31,7 @@ mod numbers;
 mod paint;
 mod patch;
 mod patch_file;
+mod patch_image;
 mod product;
 mod quads;
 mod read;

@@ -25,22 +25,37 @@ pub(super) struct Between {
     pub share: f64,
 }
 
-/// The patch with all samples of its borders as vertices, which follow its own; and its borders, one for each edge of an image beside it.
-///
-/// Its own vertices stay: the reader inserts them into the images' triangles.
-pub(super) fn sampled_patch(patch: &AtlasPatch, around: &Surroundings) -> (AtlasPatch, Vec<Between>, Vec<Border>) {
+/// A patch with all samples of its borders as vertices, which follow its own.
+pub(super) struct SampledPatch {
+    pub patch: AtlasPatch,
+    /// The vertices that were added.
+    pub added: Vec<Between>,
+    /// For each triangle the one of the patch that it is a part of.
+    pub parents: Vec<u32>,
+    /// One border for each edge of an image beside it.
+    pub borders: Vec<Border>,
+}
+
+/// Adds the samples of its borders to a patch. Its own vertices stay: the reader inserts them into the images' triangles.
+pub(super) fn sampled_patch(patch: &AtlasPatch, around: &Surroundings) -> SampledPatch {
     let mut patch = patch.clone();
     let mut is_border = vec![false; patch.positions.len()];
     for &v in patch.borders.iter().flat_map(|border| &border.vertices) {
         is_border[v as usize] = true;
     }
     let mut edges = BorderEdges::new(&patch.triangles, &is_border, |v| v);
+    let mut parents: Vec<u32> = (0..patch.triangles.len() as u32).collect();
     let (mut added, mut borders) = (Vec::new(), Vec::new());
     for border in std::mem::take(&mut patch.borders) {
         let arc = border.arc as usize;
         let samples = &around.arc_samples[arc];
-        let (mut chain, mut middle) =
-            insert_samples(&mut patch, &mut edges, &mut added, &border.vertices, &around.arcs[arc], samples);
+        let (mut chain, mut middle) = insert_samples(
+            (&mut patch, &mut parents, &mut added),
+            &mut edges,
+            &border.vertices,
+            &around.arcs[arc],
+            samples,
+        );
         let Some(side) = around.sides_of[arc].first() else { continue };
         if side.reversed {
             chain.reverse();
@@ -53,14 +68,13 @@ pub(super) fn sampled_patch(patch: &AtlasPatch, around: &Surroundings) -> (Atlas
         let to_end = chain[middle..].to_vec();
         borders.push(Border { root: first + (side.side + 1) % count, edge: ImageEdge::Right, vertices: to_end });
     }
-    (patch, added, borders)
+    SampledPatch { patch, added, parents, borders }
 }
 
 /// The vertices of one border, knots and samples together, in the arc's direction, and the index of the middle one.
 fn insert_samples(
-    patch: &mut AtlasPatch,
+    (patch, parents, added): (&mut AtlasPatch, &mut Vec<u32>, &mut Vec<Between>),
     edges: &mut BorderEdges<impl Fn(u32) -> u32>,
-    added: &mut Vec<Between>,
     vertices: &[u32],
     knots: &[ArcKnot],
     samples: &[[f32; 3]],
@@ -92,7 +106,9 @@ fn insert_samples(
             next_sample += 1;
         }
         if i > 0 && !between.is_empty() {
-            edges.insert(&mut patch.triangles, vertices[i - 1], vertex, &between);
+            if let Some(split) = edges.insert(&mut patch.triangles, vertices[i - 1], vertex, &between) {
+                parents.resize(patch.triangles.len(), parents[split as usize]);
+            }
         }
         chain.extend(between);
         chain.push(vertex);

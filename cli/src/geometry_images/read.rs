@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::image::GeometryImage;
+use super::looks::ImageChannel;
 use super::manifest::{Manifest, Root};
 use super::numbers::read_numbers;
 use super::surface::{AtlasSurface, PatchValues};
@@ -92,25 +93,38 @@ fn read_all_numbers(dir: &Path, manifest: &Manifest) -> Result<Vec<Vec<f32>>, At
     Ok(all)
 }
 
-/// The files of each root's images with texels, which have the size that is stated.
+/// The files of each piece's images with texels: of roots, which have the size that is stated, and of patches.
 fn texel_files(dir: &Path, manifest: &Manifest) -> Result<Vec<Vec<PathBuf>>, AtlasError> {
-    let files = |root: &Root| -> Result<Vec<PathBuf>, AtlasError> {
-        let mut files = vec![];
-        for (channel, name) in manifest.channels.iter().zip(&root.images).filter(|(of, _)| of.kind.has_texels()) {
-            let path = dir.join(name);
-            let file = std::fs::File::open(&path).map_err(|source| AtlasError::Io { path: path.clone(), source })?;
-            let size = image_size(std::io::BufReader::new(file));
-            let [width, height] = size.map_err(|what| AtlasError::Texels { path: path.clone(), what })?;
-            let (resolution, expected) = (channel.resolution, (1usize << channel.resolution) + 1);
-            let [width, height] = [width as usize, height as usize];
-            if [width, height] != [expected; 2] {
-                return Err(AtlasError::ImageSize { path, width, height, resolution, expected });
-            }
-            files.push(path);
+    let channels: Vec<&ImageChannel> = manifest.channels.iter().collect();
+    let with_texels: Vec<&ImageChannel> =
+        channels.iter().copied().filter(|channel| channel.kind.has_texels()).collect();
+    let mut files = vec![];
+    for root in &manifest.roots {
+        let named = channels.iter().zip(&root.images).filter(|(channel, _)| channel.kind.has_texels());
+        files.push(
+            named
+                .map(|(channel, name)| texel_file(dir.join(name), Some(channel.resolution)))
+                .collect::<Result<_, _>>()?,
+        );
+    }
+    for patch in &manifest.patches {
+        let named = with_texels.iter().zip(&patch.images);
+        files.push(named.map(|(_, name)| texel_file(dir.join(name), None)).collect::<Result<_, _>>()?);
+    }
+    Ok(files)
+}
+
+/// An image that can be read, of the size of a resolution where there is one.
+fn texel_file(path: PathBuf, resolution: Option<u32>) -> Result<PathBuf, AtlasError> {
+    let file = std::fs::File::open(&path).map_err(|source| AtlasError::Io { path: path.clone(), source })?;
+    let size = image_size(std::io::BufReader::new(file));
+    let [width, height] = size.map_err(|what| AtlasError::Texels { path: path.clone(), what })?.map(|x| x as usize);
+    match resolution.map(|resolution| (resolution, (1usize << resolution) + 1)) {
+        Some((resolution, expected)) if [width, height] != [expected; 2] => {
+            Err(AtlasError::ImageSize { path, width, height, resolution, expected })
         }
-        Ok(files)
-    };
-    manifest.roots.iter().map(files).collect()
+        _ => Ok(path),
+    }
 }
 
 /// A pattern that matches meshes in a directory, those of one format.

@@ -32,13 +32,19 @@ pub(super) struct AtlasSurface {
     /// Of each channel of numbers, sample after sample, root after root.
     numbers: Vec<Vec<f32>>,
     patches: Vec<PatchValues>,
+    /// The first triangle of the patches, which come last.
+    first_of_patches: usize,
+    /// For each corner of the patches' triangles its place in the patch's images, from 0 to 1; NaN where it has none.
+    patch_places: Vec<[f32; 2]>,
 }
 
 /// A root or a patch.
 pub(super) struct Piece {
     /// Its file.
     pub name: String,
-    /// Its images of the channels that have texels; none of a patch.
+    /// Whether the samples of its images are at the places of a lattice.
+    pub is_root: bool,
+    /// Its images of the channels that have texels.
     pub images: Vec<PathBuf>,
     /// How it is drawn, as files number it.
     pub drawing: u16,
@@ -47,8 +53,8 @@ pub(super) struct Piece {
 /// What the vertices of a patch carry.
 #[derive(Default)]
 pub(super) struct PatchValues {
-    /// Linear, with alpha; empty if there are none.
-    colours: Vec<[f32; 4]>,
+    /// For each corner its place in the images, from the left and from above; empty if there are none.
+    places: Vec<[f32; 2]>,
     /// Of each number, in the order of the atlas's channels of numbers; empty where there is none.
     numbers: Vec<Vec<f32>>,
 }
@@ -58,9 +64,11 @@ impl PatchValues {
     pub fn of(surface: &Surface) -> Self {
         let Some(file) = surface.attributes.files.first() else { return Self::default() };
         let records = surface.attributes.vertex_values.chunks_exact(file.vertex_stride.max(1));
-        let colours =
-            |place: usize| records.clone().filter_map(|record| record.get(place..)?.first_chunk().copied()).collect();
-        let colours = file.layout.colour.map(colours).unwrap_or_default();
+        let corners = surface.attributes.corner_values.chunks_exact(file.corner_stride.max(1));
+        let places_at = |at: usize| corners.filter_map(|record| record.get(at..)?.first_chunk().copied()).collect();
+        // Coordinates of corners come behind what vertices have.
+        let first = file.layout.uv.first().and_then(|at| at.checked_sub(file.vertex_stride));
+        let places = first.map(places_at).unwrap_or_default();
         let column = |place: usize| records.clone().filter_map(|record| record.get(place).copied()).collect();
         let place = |which: usize| {
             let name = property(which);
@@ -68,7 +76,7 @@ impl PatchValues {
         };
         // Files of others may have more, in any order.
         let numbers = (0..file.layout.scalars.len()).map(|which| place(which).map(column).unwrap_or_default());
-        Self { colours, numbers: numbers.collect() }
+        Self { places, numbers: numbers.collect() }
     }
 }
 
@@ -82,20 +90,23 @@ impl AtlasSurface {
         patches: Vec<PatchValues>,
     ) -> Self {
         let Triangulated { mesh, points, pieces: piece_of, first, between } = triangulated;
-        let roots = manifest.roots.into_iter().zip(texels).map(|(root, images)| Piece {
-            name: root.file,
-            images,
-            drawing: root.drawing,
-        });
-        let of_patches = manifest.patches.into_iter().map(|patch| Piece {
-            name: patch.file,
-            images: vec![],
-            drawing: patch.drawing,
-        });
+        let roots = manifest.roots.into_iter().map(|root| (root.file, true, root.drawing));
+        let of_patches = manifest.patches.into_iter().map(|patch| (patch.file, false, patch.drawing));
+        let pieces = roots.chain(of_patches).zip(texels);
+        let pieces = pieces.map(|((name, is_root, drawing), images)| Piece { name, is_root, images, drawing });
+        let first_of_patches = piece_of.partition_point(|&piece| (piece as usize) < images.len());
+        let mut patch_places = vec![];
+        for (number, patch) in (images.len() as u32..).zip(&patches) {
+            patch_places.extend(&patch.places);
+            let corners = 3 * (piece_of.partition_point(|&piece| piece <= number) - first_of_patches);
+            patch_places.resize(corners, [f32::NAN; 2]);
+        }
         Self {
             mesh,
             channels: manifest.channels,
-            pieces: roots.chain(of_patches).collect(),
+            pieces: pieces.collect(),
+            first_of_patches,
+            patch_places,
             piece_of,
             points,
             last: images.iter().map(|image| image.last as u32).collect(),
@@ -106,20 +117,19 @@ impl AtlasSurface {
         }
     }
 
-    /// Whether vertices of patches have colours.
-    pub fn has_patch_colours(&self) -> bool {
-        self.patches.iter().any(|patch| !patch.colours.is_empty())
-    }
-
     /// The corners of a triangle, to ask for what they carry.
     pub fn corners(&self, triangle: usize) -> [Corner; 3] {
+        let [a, b, c] = self.points[triangle];
         let piece = self.piece_of[triangle];
-        self.points[triangle].map(|point| Corner { piece, point })
+        [(a, 0), (b, 1), (c, 2)].map(|(point, k)| Corner { piece, point, number: 3 * triangle + k })
     }
 
-    /// Where a corner lies in its root, (s, t) from 0 to 1; NaN in a patch.
+    /// Where a corner lies in its root, (s, t) from 0 to 1, or in the images of its patch. NaN where that is not known.
     pub fn place(&self, corner: Corner) -> [f32; 2] {
-        let Some(&last) = self.last.get(corner.piece as usize) else { return [f32::NAN; 2] };
+        let Some(&last) = self.last.get(corner.piece as usize) else {
+            let number = corner.number - 3 * self.first_of_patches;
+            return self.patch_places.get(number).copied().unwrap_or([f32::NAN; 2]);
+        };
         let place = |point: u32| {
             let number = point - self.first[corner.piece as usize];
             [number % (last + 1), number / (last + 1)].map(|x| x as f32 / last as f32)
@@ -131,12 +141,6 @@ impl AtlasSurface {
             }
             None => place(corner.point),
         }
-    }
-
-    /// The colour of a corner in a patch, linear with alpha; white elsewhere.
-    pub fn colour(&self, corner: Corner) -> [f32; 4] {
-        let colour = self.in_patch(corner).and_then(|(patch, vertex)| patch.colours.get(vertex).copied());
-        colour.filter(|_| corner.piece as usize >= self.last.len()).unwrap_or([1.0; 4])
     }
 
     /// A number, counted among the channels of numbers. NaN where there is none.
@@ -161,4 +165,6 @@ impl AtlasSurface {
 pub(super) struct Corner {
     piece: u32,
     point: u32,
+    /// Among all corners.
+    number: usize,
 }

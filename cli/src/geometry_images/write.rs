@@ -13,7 +13,7 @@ use super::manifest::{ImageEdge, Manifest, Neighbour, Neighbours, Patch, Root};
 use super::numbers::write_numbers;
 use super::paint::{Borders, Painting};
 use super::patch::{Surroundings, sampled_patch};
-use super::patch_file::write_patch;
+use super::patch_file::PatchFiles;
 use super::product::{AtlasChart, AtlasProduct, Looks};
 use super::quads::{sample_quads, samples_of_sides};
 use super::sides::{SideId, partners_of, sample_arcs, sides_of_arcs};
@@ -83,19 +83,19 @@ pub fn write_atlas(
     for mip in 1..=mips {
         let folder = dir.join(format!("{MIP_NAME}{mip:02}"));
         fs::create_dir_all(&folder).map_err(|source| AtlasError::Write { path: folder.clone(), source })?;
-        write_level(&folder, product, &shader, resolution - mip, texels.saturating_sub(mip))?;
+        write_level(&folder, product, &shader, mip, [resolution - mip, texels.saturating_sub(mip)])?;
     }
-    write_level(dir, product, &shader, resolution, texels)?;
+    write_level(dir, product, &shader, 0, [resolution, texels])?;
     Ok(Resolutions { positions: resolution, texels, mips })
 }
 
-/// Writes one folder.
+/// Writes one folder, at the resolutions of positions and of texels.
 fn write_level(
     dir: &Path,
     product: &AtlasProduct,
     shader: &Shader,
-    resolution: u32,
-    texel_resolution: u32,
+    mip: u32,
+    [resolution, texel_resolution]: [u32; 2],
 ) -> Result<(), AtlasError> {
     // Both sides of an arc take the same samples from here on.
     let charts = &product.charts;
@@ -143,12 +143,12 @@ fn write_level(
     let written: Vec<Result<Vec<Root>, AtlasError>> = charts.par_iter().enumerate().map(of_chart).collect();
     let roots: Vec<Vec<Root>> = written.into_iter().collect::<Result<_, _>>()?;
     let mut patches = Vec::with_capacity(product.patches.len());
+    let patch_files = PatchFiles { dir, looks: &product.looks, channels: &channels, shader, mip };
     for (index, patch) in product.patches.iter().enumerate() {
-        let (mesh, added, borders) = sampled_patch(patch, &around);
-        let file = format!("patch_{index:05}.ply");
-        write_patch(&dir.join(&file), patch, &mesh, &added, &product.looks, shader)?;
+        let sampled = sampled_patch(patch, &around);
+        let (file, images) = patch_files.write(index, patch, &sampled)?;
         let drawing = patch.numbers.first().map_or(0, |&first| product.looks.drawing(first));
-        patches.push(Patch { file, borders, drawing });
+        patches.push(Patch { file, images, borders: sampled.borders, drawing });
     }
     shader.check()?;
     let roots = roots.into_iter().flatten().collect();

@@ -72,7 +72,7 @@ pub fn write_mesh(
 }
 
 /// A number of every vertex, as PLY has it.
-pub(crate) struct Column {
+pub(super) struct Column {
     /// Its name.
     pub name: String,
     /// `float` or `int`.
@@ -83,7 +83,7 @@ pub(crate) struct Column {
 
 /// Writes binary PLY. Vertices have as many components of colour as there are in `colours`: one entry each, or none at all; and an entry of each
 /// column.
-pub(crate) fn write_ply<const N: usize>(
+pub(super) fn write_ply<const N: usize>(
     out: &mut impl Write,
     positions: &[[f64; 3]],
     triangles: &[[u32; 3]],
