@@ -13,6 +13,7 @@ use super::patch::{Between, SampledPatch};
 use super::patch_image::PatchImage;
 use super::product::{AtlasPatch, Looks};
 use super::write::number;
+use crate::mesh::extrude::extrude;
 use crate::mesh::textured::png;
 use crate::stage::shade::{Face, Shader};
 
@@ -71,7 +72,10 @@ impl PatchFiles<'_> {
         let data: Vec<u8> = image.texels.iter().flat_map(bytes).collect();
         let components = (data.len() / image.texels.len().max(1)) as u8;
         let path = self.dir.join(name);
-        let written = png(&Image { size: image.size, components, data }).and_then(|bytes| fs::write(&path, bytes));
+        let mut shown = Image { size: image.size, components, data };
+        // What is averaged over more than a square goes on as at its border.
+        extrude(&mut shown, &image.drawn);
+        let written = png(&shown).and_then(|bytes| fs::write(&path, bytes));
         written.map_err(|source| AtlasError::Write { path, source })
     }
 

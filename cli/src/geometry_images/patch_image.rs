@@ -15,6 +15,8 @@ pub(super) struct PatchImage {
     pub size: [u32; 2],
     /// Row after row.
     pub texels: Vec<Texel>,
+    /// Which of them belong to a triangle.
+    pub drawn: Vec<bool>,
     /// For each triangle the places of its corners in texels.
     pub places: Vec<[DVec2; 3]>,
 }
@@ -29,6 +31,7 @@ impl PatchImage {
         let mut image = Self {
             size,
             texels: vec![Texel::default(); size[0] as usize * size[1] as usize],
+            drawn: vec![false; size[0] as usize * size[1] as usize],
             places: Vec::with_capacity(sides.len()),
         };
         for (triangle, (&side, &[left, top])) in sides.iter().zip(&squares).enumerate() {
@@ -43,6 +46,7 @@ impl PatchImage {
                     let weights = weights(f64::from(x) / last, f64::from(y) / last);
                     let place = (top + y) as usize * size[0] as usize + (left + x) as usize;
                     image.texels[place] = Texel::of(looks, &face, weights, footprint);
+                    image.drawn[place] = true;
                 }
             }
             let corner = DVec2::new(f64::from(left) + 0.5, f64::from(top) + 0.5);

@@ -47,7 +47,7 @@ fn extent(corners: [[f32; 2]; 3], [top, bottom]: [f32; 2]) -> Option<[f32; 2]> {
 }
 
 /// Gives all other texels those of the closest drawn one, by the sum of columns and rows between them.
-pub(super) fn extrude(image: &mut Image<u8>, drawn: &[bool]) {
+pub(crate) fn extrude(image: &mut Image<u8>, drawn: &[bool]) {
     let (components, [width, height]) = (usize::from(image.components), image.size.map(|length| length as usize));
     let mut distances: Vec<u16> = drawn.iter().map(|&drawn| if drawn { 0 } else { u16::MAX }).collect();
     let mut take = |to: usize, from: usize| {

@@ -3,7 +3,7 @@
 pub mod appearance;
 pub mod attributes;
 pub mod export;
-mod extrude;
+pub(crate) mod extrude;
 pub mod glb;
 pub mod glb_nodes;
 pub mod images;
