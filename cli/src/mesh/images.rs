@@ -231,6 +231,8 @@ pub fn decoding_bytes(mut encoded: impl EncodedImage) -> Result<u64, String> {
         (ColorType::Rgb8, Some(ImageFormat::WebP)) => 2 * decoded,
         (ColorType::Rgb8, _) => decoded,
         (ColorType::L8 | ColorType::La8 | ColorType::Rgba8, _) => decoded + 4,
+        // As four floats, too, and with what the decoder of EXR collects.
+        (ColorType::Rgb32F | ColorType::Rgba32F, _) => decoded + 32,
         // Once as four numbers of 16 bits, beside what they come from, and what they become.
         _ => decoded.max(8) + 8,
     };
@@ -275,6 +277,10 @@ pub fn only_colour(
     let image = decode_image(encoded)?.crop_imm(columns.start, rows.start, columns.len() as u32, rows.len() as u32);
     let length = usize::from(image.color().bytes_per_pixel());
     let all = image.as_bytes();
+    if matches!(image, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_)) {
+        // In linear light, other than all others.
+        return Ok(None);
+    }
     let is_one = all.chunks(length).all(|texel| Some(texel) == all.get(..length));
     Ok(is_one.then(|| image.crop_imm(0, 0, 1, 1).into_rgba16()).and_then(|image| Some(image.pixels().next()?.0)))
 }

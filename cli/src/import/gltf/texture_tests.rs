@@ -97,7 +97,7 @@ fn an_image_of_several_maps_is_noted_once() {
     let (appearance, notes) = import(&document, &[("noise.png", b"noise")]);
     assert_eq!(appearance.materials[1].images().count(), 0);
     assert_eq!(notes.matches("noise.png").count(), 1, "{notes}");
-    assert!(notes.contains("convert it to PNG, JPEG, WebP or TIFF"), "{notes}");
+    assert!(notes.contains("convert it to PNG, JPEG, WebP, TIFF or EXR"), "{notes}");
 }
 
 #[test]

@@ -48,7 +48,7 @@ pub(super) fn undecodable(error: &ImageError) -> String {
 }
 
 fn unread_format(problem: &str) -> String {
-    format!("{problem}: convert it to PNG, JPEG, WebP or TIFF")
+    format!("{problem}: convert it to PNG, JPEG, WebP, TIFF or EXR")
 }
 
 pub(super) fn png_problem(error: &png::DecodingError) -> String {

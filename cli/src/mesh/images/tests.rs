@@ -112,7 +112,7 @@ fn formats_that_are_not_read_are_named_with_those_that_are() {
         (b"noise", "its format is unknown"),
     ] {
         let problem = image_size(Cursor::new(start)).unwrap_err();
-        assert_eq!(problem, format!("{expected}: convert it to PNG, JPEG, WebP or TIFF"));
+        assert_eq!(problem, format!("{expected}: convert it to PNG, JPEG, WebP, TIFF or EXR"));
     }
     for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP, ImageFormat::Tiff] {
         let bytes = encoded(format);

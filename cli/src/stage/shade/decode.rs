@@ -36,7 +36,12 @@ fn from_whole(image: DynamicImage, meaning: Meaning, place: &Place) -> Result<Te
             | DynamicImage::ImageRgba8(_)
     );
     let keep = |bytes: Vec<u8>| place.move_here(bytes);
-    Ok(if is_fine {
+    let is_light = matches!(image, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
+    Ok(if is_light {
+        let image = image.into_rgba32f();
+        let texels: Vec<[u8; 8]> = image.pixels().map(|texel| light_texel(texel.0, meaning)).collect();
+        Texels::Root(keep(texels.into_flattened())?)
+    } else if is_fine {
         let texels: Vec<[u8; 8]> = image.into_rgba16().pixels().map(|texel| fine_texel(texel.0, meaning)).collect();
         Texels::Root(keep(texels.into_flattened())?)
     } else if !meaning.is_linear() && (is_opaque || !image.color().has_alpha()) {
@@ -108,6 +113,13 @@ fn of_samples<S, T: Copy>(samples: &[S], number: impl Fn(&S) -> T, opaque: T) ->
         [red, green, blue, alpha, ..] => [red, green, blue, alpha].map(number),
         [] => [opaque; 4],
     }
+}
+
+/// A texel of floats, which are in linear light, as [`Texels::Root`] has it. What is brighter than white is white.
+fn light_texel(texel: [f32; 4], meaning: Meaning) -> [u8; 8] {
+    // The greater of NaN and 0 is 0.
+    let [red, green, blue, alpha] = texel.map(|value| value.max(0.0).min(1.0));
+    little_endian(root([red, green, blue, if meaning.has_alpha() { alpha } else { 1.0 }]))
 }
 
 /// A texel of 16 bits as [`Texels::Root`] has it.

@@ -143,6 +143,15 @@ fn images_of_every_kind_are_decoded() {
     assert_eq!(light, linear_from_srgb(f32::from(half) / 255.0));
 }
 
+#[test]
+fn floats_are_linear_light_and_end_at_white() {
+    let floats = |x: f32| DynamicImage::ImageRgba32F(ImageBuffer::from_pixel(3, 2, Rgba([x, 7.0, f32::NAN, 0.5])));
+    for (x, red) in [(0.25, 0.25), (-1.0, 0.0), (f32::INFINITY, 1.0)] {
+        let (colour, notes) = colour_at(&textured(encoded(&floats(x), ImageFormat::OpenExr), [[0.0; 2]; 3]), 0.0);
+        assert!(close(colour, [red / 2.0, 1.0, 0.0, 1.0]) && notes.is_empty(), "{colour:?} {notes}");
+    }
+}
+
 /// A JPEG of 8 x 8 texels in cyan, magenta, yellow and black, inverted as Adobe's programs write it: all red.
 const CMYK: &str = "ffd8ffee000e41646f626500640000000000ffdb004300100b0c0e0c0a100e0d0e1211101318281a181616183123251d283a333d3c393338 \
      3740485c4e404457453738506d51575f626768673e4d71797064785c656763ffc000140800080008044311004d11005911004b1100ffc400 \
