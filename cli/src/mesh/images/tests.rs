@@ -124,6 +124,27 @@ fn formats_that_are_not_read_are_named_with_those_that_are() {
 }
 
 #[test]
+fn a_damaged_exr_ends_in_one_sentence() {
+    let image = DynamicImage::ImageRgba32F(image::ImageBuffer::from_pixel(9, 7, image::Rgba([0.25, 1.0, 0.5, 1.0])));
+    let mut bytes = Cursor::new(vec![]);
+    image.write_to(&mut bytes, ImageFormat::OpenExr).unwrap();
+    let bytes = bytes.into_inner();
+    assert_eq!(decode_image(Cursor::new(&bytes)), Ok(image));
+    let problem_of = |bytes: &[u8]| {
+        let _ = decoding_bytes(Cursor::new(bytes));
+        decode_image(Cursor::new(bytes)).err().unwrap_or_default()
+    };
+    for place in 0..bytes.len() {
+        assert!(!problem_of(&bytes[..place]).contains('\n'), "{place}");
+        for change in [1, 0x7F, 0x80, 0xFF] {
+            let mut changed = bytes.clone();
+            changed[place] ^= change;
+            assert!(!problem_of(&changed).contains('\n'), "{place} {change}");
+        }
+    }
+}
+
+#[test]
 #[cfg(unix)]
 fn only_files_are_opened() {
     for path in ["/dev/zero", "/"] {
