@@ -1,10 +1,14 @@
 """Shading over the surface: the angle between the normals that meshes show and those of their input.
 
     python3 tests/bench/normals.py INPUT.ply OUTPUT.glb [OUTPUT.glb ...]
+    python3 tests/bench/normals.py creases INPUT.ply OUTPUT.glb [OUTPUT.glb ...]
+    python3 tests/bench/normals.py creases --facets INPUT.ply OUTPUT.glb [OUTPUT.glb ...]
 
 Spreads 100,000 points by area over the input, takes the closest point of each on the output, and compares the input's normal (between
 vertices, whose normals are the means of their triangles') with that of the output's triangle, and with that of its normal texture, as glTF
-2.0 says (section 3.9.3), where it has one. Needs numpy, pillow and pyvista, and shares no code with lodpack.
+2.0 says (section 3.9.3), where it has one, or that of its vertices. With creases, the output is also shaded by the rule of SPEC.md, 14.4, with
+several angles in place of its own; --facets has the input's triangles in place of normals between vertices, for models that have creases.
+Needs numpy, pillow, pyvista and scipy, and shares no code with lodpack.
 """
 
 import io
@@ -15,8 +19,11 @@ import sys
 import numpy as np
 import pyvista
 from PIL import Image
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 POINTS = 100_000
+CREASES = [0, 30, 45, 60, 75, 180]
 
 
 def unit(vectors):
@@ -52,7 +59,9 @@ class Glb:
         corners = [self.accessor(primitive["indices"]).reshape(-1, 3).astype(int) for primitive in mesh]
         self.triangles = np.concatenate(corners)
         self.material_of = np.concatenate([np.full(len(own), p.get("material", -1)) for own, p in zip(corners, mesh)])
-        self.frames = None
+        self.frames = self.normals = None
+        if "NORMAL" in attributes and "TANGENT" not in attributes:
+            self.normals = self.accessor(attributes["NORMAL"]).astype(float)
         if "TANGENT" in attributes:
             normal, tangent = self.accessor(attributes["NORMAL"]).astype(float), self.accessor(attributes["TANGENT"]).astype(float)
             across = np.cross(normal, tangent[:, :3]) * tangent[:, 3:]
@@ -91,10 +100,40 @@ class Glb:
         return unit(result)
 
 
-class Judge:
-    """Points spread by area over a mesh, and its normals there."""
+def smooth(positions, triangles, degrees, by_angle=False):
+    """The normals of corners by SPEC.md, 14.4, with creases from an angle on; or with angles for weights."""
+    _, welded = np.unique(positions, axis=0, return_inverse=True)
+    corners = welded.ravel()[triangles]
+    normals = unit(face_normals(positions, triangles))
+    count = len(triangles)
+    # Half-edge 3 f + k runs from corner k of triangle f to its next one.
+    start, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    key = np.minimum(start, end) * (corners.max() + 1) + np.maximum(start, end)
+    order = np.argsort(key, kind="stable")
+    _, first, of_edge = np.unique(key[order], return_index=True, return_counts=True)
+    one = order[first[of_edge == 2]]
+    other = order[first[of_edge == 2] + 1]
+    cosines = (normals[one // 3] * normals[other // 3]).sum(axis=1)
+    is_smooth = (start[one] == end[other]) & (start[one] != start[other]) & (cosines > np.cos(np.radians(degrees)) - (degrees == 180))
+    one, other = one[is_smooth], other[is_smooth]
+    following = lambda half: half // 3 * 3 + (half + 1) % 3
+    pairs = np.concatenate([[one, following(other)], [following(one), other]], axis=1)
+    graph = coo_matrix((np.ones(pairs.shape[1]), pairs), (3 * count, 3 * count))
+    fans, fan_of = connected_components(graph, directed=False)
+    points = positions[triangles]
+    weighted = np.repeat(face_normals(positions, triangles)[:, None], 3, axis=1)
+    if by_angle:
+        to_next, to_previous = (unit(np.roll(points, turn, axis=1) - points) for turn in (-1, 1))
+        weighted = normals[:, None] * np.arccos(np.clip((to_next * to_previous).sum(axis=2), -1, 1))[:, :, None]
+    sums = np.zeros((fans, 3))
+    np.add.at(sums, fan_of, weighted.reshape(-1, 3))
+    return unit(sums)[fan_of].reshape(count, 3, 3)
 
-    def __init__(self, positions, triangles):
+
+class Judge:
+    """Points spread by area over a mesh, and its normals there: between those of vertices, or of its triangles."""
+
+    def __init__(self, positions, triangles, of_facets=False):
         of_faces = face_normals(positions, triangles)
         self.of_vertices = np.zeros_like(positions)
         for k in range(3):
@@ -105,7 +144,7 @@ class Judge:
         chosen = random.choice(len(areas), POINTS, p=areas / areas.sum())
         weights = random.dirichlet([1, 1, 1], POINTS)[:, :, None]
         self.points = (positions[triangles[chosen]] * weights).sum(axis=1)
-        self.wanted = unit((self.of_vertices[triangles[chosen]] * weights).sum(axis=1))
+        self.wanted = unit(of_faces[chosen] if of_facets else (self.of_vertices[triangles[chosen]] * weights).sum(axis=1))
 
     def closest(self, positions, triangles):
         """The triangles on which the closest points lie, and the weights of their corners."""
@@ -113,9 +152,12 @@ class Judge:
         found, closest = pyvista.PolyData(positions, faces.ravel()).find_closest_cell(self.points, return_closest_point=True)
         return found, weights_at(positions, triangles[found], closest)
 
+    def degrees(self, shown):
+        return np.degrees(np.arccos(np.clip((shown * self.wanted).sum(axis=1), -1, 1)))
+
     def angles(self, shown):
         """Median and root mean square, degrees."""
-        degrees = np.degrees(np.arccos(np.clip((shown * self.wanted).sum(axis=1), -1, 1)))
+        degrees = self.degrees(shown)
         return np.median(degrees), np.sqrt((degrees**2).mean())
 
 
@@ -124,7 +166,28 @@ def read_mesh(path):
     return np.asarray(mesh.points, dtype=float), mesh.faces.reshape(-1, 4)[:, 1:]
 
 
+def creases(paths, of_facets):
+    judge = Judge(*read_mesh(paths[0]), of_facets)
+    for path in paths[1:]:
+        output = Glb(path)
+        found, weights = judge.closest(output.positions, output.triangles)
+        print(f"{path}: {len(output.triangles)} triangles; mean, median and 95 % of the angles")
+
+        def say(name, corners):
+            shown = judge.degrees(unit((corners[found] * weights).sum(axis=1)))
+            print(f"    {name:>12} {shown.mean():.2f} {np.median(shown):.2f} {np.percentile(shown, 95):.2f}")
+
+        for angle in CREASES:
+            say("flat" if angle == 0 else angle, smooth(output.positions, output.triangles, angle))
+        say("30, by angle", smooth(output.positions, output.triangles, 30, by_angle=True))
+        if output.normals is not None:
+            say("its own", output.normals[output.triangles])
+
+
 def main():
+    if sys.argv[1] == "creases":
+        of_facets = "--facets" in sys.argv
+        return creases([path for path in sys.argv[2:] if path != "--facets"], of_facets)
     judge = Judge(*read_mesh(sys.argv[1]))
     for path in sys.argv[2:]:
         output = Glb(path)
@@ -134,6 +197,9 @@ def main():
         if output.frames is not None:
             mapped = judge.angles(output.mapped(found, weights))
             print(f"    with its image of normals median {mapped[0]:.2f}, RMS {mapped[1]:.2f} degrees")
+        if output.normals is not None:
+            shown = judge.angles(unit((output.normals[output.triangles[found]] * weights).sum(axis=1)))
+            print(f"    with the normals of its vertices median {shown[0]:.2f}, RMS {shown[1]:.2f} degrees")
 
 
 if __name__ == "__main__":

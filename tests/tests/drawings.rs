@@ -108,6 +108,14 @@ fn exports_have_a_material_for_each_drawing_and_builds_of_them_have_the_same_one
         assert_eq!(drawn(&document), wanted(), "{name}");
         let used = document["extensionsUsed"].as_array().expect("extensions").contains(&"KHR_materials_unlit".into());
         assert!(used, "{document}");
+        // Light needs normals, and what has no light needs none.
+        for primitive in
+            document["meshes"].as_array().into_iter().flatten().flat_map(|mesh| mesh["primitives"].as_array()).flatten()
+        {
+            let material = &document["materials"][primitive["material"].as_u64().expect("a material") as usize];
+            let is_lit = material["extensions"].is_null();
+            assert_eq!(primitive["attributes"]["NORMAL"].is_number(), is_lit, "{primitive}");
+        }
         validate(&folder.path(name));
     }
     let mut of_tiles = BTreeSet::new();

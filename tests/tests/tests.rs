@@ -15,6 +15,7 @@
 //! - [`slurm`]: parts on a compute cluster whose tasks fail and whose nodes die
 //! - [`channels`]: colours and numbers of the input come through builds of every kind, and out again
 //! - [`drawings`]: alpha modes, double-sided and unlit materials come through builds of every kind, and out again
+//! - [`normals`]: what stores no normals is shaded by computed ones, up to creases and alike on both sides of arcs
 //! - [`images`]: images of the input that are larger than memory, on full disks, of opacity alone, or of one colour
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
 //! - [`inputs`]: folders, patterns and lodpack files as inputs, and meshes that say where they are
@@ -55,6 +56,7 @@ mod images;
 mod inputs;
 mod jobs;
 mod levels;
+mod normals;
 mod nothing_unneeded;
 mod python;
 mod quantized;

@@ -3,6 +3,10 @@
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+use serde_json::json;
+
+use super::smooth::{COMPUTED, Fans};
+
 /// The formats that [`write_mesh`] can write, by file name extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshFormat {
@@ -55,6 +59,19 @@ pub fn write_mesh(
     positions: &[[f64; 3]],
     triangles: &[[u32; 3]],
 ) -> io::Result<()> {
+    write_mesh_with_normals(out, format, (positions, triangles), None)
+}
+
+/// Writes a mesh, and its normals where the format has room for them. In PLY each vertex must have one; GLB has a vertex for each fan.
+///
+/// # Errors
+/// As [`write_mesh`].
+pub fn write_mesh_with_normals(
+    out: impl Write,
+    format: MeshFormat,
+    (positions, triangles): (&[[f64; 3]], &[[u32; 3]]),
+    fans: Option<&Fans>,
+) -> io::Result<()> {
     if rounding(format, positions) == f64::INFINITY {
         return Err(io::Error::new(
             io::ErrorKind::InvalidInput,
@@ -63,10 +80,13 @@ pub fn write_mesh(
     }
     let mut out = BufWriter::with_capacity(1 << 20, out);
     match format {
-        MeshFormat::Ply => write_ply::<0>(&mut out, positions, triangles, &[], &[]),
-        MeshFormat::Obj => write_obj(&mut out, positions, triangles),
+        MeshFormat::Ply => {
+            let columns = fans.map_or(vec![], |fans| normal_columns(&fans.normals));
+            write_ply::<0>(&mut out, positions, triangles, &[], &columns)
+        }
+        MeshFormat::Obj => write_obj(&mut out, positions, triangles, fans),
         MeshFormat::Stl => write_stl(&mut out, positions, triangles),
-        MeshFormat::Glb => write_glb(&mut out, positions, triangles),
+        MeshFormat::Glb => write_glb(&mut out, positions, triangles, fans),
     }?;
     out.flush()
 }
@@ -79,6 +99,16 @@ pub(super) struct Column {
     pub kind: &'static str,
     /// Little-endian bytes.
     pub values: Vec<[u8; 4]>,
+}
+
+/// The normals of vertices, as PLY has them.
+pub(super) fn normal_columns(normals: &[[f32; 3]]) -> Vec<Column> {
+    let column = |(axis, name): (usize, &str)| Column {
+        name: name.into(),
+        kind: "float",
+        values: normals.iter().map(|normal| normal[axis].to_le_bytes()).collect(),
+    };
+    ["nx", "ny", "nz"].into_iter().enumerate().map(column).collect()
 }
 
 /// Writes binary PLY. Vertices have as many components of colour as there are in `colours`: one entry each, or none at all; and an entry of each
@@ -120,13 +150,25 @@ pub(super) fn write_ply<const N: usize>(
     Ok(())
 }
 
-fn write_obj(out: &mut impl Write, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> io::Result<()> {
+fn write_obj(
+    out: &mut impl Write,
+    positions: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    fans: Option<&Fans>,
+) -> io::Result<()> {
     for [x, y, z] in positions {
         writeln!(out, "v {x} {y} {z}")?;
     }
+    for [x, y, z] in fans.into_iter().flat_map(|fans| &fans.normals) {
+        writeln!(out, "vn {x} {y} {z}")?;
+    }
+    let mut normals = fans.into_iter().flat_map(|fans| &fans.triangles);
     for t in triangles {
         let [a, b, c] = t.map(|v| u64::from(v) + 1);
-        writeln!(out, "f {a} {b} {c}")?;
+        match normals.next().map(|of_corners| of_corners.map(|n| u64::from(n) + 1)) {
+            Some([n, m, o]) => writeln!(out, "f {a}//{n} {b}//{m} {c}//{o}")?,
+            None => writeln!(out, "f {a} {b} {c}")?,
+        }
     }
     Ok(())
 }
@@ -195,35 +237,54 @@ fn write_glb_header(out: &mut impl Write, json: &serde_json::Value, binary_bytes
     Ok(())
 }
 
-fn write_glb(out: &mut impl Write, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> io::Result<()> {
+fn write_glb(
+    out: &mut impl Write,
+    positions: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    fans: Option<&Fans>,
+) -> io::Result<()> {
     let (bounds, centre) = (bounds(positions), glb_origin(positions));
     let local = |p: [f64; 3]| [0, 1, 2].map(|k| (p[k] - centre[k]) as f32);
-    let (position_bytes, index_bytes) = (positions.len() * 12, triangles.len() * 12);
+    let count = fans.map_or(positions.len(), |fans| fans.vertices.len());
+    let (vertex_bytes, index_bytes) = (count * 12, triangles.len() * 12);
     let (low, high) = match positions.is_empty() {
         true => ([0.0; 3], [0.0; 3]),
         false => (local(bounds[0]), local(bounds[1])),
     };
-    let json = serde_json::json!({
+    let mut attributes = json!({"POSITION": 0});
+    let mut views = vec![
+        json!({"buffer": 0, "byteOffset": 0, "byteLength": vertex_bytes, "target": 34962}),
+        json!({"buffer": 0, "byteOffset": vertex_bytes, "byteLength": index_bytes, "target": 34963}),
+    ];
+    let mut accessors = vec![
+        json!({"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3", "min": low, "max": high}),
+        json!({"bufferView": 1, "componentType": 5125, "count": triangles.len() * 3, "type": "SCALAR"}),
+    ];
+    let mut byte_count = vertex_bytes + index_bytes;
+    if fans.is_some() {
+        attributes["NORMAL"] = 2.into();
+        views.push(json!({"buffer": 0, "byteOffset": byte_count, "byteLength": vertex_bytes, "target": 34962}));
+        accessors
+            .push(json!({"bufferView": 2, "componentType": 5126, "count": count, "type": "VEC3", "name": COMPUTED}));
+        byte_count += vertex_bytes;
+    }
+    let json = json!({
         "asset": {"version": "2.0", "generator": "lodpack"},
         "scene": 0, "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "translation": centre}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
-        "buffers": [{"byteLength": position_bytes + index_bytes}],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": 0, "byteLength": position_bytes, "target": 34962},
-            {"buffer": 0, "byteOffset": position_bytes, "byteLength": index_bytes, "target": 34963}],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": positions.len(), "type": "VEC3", "min": low, "max": high},
-            {"bufferView": 1, "componentType": 5125, "count": triangles.len() * 3, "type": "SCALAR"}],
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": 1}]}],
+        "buffers": [{"byteLength": byte_count}],
+        "bufferViews": views,
+        "accessors": accessors,
     });
-    write_glb_header(out, &json, position_bytes + index_bytes)?;
-    for &p in positions {
-        for c in local(p) {
-            out.write_all(&c.to_le_bytes())?;
-        }
+    write_glb_header(out, &json, byte_count)?;
+    let mut write = |p: [f32; 3]| p.iter().try_for_each(|c| out.write_all(&c.to_le_bytes()));
+    match fans {
+        Some(fans) => fans.vertices.iter().try_for_each(|&v| write(local(positions[v as usize])))?,
+        None => positions.iter().try_for_each(|&p| write(local(p)))?,
     }
-    for v in triangles.iter().flatten() {
+    for v in fans.map_or(triangles, |fans| &fans.triangles).iter().flatten() {
         out.write_all(&v.to_le_bytes())?;
     }
-    Ok(())
+    fans.into_iter().flat_map(|fans| &fans.normals).flatten().try_for_each(|x| out.write_all(&x.to_le_bytes()))
 }

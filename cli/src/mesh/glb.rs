@@ -6,6 +6,7 @@ use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::pages::{PagedMesh, Part};
+use super::smooth::COMPUTED;
 use super::textured::{Binary, UNLIT, draw, material, png};
 
 const ARRAY_BUFFER: Option<u32> = Some(34962);
@@ -121,9 +122,16 @@ impl Scene {
         let positions = self.binary.add(mesh.positions.iter().flat_map(local).flat_map(f32::to_le_bytes), ARRAY_BUFFER);
         let mut accessor = float(positions, "VEC3");
         (accessor["min"], accessor["max"]) = (json!(local(&low)), json!(local(&high)));
-        let bare = json!({"POSITION": self.accessors.len()});
-        let mut attributes = bare.clone();
+        let mut bare = json!({"POSITION": self.accessors.len()});
         self.accessors.push(accessor);
+        if !mesh.normals.is_empty() {
+            bare["NORMAL"] = self.accessors.len().into();
+            let view = self.binary.add(mesh.normals.iter().flatten().copied().flat_map(f32::to_le_bytes), ARRAY_BUFFER);
+            let mut accessor = float(view, "VEC3");
+            accessor["name"] = COMPUTED.into();
+            self.accessors.push(accessor);
+        }
+        let mut attributes = bare.clone();
         if mesh.pages.iter().any(|page| !page.is_empty()) {
             let places = mesh.places.iter().flatten().copied().flat_map(f32::to_le_bytes);
             attributes["TEXCOORD_0"] = self.accessors.len().into();
@@ -162,6 +170,13 @@ impl Scene {
             );
             if let Some(of_page) = of_pages.get(page) {
                 primitive["attributes"] = attributes.clone();
+                if let Some(own) = primitive["attributes"].as_object_mut()
+                    && drawing.is_some_and(|drawing| drawing.is_unlit)
+                    && !mesh.normals.is_empty()
+                {
+                    // What has no light needs none.
+                    own.remove("NORMAL");
+                }
                 primitive["material"] = self.materials.len().into();
                 let mut own = of_page.clone();
                 drawing.into_iter().for_each(|drawing| draw(&mut own, drawing));

@@ -105,7 +105,8 @@ mod tests {
         let positions = [[10.0, 0.0, 0.0], [11.0, 0.0, 0.0], [10.0, 1.0, 0.0]];
         let (mut bare, mut shaded, mut both) = (vec![], vec![], vec![]);
         write_mesh(&mut bare, MeshFormat::Glb, &positions, &[[0, 1, 2]]).unwrap();
-        let shading = Shading { normals: vec![[0.0, 0.0, 1.0]; 3], colours: Some(vec![[1, 2, 3]; 3]) };
+        let shading =
+            Shading { normals: vec![[0.0, 0.0, 1.0]; 3], colours: Some(vec![[1, 2, 3]; 3]), ..Shading::default() };
         write_shaded_mesh(&mut shaded, MeshFormat::Glb, (&positions, &[[0, 1, 2]]), &shading).unwrap();
         write_joined_glb(&mut both, &[("surface", bare), ("ground", shaded.clone())]).unwrap();
         let ((joined, binary), (alone, own)) = (chunks(&both).unwrap(), chunks(&shaded).unwrap());

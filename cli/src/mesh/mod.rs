@@ -10,6 +10,7 @@ pub mod images;
 pub mod layers;
 pub mod pages;
 pub mod shaded;
+pub mod smooth;
 pub mod srgb;
 pub mod textured;
 pub mod tolerance;

@@ -1,14 +1,17 @@
 //! A mesh with the pages of its look.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
+use std::io;
 
 use lodpack::decode::texels::{Image, Map, Piece};
 use lodpack::decode::{self, AlphaMode, Drawing, TexturedMesh};
 use rayon::prelude::*;
 
+use super::NONE;
 use super::extrude::{drawn_texels, extrude};
 use super::layers::{Layer, Look, frame};
+use super::smooth::{Creases, Fans};
 
 /// A mesh of which each vertex has one place in one page.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -25,6 +28,8 @@ pub struct PagedMesh {
     pub corners: Vec<(u32, u8)>,
     /// Tangent and normal of each vertex, in which the layer of normals is; empty without it.
     pub frames: Vec<[[f32; 3]; 2]>,
+    /// The normal of each vertex, where there is no layer of normals and [`PagedMesh::smooth`] has found them.
+    pub normals: Vec<[f32; 3]>,
     /// The images of each page, all of one size: one for each layer of the look.
     pub pages: Vec<Page>,
 }
@@ -114,7 +119,61 @@ impl PagedMesh {
         let has_frames = look.layers.contains(&Layer::Normal);
         let frames = if has_frames { paged.corners.iter().map(frame_of).collect() } else { vec![] };
         let decode::PagedMesh { positions, places, triangles, corners, .. } = paged;
-        Self { positions, places, triangles, drawings, corners, frames, pages }
+        Self { positions, places, triangles, drawings, corners, frames, pages, ..Self::default() }
+    }
+
+    /// A mesh without pages, with normals.
+    ///
+    /// # Errors
+    /// As [`Fans::new`].
+    pub fn bare(mesh: &lodpack::Mesh) -> io::Result<Self> {
+        let Fans { vertices, normals, triangles } = Fans::new(&mesh.positions, &mesh.triangles, Creases::Kept)?;
+        let positions = vertices.iter().map(|&vertex| mesh.positions[vertex as usize]).collect();
+        Ok(Self { positions, triangles: vec![triangles], normals, ..Self::default() })
+    }
+
+    /// Gives each vertex a normal, unless a layer has them or all is drawn without light. Vertices on creases are there once more for each
+    /// further normal. `mesh` is that of which this one has been made, whose vertices are those around which triangles meet.
+    ///
+    /// # Errors
+    /// As [`Fans::new`].
+    pub fn smooth(mut self, mesh: &lodpack::Mesh) -> io::Result<Self> {
+        if !self.frames.is_empty() || self.is_unlit() {
+            return Ok(self);
+        }
+        let at = |vertex: u32| {
+            let (triangle, corner) = self.corners[vertex as usize];
+            mesh.triangles[triangle as usize][usize::from(corner)]
+        };
+        let triangles: Vec<[u32; 3]> = self.triangles.iter().flatten().map(|corners| corners.map(at)).collect();
+        let fans = Fans::new(&mesh.positions, &triangles, Creases::Kept)?;
+        let mut fan_of = vec![NONE; self.positions.len()];
+        let mut more: HashMap<(u32, u32), u32> = HashMap::new();
+        for (corners, of_corners) in self.triangles.iter_mut().flatten().zip(&fans.triangles) {
+            for (corner, &fan) in corners.iter_mut().zip(of_corners) {
+                let vertex = *corner as usize;
+                if fan_of[vertex] == NONE {
+                    fan_of[vertex] = fan;
+                } else if fan_of[vertex] != fan {
+                    *corner = *more.entry((*corner, fan)).or_insert_with(|| {
+                        self.positions.push(self.positions[vertex]);
+                        self.places.push(self.places[vertex]);
+                        self.corners.push(self.corners[vertex]);
+                        fan_of.push(fan);
+                        fan_of.len() as u32 - 1
+                    });
+                }
+            }
+        }
+        self.normals = fan_of.iter().map(|&fan| fans.normals[fan as usize]).collect();
+        Ok(self)
+    }
+
+    /// Whether nothing has light.
+    fn is_unlit(&self) -> bool {
+        let of_page = |page: usize| self.drawings.get(page).filter(|_| page < self.pages.len());
+        let pages = self.triangles.iter().enumerate().filter(|(_, triangles)| !triangles.is_empty());
+        pages.map(|(page, _)| of_page(page)).all(|all| all.is_some_and(|all| all.iter().all(|one| one.is_unlit)))
     }
 
     /// The triangles page by page, and those of a page by how they are drawn: the page, the drawing if the file says one, and the triangles.

@@ -4,7 +4,8 @@ use std::io::{self, BufWriter, Write};
 
 use serde_json::json;
 
-use super::export::{MeshFormat, write_mesh, write_ply};
+use super::export::{MeshFormat, normal_columns, write_mesh_with_normals, write_ply};
+use super::smooth::Fans;
 use super::srgb::linear_from_srgb;
 use super::textured::Binary;
 
@@ -15,6 +16,8 @@ pub struct Shading {
     pub normals: Vec<[f32; 3]>,
     /// Red, green and blue as screens show them (sRGB), one a vertex, if the file has a ramp.
     pub colours: Option<Vec<[u8; 3]>>,
+    /// Whether PLY and OBJ get the normals, too. GLB always has them.
+    pub has_normals_everywhere: bool,
 }
 
 /// Red, green, blue and opacity in linear light as glTF has them, in 65,535ths.
@@ -26,7 +29,7 @@ pub fn linear(colour: [u8; 3]) -> [u16; 4] {
 /// Writes a mesh, with as much of its shading as the format has room for.
 ///
 /// # Errors
-/// As [`write_mesh`].
+/// As [`write_mesh_with_normals`].
 pub fn write_shaded_mesh(
     out: impl Write,
     format: MeshFormat,
@@ -37,10 +40,19 @@ pub fn write_shaded_mesh(
         (MeshFormat::Glb, _) => write_glb(out, (positions, triangles), shading),
         (MeshFormat::Ply, Some(colours)) => {
             let mut out = BufWriter::with_capacity(1 << 20, out);
-            write_ply(&mut out, positions, triangles, colours, &[])?;
+            let columns = if shading.has_normals_everywhere { normal_columns(&shading.normals) } else { vec![] };
+            write_ply(&mut out, positions, triangles, colours, &columns)?;
             out.flush()
         }
-        _ => write_mesh(out, format, positions, triangles),
+        _ => {
+            let fans = || Fans { normals: shading.normals.clone(), triangles: triangles.to_vec(), vertices: vec![] };
+            write_mesh_with_normals(
+                out,
+                format,
+                (positions, triangles),
+                shading.has_normals_everywhere.then(fans).as_ref(),
+            )
+        }
     }
 }
 

@@ -8,7 +8,7 @@ use lodpack::decode::{AlphaMode, Drawing, TexturedMesh};
 use lodpack::index::{ChannelInfo, ChannelKind};
 use serde_json::{Value, json};
 
-use super::export::Column;
+use super::export::{Column, normal_columns};
 use super::layers::Layer;
 use super::pages::PagedMesh;
 
@@ -26,7 +26,7 @@ pub fn png(image: &Image<u8>) -> io::Result<Vec<u8>> {
 }
 
 /// Writes binary PLY: each vertex has the mean of what the triangles around it show there, and the label of one of them. `colour` and
-/// `numbers` are places among the channels that the mesh has.
+/// `numbers` are places among the channels that the mesh has; `normals` are of its vertices, or there are none.
 ///
 /// # Errors
 /// Any error of the writer.
@@ -35,9 +35,10 @@ pub fn write_textured_ply(
     textured: &TexturedMesh,
     colour: Option<usize>,
     numbers: &[(usize, &ChannelInfo)],
+    normals: Option<&[[f32; 3]]>,
 ) -> io::Result<()> {
     let (positions, triangles) = (&textured.mesh.positions, &textured.mesh.triangles);
-    let mut columns: Vec<Column> = vec![];
+    let mut columns: Vec<Column> = normals.map_or(vec![], normal_columns);
     for &(place, channel) in numbers {
         let mut column = column(textured, place, channel);
         // Other properties may have the name.
@@ -97,12 +98,20 @@ pub fn write_textured_obj(out: impl Write, mesh: &PagedMesh, material_file: &str
     for [u, v] in &mesh.places {
         writeln!(out, "vt {u} {}", 1.0 - v)?;
     }
+    for [x, y, z] in &mesh.normals {
+        writeln!(out, "vn {x} {y} {z}")?;
+    }
     for (page, triangles) in mesh.triangles.iter().enumerate().filter(|(_, triangles)| !triangles.is_empty()) {
         let is_bare = page == mesh.pages.len();
         writeln!(out, "usemtl {}", if is_bare { "bare".into() } else { format!("page{page}") })?;
         for triangle in triangles {
             let [a, b, c] = triangle.map(|v| u64::from(v) + 1);
-            if is_bare { writeln!(out, "f {a} {b} {c}")? } else { writeln!(out, "f {a}/{a} {b}/{b} {c}/{c}")? }
+            match (is_bare, mesh.normals.is_empty()) {
+                (true, true) => writeln!(out, "f {a} {b} {c}")?,
+                (false, true) => writeln!(out, "f {a}/{a} {b}/{b} {c}/{c}")?,
+                (true, false) => writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}")?,
+                (false, false) => writeln!(out, "f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}")?,
+            }
         }
     }
     out.flush()

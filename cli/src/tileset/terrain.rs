@@ -228,7 +228,7 @@ fn shading<S: ReadAt>(
     };
     let colour = |ramp: &Ramp| samples.iter().map(|&at| ramp.colour(file.info().height(values.steps[at]))).collect();
     let normals = samples.iter().map(|at| normal(at).as_vec3().to_array()).collect();
-    Ok(Shading { normals, colours: file.ramp().map(colour) })
+    Ok(Shading { normals, colours: file.ramp().map(colour), ..Shading::default() })
 }
 
 /// The triangles of a tile, behind them its skirt.

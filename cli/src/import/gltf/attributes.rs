@@ -15,6 +15,7 @@ use crate::import::source::Source;
 use crate::import::textures::Causes;
 use crate::mesh::appearance::{COLOUR, NORMAL};
 use crate::mesh::attributes::AttributeLayout;
+use crate::mesh::smooth::COMPUTED;
 
 /// What the vertices of a document carry, in one layout for all of its primitives.
 #[derive(Default)]
@@ -49,8 +50,11 @@ impl SceneAttributes {
             let what = if materials.uv_sets.is_empty() { "materials" } else { "textures" };
             sink.attributes.finds(COLOUR, what);
         }
-        let has_normals = primitives().any(|primitive| primitive.get(&Semantic::Normals).is_some());
-        let is_smooth = has_normals && sink.attributes.wants_normals(true) && are_smooth(source, buffers, primitives());
+        let normals = || primitives().filter_map(|primitive| primitive.get(&Semantic::Normals));
+        let has_normals = normals().next().is_some();
+        // What was computed from triangles can be again, and says nothing that is worth a note.
+        let are_given = normals().any(|accessor| accessor.name() != Some(COMPUTED));
+        let is_smooth = are_given && sink.attributes.wants_normals(true) && are_smooth(source, buffers, primitives());
         // A map of normals is relative to those of vertices.
         if has_normals && sink.attributes.wants_normals(materials.has_normals || is_smooth) {
             if is_smooth {
@@ -58,7 +62,7 @@ impl SceneAttributes {
             }
             sink.attributes.finds(NORMAL, "normals");
             layout.add_normal();
-        } else if has_normals {
+        } else if are_given {
             sink.leave_out("normals");
         }
         layout.add_uv(materials.uv_sets.len());

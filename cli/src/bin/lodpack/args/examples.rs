@@ -128,6 +128,7 @@ Examples:
   lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --tolerance 0.002 -o corner.obj
   lodpack extract scan.lodpack --tolerance 0.4edge -o near.ply           0.4 mean edges of the input
   lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --context -o focus.ply
+  lodpack extract scan.lodpack --normals smooth -o lit.obj                GLB has normals anyway; --normals none leaves them out
   lodpack extract scan.lodpack --format ply -o - | other-program
   lodpack extract dem.lodpack --bbox 500000,5180000,0,510000,5190000,0 -o window.tif
 

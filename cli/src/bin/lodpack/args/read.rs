@@ -44,6 +44,15 @@ pub enum GroundChoice {
     Only,
 }
 
+/// Normals of vertices where a file stores none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum NormalsChoice {
+    /// Means of triangles, which end at creases.
+    Smooth,
+    /// None: programs shade triangles flat, or by rules of their own.
+    None,
+}
+
 /// Arguments of `extract`.
 #[derive(Args, Clone, Debug)]
 pub struct ExtractArgs {
@@ -78,6 +87,11 @@ pub struct ExtractArgs {
     /// material file and images beside it, PLY colours of vertices. Of a mesh that is simplified to --triangles, images are made anew.
     #[arg(long, value_name = "auto|none", default_value = "auto", value_parser = ["auto", "none"])]
     pub channels: String,
+    /// Normals of vertices where the file stores none: smooth for means of the triangles around them, which end at edges of 30 degrees and
+    /// more, or none. By default GLB has them, and PLY and OBJ have none. A vertex of PLY has one normal, which does not end at edges. STL has no
+    /// room for them. Heights keep their own.
+    #[arg(long, value_enum, value_name = "smooth|none")]
+    pub normals: Option<NormalsChoice>,
     /// Most texels along each side of the images of a GLB or OBJ, into which those of nodes are packed. A node's image that is larger has one of its
     /// own.
     #[arg(long, value_name = "N", default_value_t = lodpack::decode::PagedMesh::SIDE,

@@ -3,7 +3,7 @@
 use super::heights;
 use super::open::{Opened, Source, in_file, open_any, open_ground, tolerance_in, tolerance_in_heights};
 use super::print_json;
-use crate::args::{ExtractArgs, GroundChoice, OutputFormat};
+use crate::args::{ExtractArgs, GroundChoice, NormalsChoice, OutputFormat};
 use crate::interrupt;
 use crate::messages;
 use crate::output::{PendingFile, bytes, count, length, say};
@@ -11,12 +11,13 @@ use anyhow::{Context, Result, bail};
 use lodpack::decode::TexturedMesh;
 use lodpack::index::{ChannelInfo, ChannelKind};
 use lodpack::{Cut, Lattice, Limiter, Outside, Query};
-use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh};
+use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh_with_normals};
 use lodpack_cli::mesh::glb::write_textured_glb;
 use lodpack_cli::mesh::glb_nodes::write_joined_glb;
 use lodpack_cli::mesh::layers::{Layer, Look};
 use lodpack_cli::mesh::pages::PagedMesh;
 use lodpack_cli::mesh::shaded::{Shading, write_shaded_mesh};
+use lodpack_cli::mesh::smooth::{Creases, Fans};
 use lodpack_cli::mesh::textured::{material_file, png, write_textured_obj, write_textured_ply};
 use lodpack_cli::pipeline::{CutPainter, Topology, cut_to_finish, finish, is_nearer};
 use serde::Serialize;
@@ -349,6 +350,9 @@ fn format_of(args: &ExtractArgs) -> Result<MeshFormat> {
         OutputFormat::Glb => MeshFormat::Glb,
     });
     match named.or_else(|| MeshFormat::from_path(&args.output)) {
+        Some(MeshFormat::Stl) if args.normals == Some(NormalsChoice::Smooth) => {
+            bail!("STL has no room for normals of vertices; omit --normals, or write GLB, OBJ or PLY")
+        }
         Some(format) => Ok(format),
         None if is_stdout(&args.output) => bail!("-o - needs --format: ply, obj, stl or glb"),
         None => bail!(
@@ -428,7 +432,28 @@ fn write(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, meshes: &[
         positions.extend_from_slice(&mesh.positions);
         triangles.extend(mesh.triangles.iter().map(|triangle| triangle.map(|vertex| first + vertex)));
     }
-    Ok(write_mesh(out, format, &positions, &triangles)?)
+    write_bare(out, args, format, (&positions, &triangles))
+}
+
+/// The normals that are computed for a mesh that stores none.
+fn creases(args: &ExtractArgs, format: MeshFormat) -> Option<Creases> {
+    let by_default = if format == MeshFormat::Glb { NormalsChoice::Smooth } else { NormalsChoice::None };
+    match (args.normals.unwrap_or(by_default), format) {
+        (NormalsChoice::None, _) | (_, MeshFormat::Stl) => None,
+        (NormalsChoice::Smooth, MeshFormat::Ply) => Some(Creases::Smoothed),
+        (NormalsChoice::Smooth, MeshFormat::Obj | MeshFormat::Glb) => Some(Creases::Kept),
+    }
+}
+
+/// Writes the shape alone, and its normals.
+fn write_bare(
+    out: impl io::Write,
+    args: &ExtractArgs,
+    format: MeshFormat,
+    (positions, triangles): (&[[f64; 3]], &[[u32; 3]]),
+) -> Result<()> {
+    let fans = creases(args, format).map(|creases| Fans::new(positions, triangles, creases)).transpose()?;
+    Ok(write_mesh_with_normals(out, format, (positions, triangles), fans.as_ref())?)
 }
 
 fn write_one(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: &Drawn) -> Result<()> {
@@ -436,17 +461,24 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: 
         return Ok(write_shaded_mesh(out, format, (&mesh.positions, &mesh.triangles), shading)?);
     }
     let Some((textured, look)) = &mesh.textured else {
-        return Ok(write_mesh(out, format, &mesh.positions, &mesh.triangles)?);
+        return write_bare(out, args, format, (&mesh.positions, &mesh.triangles));
+    };
+    let creases = creases(args, format);
+    let paged = || {
+        let paged = PagedMesh::new(textured, look, args.page_size);
+        if creases.is_some() { paged.smooth(&textured.mesh) } else { Ok(paged) }
     };
     match format {
         MeshFormat::Ply | MeshFormat::Stl => {
             let numbers: Vec<(usize, &ChannelInfo)> =
                 mesh.numbers.iter().map(|(place, channel)| (*place, channel)).collect();
-            write_textured_ply(out, textured, look.colour(), &numbers)?;
+            let fans = creases.map(|creases| Fans::new(&mesh.positions, &mesh.triangles, creases)).transpose()?;
+            let normals = fans.as_ref().map(|fans| fans.normals.as_slice());
+            write_textured_ply(out, textured, look.colour(), &numbers, normals)?;
         }
-        MeshFormat::Glb => write_textured_glb(out, &PagedMesh::new(textured, look, args.page_size))?,
+        MeshFormat::Glb => write_textured_glb(out, &paged()?)?,
         MeshFormat::Obj => {
-            let paged = PagedMesh::new(textured, look, args.page_size);
+            let paged = paged()?;
             let name = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let page_name = |page: usize| format!("{name}-{page}.png");
             let material_name = format!("{name}.mtl");

@@ -56,7 +56,7 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
         messages::tell("note", "the ground that the mesh stands on is left out; --as 3dtiles has both");
     }
     let progress = Terminal::new(args.progress, progress_bar::EXPORT_LEVELS);
-    let levels = in_file(&args.file, levels_of(&file, args, &progress)?)?;
+    let levels = levels_of(&file, args, &progress)?;
     let Some(finest) = levels.first() else { bail!("{}: the file has no triangle", args.file.display()) };
     let moved = rounding(MeshFormat::Glb, &finest.mesh.positions);
     if moved > finest.error * NOTABLE_ROUNDING {
@@ -87,11 +87,7 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
 }
 
 /// The levels that are worth their bytes, the finest first.
-fn levels_of(
-    file: &lodpack::File<Source>,
-    args: &ExportArgs,
-    progress: &dyn Progress,
-) -> Result<lodpack::Result<Vec<GlbLevel>>> {
+fn levels_of(file: &lodpack::File<Source>, args: &ExportArgs, progress: &dyn Progress) -> Result<Vec<GlbLevel>> {
     let tolerance = args.tolerance.map(|tolerance| tolerance_in(file, tolerance)).transpose()?;
     let (look, channels) = if args.channels == "auto" { Look::of(file.channels(), true) } else { Default::default() };
     let errors: Vec<f64> =
@@ -99,23 +95,20 @@ fn levels_of(
     let is_enough = |error: &f64| tolerance.is_some_and(|tolerance| *error <= tolerance);
     let count = errors.iter().position(is_enough).map_or(errors.len(), |level| level + 1);
     progress.begin("levels", count as u64);
-    let read = |level: usize| -> lodpack::Result<GlbLevel> {
-        let cut = file.uniform_cut(level as u8)?;
+    let read = |level: usize| -> Result<GlbLevel> {
+        let cut = in_file(&args.file, file.uniform_cut(level as u8))?;
         let mesh = if channels.is_empty() {
-            let lodpack::Mesh { positions, triangles, .. } = file.extract(&cut)?;
-            PagedMesh { positions, triangles: vec![triangles], ..PagedMesh::default() }
+            PagedMesh::bare(&in_file(&args.file, file.extract(&cut))?)?
         } else {
-            PagedMesh::new(&file.extract_textured(&cut, &channels)?, &look, Pages::SIDE)
+            let textured = in_file(&args.file, file.extract_textured(&cut, &channels))?;
+            PagedMesh::new(&textured, &look, Pages::SIDE).smooth(&textured.mesh)?
         };
         Ok(GlbLevel { mesh, name: String::new(), error: cut.error })
     };
     let triangle_count = |level: &GlbLevel| level.mesh.triangles.iter().map(Vec::len).sum::<usize>();
     let mut levels: Vec<GlbLevel> = vec![];
     for level in (0..count).rev() {
-        let read = match read(level) {
-            Ok(read) => read,
-            Err(error) => return Ok(Err(error)),
-        };
+        let read = read(level)?;
         progress.advance(1);
         let fewer = |finer: &GlbLevel| triangle_count(&read) as f64 * FEWER <= triangle_count(finer) as f64;
         if triangle_count(&read) > 0 && levels.last().is_none_or(fewer) {
@@ -123,7 +116,7 @@ fn levels_of(
             levels.push(GlbLevel { name: format!("lodpack_LOD{}", levels.len()), ..read });
         }
     }
-    Ok(Ok(levels))
+    Ok(levels)
 }
 
 /// The axis that points up and the unit, as typed or as the file says; z where it only says its CRS, else y.

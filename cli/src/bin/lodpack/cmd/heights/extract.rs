@@ -2,7 +2,7 @@
 
 use super::super::extract::Drawn;
 use super::super::open::{Source, in_file};
-use crate::args::{ExtractArgs, ProgressStyle};
+use crate::args::{ExtractArgs, NormalsChoice, ProgressStyle};
 use crate::output::count;
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Result, bail};
@@ -43,7 +43,11 @@ pub fn mesh_of(file: &Heights<Source>, tolerance: Option<f64>, args: &ExtractArg
         topology: Topology::Kept,
         textured: None,
         numbers: vec![],
-        shading: Some(Shading { normals, colours }),
+        shading: Some(Shading {
+            normals,
+            colours,
+            has_normals_everywhere: args.normals == Some(NormalsChoice::Smooth),
+        }),
     };
     Ok((drawn, (cut.tiles.len() as u64, "tiles")))
 }
