@@ -14,6 +14,7 @@
 //! - [`stages`]: jobs whose planning is divided into tasks: workers, kills in every stage
 //! - [`slurm`]: parts on a compute cluster whose tasks fail and whose nodes die
 //! - [`channels`]: colours and numbers of the input come through builds of every kind, and out again
+//! - [`lossless`]: texels that come back as they were made, and what else holds of files with them
 //! - [`drawings`]: alpha modes, double-sided and unlit materials come through builds of every kind, and out again
 //! - [`images`]: images of the input that are larger than memory, on full disks, of opacity alone, or of one colour
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
@@ -54,6 +55,7 @@ mod images;
 mod inputs;
 mod jobs;
 mod levels;
+mod lossless;
 mod nothing_unneeded;
 mod python;
 mod quantized;
