@@ -3,6 +3,7 @@
 use crate::channels::{Folder, save_coloured, save_lit, save_two_coloured, seams, texels_of_both_decoders};
 use crate::commands::lodpack;
 use crate::open;
+use glam::DVec3;
 use lodpack::Query;
 use lodpack::decode::{ChannelImage, TexturedMesh};
 use lodpack::index::ChannelKind;
@@ -43,19 +44,25 @@ fn the_colours_of_a_palette_are_shown_exactly_and_every_way_of_building_gives_th
     folder.run("build two.obj -o lossy.lodpack --region-triangles 2500 --color-quality 100");
     let one = folder.read("one.lodpack");
     assert!(one == folder.read("four.lodpack") && one == folder.read("merged.lodpack"));
+    // But near the line between them, where texels lie across it.
     let are_exact = |bytes: &[u8]| {
-        let all = middles(&finest(bytes));
-        let exact = all.iter().filter(|shown| COLOURS.contains(shown)).count();
-        exact as f64 / all.len() as f64
+        let shown = finest(bytes);
+        let middle = |corners: &[u32; 3]| {
+            corners.iter().map(|&v| DVec3::from(shown.mesh.positions[v as usize])).sum::<DVec3>() / 3.0
+        };
+        let is_far = |p: DVec3| (p.z - 0.2 * (p.x * 3.0).sin()).abs() > 0.15;
+        let all = middles(&shown).into_iter().zip(&shown.mesh.triangles).filter(|(_, corners)| is_far(middle(corners)));
+        let (exact, others): (Vec<_>, Vec<_>) = all.partition(|(colour, _)| COLOURS.contains(colour));
+        exact.len() as f64 / (exact.len() + others.len()) as f64
     };
-    // But where a texel lies across the line between them.
     let [exact, lossy] = [one.as_slice(), &folder.read("lossy.lodpack")].map(are_exact);
-    assert!(exact > 0.97 && lossy < 0.5, "{exact} {lossy}");
+    assert!(exact > 0.97 && lossy < 0.9, "{exact} {lossy}");
     // Groups above regions, cuts of a stated size and other programs read them, too.
     folder.run("verify one.lodpack");
     folder.run("extract one.lodpack -o few.glb --triangles 500");
     folder.run("build one.lodpack -o again.lodpack --color-quality lossless");
-    assert!(are_exact(&folder.read("again.lodpack")) > 0.9);
+    let again = are_exact(&folder.read("again.lodpack"));
+    assert!(again > 0.9, "{again}");
 }
 
 #[test]
