@@ -1489,7 +1489,9 @@ FILLINGS.update({0: IrregularBlock, 1: GridBlock})
 
 Channel = namedtuple("Channel", "name kind components low step bound")
 KINDS = {1: "colour", 2: "scalar", 3: "normal", 4: "label", 5: "factor", 6: "drawing"}
-CODED_AS_COLOURS = (1, 3, 5)
+KINDS |= {7: "exact colour", 8: "exact normal", 9: "exact factor"}
+COLOURS, NORMALS = (1, 7), (3, 8)
+CODED_AS_COLOURS, CODED_EXACTLY = (1, 3, 5), (7, 8, 9)
 
 
 class Channels:
@@ -1508,8 +1510,8 @@ class Channels:
             must(name not in [c.name for c in self.channels], "two channels have the same name")
             channel = Channel(name, *(data.number(code) for code in "BBddd"))
             must(1 <= channel.components <= 4, "a channel does not have 1 to 4 components")
-            must(channel.kind != 1 or channel.components >= 3, "a colour does not have 3 or 4 components")
-            must(channel.kind != 3 or channel.components == 2, "a normal does not have two components")
+            must(channel.kind not in COLOURS or channel.components >= 3, "a colour does not have 3 or 4 components")
+            must(channel.kind not in NORMALS or channel.components == 2, "a normal does not have two components")
             must(channel.kind != 6 or channel.components == 1, "a drawing does not have one component")
             must(channel.kind != 6 or (channel.low, channel.step) == (0, 1), "drawings do not count from 0 in steps of 1")
             must(channel.kind != 6 or 6 not in [c.kind for c in self.channels], "two channels say how the surface is drawn")
@@ -1878,6 +1880,46 @@ def directions(rows, map_):
     return result
 
 
+# ---- 21.7 Exact colours ---------------------------------------------------------------------------------------------------
+
+
+def decode_exact(data, width, height, components):
+    must(len(data) > 0, "an image has no bytes")
+    must(data[0] in (0, 255), "an exact image begins with neither 0 nor 255")
+    if data[0] == 0:
+        must(len(data) == 1 + components, "an image of one colour does not have the bytes of one")
+        return [[tuple(data[1:])] * width for _ in range(height)]
+    order = [1, 0, 2, 3][:components] if components >= 3 else range(components)
+    bits, rows, deltas = BitStream(data[1:]), [], []
+    chances = [[(NumberChances(), NumberChances()) for _ in range(12)] for _ in range(components)]
+    for y in range(height):
+        rows.append([[0] * components for _ in range(width)])
+        deltas.append([[0] * components for _ in range(width)])
+        for x in range(width):
+            for c in order:
+                is_difference = components >= 3 and c in (0, 2)
+
+                def v(x, y):
+                    return rows[y][x][c] - (rows[y][x][1] if is_difference else 0)
+
+                left = v(x - 1, y) if x > 0 else None
+                up = v(x, y - 1) if y > 0 else None
+                if left is not None and up is not None:
+                    corner = v(x - 1, y - 1)
+                    right = v(x + 1, y - 1) if x + 1 < width else up
+                    p = min(max(left + up - corner, min(left, up)), max(left, up))
+                    kind = (abs(left - corner) + abs(up - corner) + abs(right - up)).bit_length()
+                else:
+                    p, kind = left if left is not None else up if up is not None else 0, 11
+                expected = min(max(p + (rows[y][x][1] if is_difference else 0), 0), 255)
+                is_quiet = (x == 0 or deltas[y][x - 1][c] == 0) and (y == 0 or deltas[y - 1][x][c] == 0)
+                delta = bits.signed(chances[c][kind][is_quiet])
+                must(0 <= expected + delta <= 255, "a component of an exact image exceeds 8 bits")
+                rows[y][x][c], deltas[y][x][c] = expected + delta, delta
+    bits.end()
+    return rows
+
+
 def print_texels(file, out):
     """Per block with a map: its root and level, the size of its images, and for each image a checksum of what is coded."""
     for number, patches in enumerate(file.patches):
@@ -1891,10 +1933,12 @@ def print_texels(file, out):
                 if not stream or channel.kind not in KINDS:
                     sums.append(None)
                     continue
-                decode, code = (decode_colours, "B") if channel.kind in CODED_AS_COLOURS else (decode_values, "<H")
+                decode, code = decode_values, "<H"
+                if channel.kind in CODED_AS_COLOURS + CODED_EXACTLY:
+                    decode, code = decode_exact if channel.kind in CODED_EXACTLY else decode_colours, "B"
                 rows = decode(stream, map_.width, map_.height, channel.components)
                 rows = [[texel or (0,) * channel.components for texel in row] for row in rows]
-                if channel.kind == 3:
+                if channel.kind in NORMALS:
                     rows = directions(rows, map_)
                 texels = (texel for row in rows for texel in row)
                 sums.append(zlib.crc32(b"".join(struct.pack(code, x) for texel in texels for x in texel)))

@@ -2,7 +2,7 @@
 //!
 //!     cargo run --release -p lodpack --features write --example texel_rates -- IMAGE.ppm [STEP ...]
 //!
-//! IMAGE is a binary PPM (P6) of 8 bits. Prints for each step of quantisation the bits per texel, the PSNR over the three components, and
+//! IMAGE is a binary PPM (P6) of 8 bits. Prints for each step of quantisation (0 for none, as exact channels have it) the bits per texel, the PSNR over the three components, and
 //! the texels decoded per second of processor time by one thread. `tests/bench/texel_rates.py` puts other codecs beside these.
 
 #![expect(clippy::disallowed_methods, reason = "nothing is built from a logarithm here")]
@@ -10,7 +10,7 @@
 use std::time::Instant;
 
 use lodpack::decode::texels::Image;
-use lodpack::write::encode_image;
+use lodpack::write::{encode_exact_image, encode_image};
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -21,16 +21,17 @@ fn main() {
     let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("cannot read {path}: {error}"));
     let image = parse(&bytes).unwrap_or_else(|| panic!("{path} is no binary PPM of 8 bits"));
     let steps: Vec<u8> = match steps {
-        [] => vec![2, 4, 6, 9, 13, 20, 30, 45],
-        given => given.iter().map(|step| step.parse().expect("a step is a number from 1 to 255")).collect(),
+        [] => vec![0, 2, 4, 6, 9, 13, 20, 30, 45],
+        given => given.iter().map(|step| step.parse().expect("a step is a number from 0 to 255")).collect(),
     };
     let texels = f64::from(image.size[0]) * f64::from(image.size[1]);
     let used = vec![true; texels as usize];
     println!("step  bits/texel   PSNR dB   Mtexel/s");
     for step in steps {
-        let coded = encode_image(&image, &used, step);
+        let coded = if step == 0 { encode_exact_image(&image, &used) } else { encode_image(&image, &used, step) };
+        let decode = if step == 0 { Image::decode_exact } else { Image::decode_colours };
         let start = Instant::now();
-        let decoded = Image::decode_colours(&coded, image.size, 3).expect("it was just encoded");
+        let decoded = decode(&coded, image.size, 3).expect("it was just encoded");
         let seconds = start.elapsed().as_secs_f64();
         let difference = |(&a, &b): (&u8, &u8)| f64::from(a.abs_diff(b)) * f64::from(a.abs_diff(b));
         let squares: f64 = image.data.iter().zip(&decoded.data).map(difference).sum();

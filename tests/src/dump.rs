@@ -122,11 +122,13 @@ fn texel_text(texels: &TexelBytes) -> String {
 }
 
 fn channel_text(channel: &ChannelInfo) -> String {
-    let ChannelInfo { name, kind, components, low, step, bound } = channel;
-    let kind = kind.name();
+    let ChannelInfo { name, kind, is_exact, components, low, step, bound } = channel;
+    let (exact, kind) = (if *is_exact { "exact " } else { "" }, kind.name());
     let [low, step, bound] = [low, step, bound].map(|&x| bits(x));
     let name = quoted(name);
-    format!(r#"{{"name":{name},"kind":"{kind}","components":{components},"low":{low},"step":{step},"bound":{bound}}}"#)
+    format!(
+        r#"{{"name":{name},"kind":"{exact}{kind}","components":{components},"low":{low},"step":{step},"bound":{bound}}}"#
+    )
 }
 
 /// A text as JSON in ASCII.

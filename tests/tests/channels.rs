@@ -57,7 +57,14 @@ pub fn painted_file() -> Vec<u8> {
 /// blue, and shines green.
 pub fn lit_file() -> Vec<u8> {
     let folder = Folder::empty();
-    let torus = torus(120);
+    save_lit(&folder, 120);
+    folder.run("build lit.obj -o lit.lodpack --channels all --color-quality 95");
+    folder.read("lit.lodpack")
+}
+
+/// Writes that torus as OBJ, with so many vertices around.
+pub(crate) fn save_lit(folder: &Folder, count: u32) {
+    let torus = torus(count);
     let mut text = String::from("mtllib lit.mtl\n");
     for &p in &torus.positions {
         let outwards = p - DVec3::new(p.x, p.y, 0.0).normalize();
@@ -76,8 +83,6 @@ pub fn lit_file() -> Vec<u8> {
     let materials =
         "newmtl metal\nKd 0.9 0.6 0.2\nPm 1\nPr 0.2\n\nnewmtl matt\nKd 0.2 0.4 0.9\nKe 0 0.3 0\nPm 0\nPr 0.9\n";
     fs::write(folder.path("lit.mtl"), materials).expect("writable");
-    folder.run("build lit.obj -o lit.lodpack --channels all --color-quality 95");
-    folder.read("lit.lodpack")
 }
 
 pub(crate) struct Folder(tempfile::TempDir);
@@ -285,7 +290,7 @@ fn cuts_of_a_stated_size_show_each_colour_on_its_side_of_a_line_with_any_number_
 }
 
 /// Writes a bumpy sphere as OBJ, whose texture has one colour for each of two charts, which meet in two zigzags.
-fn save_two_coloured(folder: &Folder) {
+pub(crate) fn save_two_coloured(folder: &Folder) {
     let sphere = bumpy_sphere(40);
     let mut text = String::from("mtllib two.mtl\nusemtl two\n");
     for p in &sphere.positions {
@@ -463,16 +468,13 @@ fn colours_of_materials_without_textures_are_kept() {
     }
 }
 
-#[test]
-fn the_independent_decoder_agrees_about_texels() {
-    let folder = Folder::new();
-    save_coloured(&bumpy_sphere(16), &folder.path("small.ply"));
-    folder.run("build small.ply -o small.lodpack --tolerance 0.5% --channels all");
+/// What `decode.py --texels` prints of a file, and what the reader makes of it.
+pub(crate) fn texels_of_both_decoders(path: &Path) -> [String; 2] {
     let decoder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../format-spec/decode.py");
-    let out = Command::new("python3").arg(decoder).arg("--texels").arg(folder.path("small.lodpack")).output();
+    let out = Command::new("python3").arg(decoder).arg("--texels").arg(path).output();
     let out = out.expect("python3 is installed");
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-    let bytes = folder.read("small.lodpack");
+    let bytes = fs::read(path).expect("readable");
     let file = open(&bytes);
     let mut expected = String::new();
     for root in 0..file.root_count() {
@@ -480,29 +482,37 @@ fn the_independent_decoder_agrees_about_texels() {
             let patch = file.decode_root(root, block.level).expect("sound");
             let positions = patch.loops.iter().flatten().map(|vertex| vertex.position);
             let positions: Vec<_> = positions.chain(patch.patch.interior.iter().copied()).collect();
-            let texels = &file.texels(&[(root, block.level)], &[0, 1, 2]).expect("sound")[0];
             let channels: Vec<_> = file.channels().iter().collect();
+            let numbers: Vec<u8> = (0..channels.len() as u8).collect();
+            let texels = &file.texels(&[(root, block.level)], &numbers).expect("sound")[0];
             let texture = lodpack::decode::Texture::decode(texels, &channels, &positions, &patch.patch, 1 << 24);
             let texture = texture.expect("sound");
             let size = texture.map.expect("every block has texels").size;
-            let sums: Vec<String> = texture
-                .images
-                .iter()
-                .map(|image| match image.as_ref().expect("every block has all") {
-                    ChannelImage::Colours(image) | ChannelImage::Normals(image) | ChannelImage::Factors(image) => {
-                        crc32fast::hash(&image.data)
-                    }
-                    ChannelImage::Values(image) => {
-                        crc32fast::hash(&image.data.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>())
-                    }
-                })
-                .map(|sum| sum.to_string())
-                .collect();
+            let sum = |image: &Option<ChannelImage>| match image {
+                Some(ChannelImage::Colours(image) | ChannelImage::Normals(image) | ChannelImage::Factors(image)) => {
+                    crc32fast::hash(&image.data).to_string()
+                }
+                Some(ChannelImage::Values(image)) => {
+                    let bytes: Vec<u8> = image.data.iter().flat_map(|x| x.to_le_bytes()).collect();
+                    crc32fast::hash(&bytes).to_string()
+                }
+                None => "null".to_owned(),
+            };
+            let sums: Vec<String> = texture.images.iter().map(sum).collect();
             expected += &format!("{root} {} {} {} [{}]\n", block.level, size[0], size[1], sums.join(", "));
         }
     }
     assert!(expected.lines().count() > 1);
-    assert_eq!(String::from_utf8_lossy(&out.stdout), expected);
+    [String::from_utf8_lossy(&out.stdout).into_owned(), expected]
+}
+
+#[test]
+fn the_independent_decoder_agrees_about_texels() {
+    let folder = Folder::new();
+    save_coloured(&bumpy_sphere(16), &folder.path("small.ply"));
+    folder.run("build small.ply -o small.lodpack --tolerance 0.5% --channels all");
+    let [printed, expected] = texels_of_both_decoders(&folder.path("small.lodpack"));
+    assert_eq!(printed, expected);
 }
 
 #[test]
@@ -577,7 +587,7 @@ fn normals_are_those_of_the_input_wherever_few_triangles_are_flat() {
 }
 
 /// How much the colours on the two sides of edges between nodes differ: root mean square and largest, over points along all of them.
-fn seams(shown: &TexturedMesh) -> [f64; 2] {
+pub(crate) fn seams(shown: &TexturedMesh) -> [f64; 2] {
     let mut sides: std::collections::BTreeMap<[u32; 2], Vec<(usize, usize)>> = Default::default();
     for (number, corners) in shown.mesh.triangles.iter().enumerate() {
         for k in 0..3 {

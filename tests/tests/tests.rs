@@ -14,6 +14,7 @@
 //! - [`stages`]: jobs whose planning is divided into tasks: workers, kills in every stage
 //! - [`slurm`]: parts on a compute cluster whose tasks fail and whose nodes die
 //! - [`channels`]: colours and numbers of the input come through builds of every kind, and out again
+//! - [`lossless`]: texels that come back as they were made, and what else holds of files with them
 //! - [`drawings`]: alpha modes, double-sided and unlit materials come through builds of every kind, and out again
 //! - [`normals`]: what stores no normals is shaded by computed ones, up to creases and alike on both sides of arcs
 //! - [`images`]: images of the input that are larger than memory, on full disks, of opacity alone, or of one colour
@@ -56,6 +57,7 @@ mod images;
 mod inputs;
 mod jobs;
 mod levels;
+mod lossless;
 mod normals;
 mod nothing_unneeded;
 mod python;

@@ -47,8 +47,15 @@ impl ShownChannel {
 
 /// What a file of heights shows: colours, if it has a ramp, and normals from slopes.
 pub(crate) fn channels_of_heights(has_ramp: bool) -> Vec<ChannelInfo> {
-    let channel =
-        |name: &str, kind| ChannelInfo { name: name.into(), kind, components: 3, low: 0.0, step: 1.0, bound: 0.0 };
+    let channel = |name: &str, kind| ChannelInfo {
+        name: name.into(),
+        kind,
+        is_exact: false,
+        components: 3,
+        low: 0.0,
+        step: 1.0,
+        bound: 0.0,
+    };
     let colour = has_ramp.then(|| channel("colour", ChannelKind::Colour));
     colour.into_iter().chain([channel("normal", ChannelKind::Normal)]).collect()
 }
@@ -96,7 +103,7 @@ mod tests {
     use super::*;
 
     fn channel(name: &str, kind: ChannelKind) -> ChannelInfo {
-        ChannelInfo { name: name.into(), kind, components: 3, low: 0.0, step: 1.0, bound: 0.0 }
+        ChannelInfo { name: name.into(), kind, is_exact: false, components: 3, low: 0.0, step: 1.0, bound: 0.0 }
     }
 
     #[test]

@@ -190,7 +190,15 @@ mod tests {
     #[test]
     fn numbers_survive_as_two_bytes() {
         let (name, kind) = ("x".into(), ChannelKind::Scalar);
-        let shown = Appearance::new(&ChannelInfo { name, kind, components: 1, low: 0.0, step: 1.0, bound: 0.0 });
+        let shown = Appearance::new(&ChannelInfo {
+            name,
+            kind,
+            is_exact: false,
+            components: 1,
+            low: 0.0,
+            step: 1.0,
+            bound: 0.0,
+        });
         for number in [0_u16, 1, 255, 256, 4711, 65535] {
             let [high, low, _, there] = texel(&shown, &[number.into()]);
             assert_eq!((u16::from_be_bytes([high, low]), there), (number, 255));

@@ -56,7 +56,7 @@ mod texels;
 
 pub use finish::{Finished, cut_to_finish, finish, is_nearer};
 pub(crate) use join::{Arranged, Products, Sums, arrange, join, join_encoded};
-pub use options::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError};
+pub use options::{ColourQuality, Effort, Fillings, LevelChoice, ModelOptions, PipelineError};
 pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 pub(crate) use paint::Studio;
 pub use painted_cut::CutPainter;
@@ -138,7 +138,8 @@ pub(crate) fn build_region(
     let has_channels = !plan.appearance.is_empty();
     let start_of_areas = thread_cpu_time();
     let areas = if has_channels {
-        studio.shader.painter(attributes).colour_areas(mesh, adjacency, plan.colour_step)
+        // What differs by less than some steps is no line: without steps as little as with the smallest.
+        studio.shader.painter(attributes).colour_areas(mesh, adjacency, plan.colour_step.max(1))
     } else {
         None
     };

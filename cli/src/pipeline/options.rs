@@ -11,6 +11,8 @@ use crate::storage::WorkError;
 
 /// A region is not divided for its texels if it has no more triangles than this.
 const FEWEST_TEXTURED: u64 = 1 << 13;
+/// The quality that loses nothing.
+const LOSSLESS: &str = "lossless";
 
 /// How much run time a build may spend to save bytes. Every error bound is certified at every effort.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -50,6 +52,69 @@ impl LevelChoice {
         ("all", Self::All, "Every level, from the finest to a few triangles per chart"),
         ("finest", Self::Finest, "The finest level alone, in larger charts: a plain compressed mesh"),
     ];
+}
+
+/// How good stored colours are, and normals and factors, which are coded in the same way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "u8", from = "u8")]
+pub enum ColourQuality {
+    /// From 1 (smallest) to 100 (almost exact).
+    Lossy(u8),
+    /// Texels come back as they were made, in 8 bits.
+    Lossless,
+}
+
+impl ColourQuality {
+    /// The step of quantisation, of 255: 1 for a quality of 100, 9 for 80, 21 for 50; 0 for none.
+    pub(crate) fn step(self) -> u8 {
+        match self {
+            Self::Lossy(quality) => 1 + (100 - quality.clamp(1, 100)) * 2 / 5,
+            Self::Lossless => 0,
+        }
+    }
+}
+
+impl Default for ColourQuality {
+    fn default() -> Self {
+        Self::Lossy(85)
+    }
+}
+
+impl std::fmt::Display for ColourQuality {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        match self {
+            Self::Lossy(quality) => quality.fmt(f),
+            Self::Lossless => f.write_str(LOSSLESS),
+        }
+    }
+}
+
+impl std::str::FromStr for ColourQuality {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.parse() {
+            Ok(quality @ 1..=100) => Ok(Self::Lossy(quality)),
+            _ if text == LOSSLESS => Ok(Self::Lossless),
+            _ => Err(format!("'{text}' is neither a number from 1 to 100 nor {LOSSLESS}")),
+        }
+    }
+}
+
+/// Jobs hold a number; 0 stands for no loss.
+impl From<ColourQuality> for u8 {
+    fn from(quality: ColourQuality) -> Self {
+        match quality {
+            ColourQuality::Lossy(quality) => quality,
+            ColourQuality::Lossless => 0,
+        }
+    }
+}
+
+impl From<u8> for ColourQuality {
+    fn from(number: u8) -> Self {
+        if number == 0 { Self::Lossless } else { Self::Lossy(number) }
+    }
 }
 
 impl Effort {
@@ -156,8 +221,8 @@ pub struct ModelOptions {
     pub extensible: bool,
     /// Channels of the input to keep beside its shape.
     pub channels: Channels,
-    /// How good stored colours are, from 1 to 100.
-    pub colour_quality: u8,
+    /// How good stored colours are.
+    pub colour_quality: ColourQuality,
     /// How rasters become surfaces.
     #[serde(default, skip_serializing_if = "RasterOptions::is_default")]
     pub raster: RasterOptions,
@@ -176,7 +241,7 @@ impl Default for ModelOptions {
             region_triangles: REGION_TRIANGLES,
             extensible: false,
             channels: Channels::Auto,
-            colour_quality: 85,
+            colour_quality: ColourQuality::default(),
             raster: RasterOptions::default(),
         }
     }
@@ -189,11 +254,6 @@ impl ModelOptions {
         let texels = appearance.texels_each(triangles);
         let most = REGION_TEXELS.checked_div(texels).map_or(u64::MAX, |most| most.max(FEWEST_TEXTURED));
         Division { triangles: self.region_triangles.min(most), is_fixed: self.extensible }
-    }
-
-    /// The step of quantisation of colours, of 255: 1 for a quality of 100, 9 for 80, 21 for 50.
-    pub(crate) fn colour_step(&self) -> u8 {
-        1 + (100 - self.colour_quality.clamp(1, 100)) * 2 / 5
     }
 
     /// Whether charts get groups above them. Grids have nested levels of their own.
@@ -256,6 +316,19 @@ impl From<WorkError> for PipelineError {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn qualities_are_numbers_or_lossless_and_survive_in_jobs() {
+        for (text, step) in [("1", 40), ("50", 21), ("80", 9), ("85", 7), ("100", 1), ("lossless", 0)] {
+            let quality: ColourQuality = text.parse().unwrap();
+            assert_eq!((quality.step(), quality.to_string().as_str()), (step, text));
+            assert_eq!(ColourQuality::from(u8::from(quality)), quality);
+        }
+        assert_eq!(serde_json::to_string(&ColourQuality::default()).unwrap(), "85");
+        for text in ["0", "101", "256", "-1", "", "Lossless", "85.5"] {
+            assert!(text.parse::<ColourQuality>().is_err(), "{text}");
+        }
+    }
 
     #[test]
     fn regions_have_fewer_triangles_where_these_have_many_texels() {

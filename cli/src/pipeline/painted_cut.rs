@@ -195,10 +195,12 @@ impl<'a> CutPainter<'a> {
 
 /// How these channels are stored. None if one of them is of a kind that nothing is known of.
 fn storage(channels: &[&ChannelInfo]) -> Option<Storage> {
+    // What decodes exact channels takes nothing else.
+    let step = |channel: &ChannelInfo| if channel.is_exact { 0 } else { STEP };
     let of = |channel: &&ChannelInfo| match channel.kind {
-        ChannelKind::Colour => Some(Stored::Colour { components: channel.components, step: STEP }),
-        ChannelKind::Normal => Some(Stored::Normal { step: STEP }),
-        ChannelKind::Factor if channel.components == 1 => Some(Stored::Factor { step: STEP }),
+        ChannelKind::Colour => Some(Stored::Colour { components: channel.components, step: step(channel) }),
+        ChannelKind::Normal => Some(Stored::Normal { step: step(channel) }),
+        ChannelKind::Factor if channel.components == 1 => Some(Stored::Factor { step: step(channel) }),
         ChannelKind::Label if channel.components == 1 && channel.step == 1.0 => {
             Some(Stored::Label { low: channel.low })
         }

@@ -47,7 +47,7 @@ pub(crate) struct Plan {
     pub extensible: bool,
     /// How the surface looks.
     pub appearance: Appearance,
-    /// The step of quantisation of colours, of 255.
+    /// The step of quantisation of colours, of 255; 0 if nothing of them may be lost.
     pub colour_step: u8,
 }
 
@@ -225,7 +225,7 @@ impl Whole {
             coarse_triangles: coarse_triangles(stats.len() as u64, options.extensible),
             extensible: options.extensible,
             appearance: found.appearance,
-            colour_step: options.colour_step(),
+            colour_step: options.colour_quality.step(),
         };
         (plan, sizes.collect())
     }

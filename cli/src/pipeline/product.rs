@@ -124,7 +124,7 @@ pub(super) fn head(plan: &Plan) -> Model {
         lattice: plan.scale.lattice,
         arc_tangent_shift: ARC_TANGENT_SHIFT,
         source: plan.source.clone(),
-        channels: channels(&plan.appearance),
+        channels: channels(&plan.appearance, plan.colour_step == 0),
         placement: plan.placement.clone(),
         ..Model::default()
     }

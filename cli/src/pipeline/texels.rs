@@ -34,19 +34,22 @@ const SMALL_FINER: f64 = 16.0;
 /// How much larger than wanted texels may be, because their size is a power of the root of two.
 const LARGER: f64 = 1.1;
 
-/// The channels of a file whose input looks like this.
-pub(super) fn channels(appearance: &Appearance) -> Vec<ChannelInfo> {
+/// The channels of a file whose input looks like this, and of whose colours nothing is lost if they are exact.
+pub(super) fn channels(appearance: &Appearance, is_exact: bool) -> Vec<ChannelInfo> {
     let of = |name: &str, kind: ChannelKind, components: u8, low: f64, step: f64, bound: f64| ChannelInfo {
         name: name.into(),
         kind,
+        is_exact: is_exact && matches!(kind, ChannelKind::Colour | ChannelKind::Normal | ChannelKind::Factor),
         components,
         low,
         step,
         bound,
     };
     let maps = &appearance.maps;
-    let factor = |name: &str| of(name, ChannelKind::Factor, 1, 0.0, 1.0 / 255.0, 0.0);
-    let colour = |name: &str, components: u8| of(name, ChannelKind::Colour, components, 0.0, 1.0, 0.0);
+    // All that exact ones are off by is rounding. Of normals that holds for those alone that are on the near side of a piece.
+    let rounding = if is_exact { 0.5 } else { 0.0 };
+    let factor = |name: &str| of(name, ChannelKind::Factor, 1, 0.0, 1.0 / 255.0, rounding / 255.0);
+    let colour = |name: &str, components: u8| of(name, ChannelKind::Colour, components, 0.0, 1.0, rounding);
     let of_materials = [
         (appearance.has_colour, colour(COLOUR, colour_components(appearance))),
         (maps.normal, of(NORMAL, ChannelKind::Normal, 2, -128.0 / 127.0, 1.0 / 127.0, 0.0)),

@@ -118,6 +118,7 @@ fn channel_of_heights(info: &lodpack::heights::HeightsInfo) -> ChannelInfo {
     ChannelInfo {
         name: "height".into(),
         kind: ChannelKind::Scalar,
+        is_exact: false,
         components: 1,
         low: info.zero,
         step: info.step,

@@ -137,7 +137,15 @@ mod tests {
     use crate::codec::texels::Image;
 
     fn appearance(kind: ChannelKind) -> Appearance {
-        Appearance::new(&ChannelInfo { name: "x".into(), kind, components: 1, low: -1.0, step: 0.5, bound: 0.0 })
+        Appearance::new(&ChannelInfo {
+            name: "x".into(),
+            kind,
+            is_exact: false,
+            components: 1,
+            low: -1.0,
+            step: 0.5,
+            bound: 0.0,
+        })
     }
 
     #[test]

@@ -69,13 +69,15 @@ impl Texture {
             if bytes.is_empty() {
                 return Ok(None);
             }
-            let ChannelInfo { kind, components, .. } = channel;
+            let &&ChannelInfo { kind, is_exact, components, .. } = channel;
+            let decode_bytes = if is_exact { Image::decode_exact } else { Image::decode_colours };
+            let decode_normals = if is_exact { Image::decode_exact_normals } else { Image::decode_normals };
             Ok(Some(match kind {
-                ChannelKind::Colour => ChannelImage::Colours(Image::decode_colours(bytes, map.size, *components)?),
-                ChannelKind::Normal => ChannelImage::Normals(Image::decode_normals(bytes, &map)?),
-                ChannelKind::Factor => ChannelImage::Factors(Image::decode_colours(bytes, map.size, *components)?),
+                ChannelKind::Colour => ChannelImage::Colours(decode_bytes(bytes, map.size, components)?),
+                ChannelKind::Normal => ChannelImage::Normals(decode_normals(bytes, &map)?),
+                ChannelKind::Factor => ChannelImage::Factors(decode_bytes(bytes, map.size, components)?),
                 ChannelKind::Unknown(_) => return Ok(None),
-                _ => ChannelImage::Values(Image::decode_values(bytes, map.size, *components)?),
+                _ => ChannelImage::Values(Image::decode_values(bytes, map.size, components)?),
             }))
         };
         let images = bytes.images.iter().zip(channels).map(image).collect::<Result<Vec<_>>>()?;

@@ -52,27 +52,40 @@ impl ChannelKind {
         matches!(self, Self::Label | Self::Drawing)
     }
 
-    fn code(self) -> u8 {
-        match self {
-            Self::Colour => 1,
-            Self::Scalar => 2,
-            Self::Normal => 3,
-            Self::Label => 4,
-            Self::Factor => 5,
-            Self::Drawing => 6,
-            Self::Unknown(code) => code,
+    /// Whether decoded texels are bytes, of which something may be lost.
+    fn is_of_bytes(self) -> bool {
+        matches!(self, Self::Colour | Self::Normal | Self::Factor)
+    }
+
+    /// The code of a channel of this kind that is exact, or not.
+    fn code(self, is_exact: bool) -> u8 {
+        match (self, is_exact) {
+            (Self::Colour, false) => 1,
+            (Self::Scalar, _) => 2,
+            (Self::Normal, false) => 3,
+            (Self::Label, _) => 4,
+            (Self::Factor, false) => 5,
+            (Self::Drawing, _) => 6,
+            (Self::Colour, true) => 7,
+            (Self::Normal, true) => 8,
+            (Self::Factor, true) => 9,
+            (Self::Unknown(code), _) => code,
         }
     }
 
-    fn of_code(code: u8) -> Self {
+    /// The kind of a code, and whether channels with it are exact. Readers that do not know exact ones skip them, as all of unknown kinds.
+    fn of_code(code: u8) -> (Self, bool) {
         match code {
-            1 => Self::Colour,
-            2 => Self::Scalar,
-            3 => Self::Normal,
-            4 => Self::Label,
-            5 => Self::Factor,
-            6 => Self::Drawing,
-            other => Self::Unknown(other),
+            1 => (Self::Colour, false),
+            2 => (Self::Scalar, false),
+            3 => (Self::Normal, false),
+            4 => (Self::Label, false),
+            5 => (Self::Factor, false),
+            6 => (Self::Drawing, false),
+            7 => (Self::Colour, true),
+            8 => (Self::Normal, true),
+            9 => (Self::Factor, true),
+            other => (Self::Unknown(other), false),
         }
     }
 }
@@ -85,6 +98,8 @@ pub struct ChannelInfo {
     pub name: String,
     /// What the values mean.
     pub kind: ChannelKind,
+    /// Whether texels of a colour, a normal or a factor are coded without loss. False for all other kinds, which always are.
+    pub is_exact: bool,
     /// Numbers of a value, 1 to 4.
     pub components: u8,
     /// The value that the integer 0 stands for.
@@ -103,7 +118,7 @@ impl ChannelInfo {
 
     /// Whether decoded texels are bytes: colours, normals and factors. The others are numbers of 16 bits.
     pub fn is_of_bytes(&self) -> bool {
-        matches!(self.kind, ChannelKind::Colour | ChannelKind::Normal | ChannelKind::Factor)
+        self.kind.is_of_bytes()
     }
 
     /// The rule that it breaks, if it breaks one.
@@ -122,6 +137,8 @@ impl ChannelInfo {
             Some("a drawing does not have one component")
         } else if self.kind == ChannelKind::Drawing && [self.low, self.step] != [0.0, 1.0] {
             Some("drawings do not count from 0 in steps of 1")
+        } else if self.is_exact && !self.is_of_bytes() {
+            Some("a channel is exact that is no colour, normal or factor")
         } else if !(self.low.is_finite() && self.step > 0.0 && self.step.is_finite()) {
             Some("a channel's step is not above 0, or a value is not finite")
         } else if !(self.bound >= 0.0 && self.bound.is_finite()) {
@@ -172,7 +189,7 @@ impl Channels {
         for (channel, image_bytes) in self.channels.iter().zip(stream_bytes) {
             put_varint(&mut bytes, channel.name.len() as u64);
             bytes.extend(channel.name.as_bytes());
-            bytes.extend([channel.kind.code(), channel.components]);
+            bytes.extend([channel.kind.code(channel.is_exact), channel.components]);
             [channel.low, channel.step, channel.bound].iter().for_each(|x| bytes.extend(x.to_le_bytes()));
             put_varint(&mut bytes, image_bytes);
         }
@@ -190,9 +207,11 @@ impl Channels {
         for _ in 0..count {
             let length = cursor.varint_up_to(MAX_NAME_BYTES as u64, "a channel's name has more than 255 bytes")?;
             let name = String::from_utf8(cursor.bytes(length as usize)?.to_vec());
+            let (kind, is_exact) = ChannelKind::of_code(cursor.u8()?);
             result.channels.push(ChannelInfo {
                 name: name.map_err(|_| Error::format("a channel's name is not UTF-8"))?,
-                kind: ChannelKind::of_code(cursor.u8()?),
+                kind,
+                is_exact,
                 components: cursor.u8()?,
                 low: cursor.f64()?,
                 step: cursor.f64()?,
@@ -213,6 +232,7 @@ mod tests {
         let channel = |name: &str, kind, components| ChannelInfo {
             name: name.into(),
             kind,
+            is_exact: false,
             components,
             low: -1.0,
             step: 0.125,
@@ -228,7 +248,7 @@ mod tests {
 
     fn drawing(components: u8) -> ChannelInfo {
         let name = "drawing".into();
-        ChannelInfo { name, kind: ChannelKind::Drawing, components, low: 0.0, step: 1.0, bound: 0.0 }
+        ChannelInfo { name, kind: ChannelKind::Drawing, is_exact: false, components, low: 0.0, step: 1.0, bound: 0.0 }
     }
 
     #[test]
@@ -239,17 +259,27 @@ mod tests {
         assert!(Channels::parse(&[bytes, vec![0]].concat()).is_err());
         let drawn = Channels { channels: vec![drawing(1)], stream_bytes: vec![7, 9] };
         assert_eq!(Channels::parse(&drawn.write()).unwrap(), drawn);
+        for (kind, components, code) in
+            [(ChannelKind::Colour, 3, 7), (ChannelKind::Normal, 2, 8), (ChannelKind::Factor, 1, 9)]
+        {
+            let exact = ChannelInfo { kind, components, is_exact: true, ..drawing(1) };
+            let channels = Channels { channels: vec![exact], stream_bytes: vec![7, 9] };
+            assert_eq!(Channels::parse(&channels.write()).unwrap(), channels);
+            // After two varints, the length of the name and the name.
+            assert_eq!(channels.write()[10], code);
+        }
     }
 
     #[test]
     fn channels_that_break_a_rule_are_refused() {
-        let changes: [&dyn Fn(&mut Channels); 16] = [
+        let changes: [&dyn Fn(&mut Channels); 17] = [
             &|all| all.channels.clear(),
             &|all| all.channels[1].name = "colour".into(),
             &|all| all.channels[1].name.clear(),
             &|all| all.channels[1].name = "x".repeat(256),
             &|all| all.channels[1].name = "a\u{1b}[31m".into(),
             &|all| all.channels[0].components = 2,
+            &|all| (all.channels[0].is_exact, all.channels[0].components) = (true, 2),
             &|all| all.channels[2].components = 0,
             &|all| all.channels[2].components = 5,
             &|all| all.channels[1].step = 0.0,

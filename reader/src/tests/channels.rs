@@ -225,6 +225,7 @@ fn channels_that_break_a_rule_cannot_be_written() {
     refused(&|model| model.channels[0].name.clear());
     refused(&|model| model.channels[1].name = "colour".into());
     refused(&|model| model.channels[1].kind = crate::index::ChannelKind::Unknown(9));
+    refused(&|model| model.channels[1].is_exact = true);
     refused(&|model| model.channels = vec![]);
     refused(&|model| drop(model.channels.pop()));
     refused(&|model| model.roots[5].blocks[0].as_mut().unwrap().texels = vec![vec![]; 4]);

@@ -375,6 +375,7 @@ pub(crate) fn add_channels(model: &mut Model, seed: u64) {
     let channel = |name: &str, kind, components| ChannelInfo {
         name: name.into(),
         kind,
+        is_exact: false,
         components,
         low: 0.0,
         step: 1.0 / 255.0,

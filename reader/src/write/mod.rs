@@ -58,8 +58,8 @@ pub use crate::codec::{
         irregular::{EncodeError, PatchTarget, encode_patch, encode_refined_patch},
     },
     texels::{
-        PieceShape, Seen, SeenPoint, encode_image, encode_map, encode_normals, encode_seen_image, encode_values,
-        texel_size,
+        PieceShape, Seen, SeenPoint, encode_exact_image, encode_exact_normals, encode_image, encode_map,
+        encode_normals, encode_seen_image, encode_values, texel_size,
     },
 };
 pub use crate::format::{

@@ -7,15 +7,18 @@
 use glam::DVec3;
 use lodpack::{
     File, Lattice, LatticePoint, Limits,
-    decode::{AlphaMode, Drawing, RootPatch, texels::Image},
+    decode::{
+        AlphaMode, Drawing, RootPatch,
+        texels::{Image, Map},
+    },
     index::{ChannelInfo, ChannelKind, HalfArc},
     write::{ArcRecord, ArcTarget, BlockRecord, LevelInfo, ListSizes, Model, OverviewRecord, PatchTarget},
 };
 use lodpack::{
     index::SourceInfo,
     write::{
-        PieceShape, Quantisation, RootRecord, Slide, SymbolBuffer, WantedSample, encode_map, encode_values,
-        quantise_arcs, write_listed,
+        PieceShape, Quantisation, RootRecord, Slide, SymbolBuffer, WantedSample, encode_exact_image,
+        encode_exact_normals, encode_map, encode_values, quantise_arcs, write_listed,
     },
 };
 use lodpack_cli::job::{BuildOptions, build};
@@ -74,6 +77,7 @@ fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
         ("channels_of_nothing", HandmadeTexels::nothing().put_into(Handmade::nothing().container()).bytes()),
         ("channels", cube_with_channels()?),
         ("drawings", drawn_cube()?),
+        ("exact_colours", exact_cube()?),
         ("many_clusters", cube_of_squares(3)?),
         ("lists", listed_cube()?),
         ("tree", tree()?),
@@ -297,10 +301,7 @@ fn cube_with_channels() -> Result<Vec<u8>, Failure> {
     for half_arcs in &net.loops {
         roots.push(net.fan(half_arcs, &[Some(0.5), Some(0.125)])?);
     }
-    let channel = |name: &str, kind, components, step| {
-        let name = name.to_owned();
-        ChannelInfo { name, kind, components, low: 0.0, step, bound: 2.0 * step }
-    };
+    let channel = |name: &str, kind, components, step| channel(name, kind, components, step, 2.0 * step);
     let mut model = net.model(&[0.5, 0.125], roots, None);
     let colour = channel("colour", ChannelKind::Colour, 4, 1.0 / 255.0);
     model.channels = vec![colour, channel("\u{b0}C \"outside\"", ChannelKind::Scalar, 1, 0.125)];
@@ -320,20 +321,6 @@ fn cube_with_channels() -> Result<Vec<u8>, Failure> {
 /// A cube of six roots with a channel that says how each is drawn: the first in the usual way, and by one number. The last has two numbers, and its
 /// coarser block none.
 fn drawn_cube() -> Result<Vec<u8>, Failure> {
-    let (corners, squares) = squares(1);
-    let levels = vec![0; corners.len()];
-    let net = Net::new(corners, levels, &squares, |_| [0, 1])?;
-    let mut roots = vec![];
-    for half_arcs in &net.loops {
-        roots.push(net.fan(half_arcs, &[Some(0.5), Some(0.125)])?);
-    }
-    let mut model = net.model(&[0.5, 0.125], roots, None);
-    let (name, kind) = ("drawing".to_owned(), ChannelKind::Drawing);
-    model.channels = vec![ChannelInfo { name, kind, components: 1, low: 0.0, step: 1.0, bound: 0.0 }];
-    let mut bytes = vec![];
-    let order = write_listed(&model, ListSizes::default(), &mut bytes)?.root_order;
-    // Maps project what decodes.
-    let file = File::open(bytes.as_slice(), Limits::default())?;
     let masked = |cutoff: f64| Drawing { alpha: AlphaMode::Mask(cutoff), ..Drawing::default() };
     let of_roots = [
         Drawing::default(),
@@ -343,8 +330,79 @@ fn drawn_cube() -> Result<Vec<u8>, Failure> {
         Drawing { alpha: AlphaMode::Blend, ..Drawing::default() },
         masked(1e9),
     ];
+    painted_cube(vec![channel("drawing", ChannelKind::Drawing, 1, 1.0, 0.0)], |number, level, map| {
+        let [width, height] = map.size;
+        let is_second = |texel: u32| number == 5 && texel % width > width / 2;
+        let data = (0..width * height).map(|texel| if is_second(texel) { 0 } else { of_roots[number].number() });
+        let image = Image { size: map.size, components: 1, data: data.collect() };
+        let stream = encode_values(&image, &vec![true; (width * height) as usize]);
+        vec![if number == 5 && level == 0 { vec![] } else { stream }]
+    })
+}
+
+/// The same cube with exact channels: a colour with alpha, light, a normal and a factor. The first root has images of one colour, the others have
+/// gradients with edges and what looks like noise; every seventh texel is not used, and the last root's coarser block has no images.
+fn exact_cube() -> Result<Vec<u8>, Failure> {
+    let exact = |name, kind, components, step: f64| ChannelInfo {
+        is_exact: true,
+        ..channel(name, kind, components, step, step / 2.0)
+    };
+    let channels = vec![
+        exact("colour", ChannelKind::Colour, 4, 1.0),
+        exact("emissive", ChannelKind::Colour, 3, 1.0),
+        ChannelInfo { low: -128.0 / 127.0, ..exact("normal", ChannelKind::Normal, 2, 1.0 / 127.0) },
+        exact("roughness", ChannelKind::Factor, 1, 1.0 / 255.0),
+    ];
+    painted_cube(channels, |number, level, map| {
+        if number == 5 && level == 0 {
+            return vec![vec![]; 4];
+        }
+        let [width, height] = map.size;
+        let texels = || (0..width * height).map(|texel| [texel % width, texel / width]);
+        let is_used: Vec<bool> = (0..width * height).map(|texel| texel % 7 != 3).collect();
+        let image = |components: u8, seed: u32| {
+            let of_texel = |[x, y]: [u32; 2], k: u32| match (number, (x / 9 + y / 5 + seed) % 3) {
+                (0, _) => 40 * k + seed,
+                (_, 0) => (200 + k).wrapping_sub(3 * x),
+                (_, 1) => (x * 31 + y * 17 + k * 5).pow(2) / 7,
+                _ => 2 * y + 60 * k,
+            };
+            let data = texels().flat_map(|at| (0..u32::from(components)).map(move |k| of_texel(at, k) as u8));
+            encode_exact_image(&Image { size: map.size, components, data: data.collect() }, &is_used)
+        };
+        let direction = |[x, y]: [u32; 2]| match number {
+            0 => [0.0, 0.0, 1.0],
+            _ => [x as f32 - 8.0, 5.0 - y as f32, (x * y % 11) as f32],
+        };
+        let directions: Vec<[f32; 3]> = texels().map(direction).collect();
+        vec![image(4, 1), image(3, 2), encode_exact_normals(map, &directions, &is_used), image(1, 3)]
+    })
+}
+
+fn channel(name: &str, kind: ChannelKind, components: u8, step: f64, bound: f64) -> ChannelInfo {
+    ChannelInfo { name: name.to_owned(), kind, is_exact: false, components, low: 0.0, step, bound }
+}
+
+/// A cube of six roots at two levels with these channels. `images` gives the streams of a block, of which the root, the level and the map are given.
+fn painted_cube(
+    channels: Vec<ChannelInfo>,
+    images: impl Fn(usize, u8, &Map) -> Vec<Vec<u8>>,
+) -> Result<Vec<u8>, Failure> {
+    let (corners, squares) = squares(1);
+    let levels = vec![0; corners.len()];
+    let net = Net::new(corners, levels, &squares, |_| [0, 1])?;
+    let mut roots = vec![];
+    for half_arcs in &net.loops {
+        roots.push(net.fan(half_arcs, &[Some(0.5), Some(0.125)])?);
+    }
+    let mut model = net.model(&[0.5, 0.125], roots, None);
+    model.channels = channels;
+    let mut bytes = vec![];
+    let order = write_listed(&model, ListSizes::default(), &mut bytes)?.root_order;
+    // Maps project what decodes.
+    let file = File::open(bytes.as_slice(), Limits::default())?;
     let mut texels = vec![];
-    for (number, drawing) in of_roots.iter().enumerate() {
+    for number in 0..6 {
         for level in 0..2 {
             let RootPatch { patch, loops, .. } = file.decode_root(number as u32, level)?;
             let border = loops.iter().flatten().map(|vertex| vertex.position);
@@ -354,12 +412,8 @@ fn drawn_cube() -> Result<Vec<u8>, Failure> {
             let shapes = [PieceShape { axis: axis_of(&positions), larger }];
             let labels = vec![0; patch.triangles.len()];
             let (map, bytes) = encode_map(&positions, &patch.triangles, 10, &shapes, &labels, 1 << 20)?;
-            let [width, height] = map.size;
-            let is_second = |texel: u32| number == 5 && texel % width > width / 2;
-            let data = (0..width * height).map(|texel| if is_second(texel) { 0 } else { drawing.number() });
-            let image = Image { size: map.size, components: 1, data: data.collect() };
-            let stream = encode_values(&image, &vec![true; (width * height) as usize]);
-            texels.push((order[number], level, vec![bytes, if number == 5 && level == 0 { vec![] } else { stream }]));
+            let streams = [vec![bytes], images(number, level, &map)].concat();
+            texels.push((order[number], level, streams));
         }
     }
     for (root, level, streams) in texels {

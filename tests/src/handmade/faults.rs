@@ -498,6 +498,10 @@ fn channel_faults() -> Vec<Edit<HandmadeTexels>> {
         ("channel_components", "a channel has five components (20.1)", |t| t.channels[1].components = 5),
         ("channel_components_zero", "a channel has no components (20.1)", |t| t.channels[1].components = 0),
         ("channel_colour", "a colour has two components (20.1)", |t| t.channels[0].components = 2),
+        ("exact_colour", "an exact colour has two components (20.1)", |t| {
+            (t.channels[0].kind, t.channels[0].components) = (7, 2);
+        }),
+        ("exact_normal", "an exact normal has three components (20.1)", |t| t.channels[0].kind = 8),
         ("channel_low", "the low value of a channel is not a number (20.1)", |t| t.channels[0].numbers[0] = f64::NAN),
         ("channel_step", "the step of a channel is 0 (20.1)", |t| t.channels[0].numbers[1] = 0.0),
         ("channel_bound", "the bound of a channel is negative (20.1)", |t| t.channels[0].numbers[2] = -1.0),

@@ -14,12 +14,12 @@ const MOST_SAMPLES: f64 = 8.0;
 impl Stored {
     /// Decodes the image of a channel. None if its bytes break a rule of the format.
     pub fn decode(self, bytes: &[u8], map: &Map) -> Option<ChannelImage> {
+        let decode_bytes = if self.is_exact() { Image::decode_exact } else { Image::decode_colours };
+        let decode_normals = if self.is_exact() { Image::decode_exact_normals } else { Image::decode_normals };
         Some(match self {
-            Self::Colour { components, .. } => {
-                ChannelImage::Colours(Image::decode_colours(bytes, map.size, components).ok()?)
-            }
-            Self::Normal { .. } => ChannelImage::Normals(Image::decode_normals(bytes, map).ok()?),
-            Self::Factor { .. } => ChannelImage::Factors(Image::decode_colours(bytes, map.size, 1).ok()?),
+            Self::Colour { components, .. } => ChannelImage::Colours(decode_bytes(bytes, map.size, components).ok()?),
+            Self::Normal { .. } => ChannelImage::Normals(decode_normals(bytes, map).ok()?),
+            Self::Factor { .. } => ChannelImage::Factors(decode_bytes(bytes, map.size, 1).ok()?),
             Self::Scalar { .. } | Self::Label { .. } => {
                 ChannelImage::Values(Image::decode_values(bytes, map.size, 1).ok()?)
             }

@@ -1,11 +1,7 @@
 //! What points of a surface carry, and means of it over texels.
 
-use lodpack::decode::texels::{Image, Map};
-use lodpack::write::{Seen, encode_image, encode_normals, encode_seen_image, encode_values};
-
 use super::closest::Weight;
 use super::lanes::{LANES, whole};
-use crate::mesh::srgb::srgb_byte;
 
 /// What a channel means, and how its values are stored.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,17 +11,17 @@ pub enum Stored {
     Colour {
         /// 3 or 4.
         components: u8,
-        /// The step of quantisation, of 255.
+        /// The step of quantisation, of 255; 0 keeps texels as they are.
         step: u8,
     },
     /// A direction of any length: three values.
     Normal {
-        /// The step of quantisation, of 255.
+        /// The step of quantisation, of 255; 0 keeps texels as they are.
         step: u8,
     },
     /// A number from 0 to 1: one value.
     Factor {
-        /// The step of quantisation, of 255.
+        /// The step of quantisation, of 255; 0 keeps texels as they are.
         step: u8,
     },
     /// A number, NaN where there is none.
@@ -43,6 +39,11 @@ pub enum Stored {
 }
 
 impl Stored {
+    /// Whether texels of a colour, a normal or a factor come back as they are.
+    pub fn is_exact(self) -> bool {
+        matches!(self, Self::Colour { step: 0, .. } | Self::Normal { step: 0 } | Self::Factor { step: 0 })
+    }
+
     /// Values of a point.
     pub fn values(self) -> usize {
         match self {
@@ -220,95 +221,6 @@ impl Storage {
             }
         }
     }
-
-    /// The image of each channel, of texels that have these values, as [`Sums`] has them. Texels that are not used may have any value
-    /// afterwards. `memory` serves one image after another.
-    pub(super) fn encode(
-        &self,
-        map: &Map,
-        values: &[f32],
-        is_used: &[bool],
-        seen: &Seen<'_>,
-        steps: Steps,
-        memory: &mut Vec<u8>,
-    ) -> Vec<Vec<u8>> {
-        let mut first = 0;
-        let mut streams = vec![];
-        for &channel in &self.channels {
-            let texels = values.chunks_exact(self.stride()).map(|texel| &texel[first..first + channel.values()]);
-            streams.push(match channel {
-                Stored::Colour { step, .. } if self.is_plain => {
-                    let step = steps.of_opaque_colours(step);
-                    let image = plain_colours(values, map.size, std::mem::take(memory));
-                    let bytes = encode_seen_image(&image, is_used, seen, step);
-                    *memory = image.data;
-                    bytes
-                }
-                Stored::Colour { components: 3, step } => {
-                    let image = colours(texels, map.size, 3);
-                    encode_seen_image(&image, is_used, seen, steps.of_opaque_colours(step))
-                }
-                Stored::Colour { components, step } => {
-                    encode_image(&colours(texels, map.size, components), is_used, steps.of_others(step))
-                }
-                Stored::Normal { step } => {
-                    let step = steps.of_others(step);
-                    let directions: Vec<[f32; 3]> = texels.map(|texel| [texel[0], texel[1], texel[2]]).collect();
-                    encode_normals(map, &directions, is_used, step)
-                }
-                Stored::Factor { step } => {
-                    let step = steps.of_others(step);
-                    let data = texels.map(|texel| byte(texel[0])).collect();
-                    encode_image(&Image { size: map.size, components: 1, data }, is_used, step)
-                }
-                Stored::Scalar { low, step } => {
-                    let data = texels.map(|texel| number_of(texel[0], low, step)).collect();
-                    encode_values(&Image { size: map.size, components: 1, data }, is_used)
-                }
-                Stored::Label { low } => {
-                    let data = texels.map(|texel| number_of(texel[0], low, 1.0)).collect();
-                    encode_values(&Image { size: map.size, components: 1, data }, is_used)
-                }
-            });
-            first += channel.values();
-        }
-        streams
-    }
-}
-
-/// By what the steps of quantisation of some images are larger than usual.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Steps {
-    /// Those of colours without opacity.
-    pub opaque_colours: f64,
-    /// All others.
-    pub others: f64,
-}
-
-impl Steps {
-    fn of_opaque_colours(self, step: u8) -> u8 {
-        larger(step, self.opaque_colours)
-    }
-
-    fn of_others(self, step: u8) -> u8 {
-        larger(step, self.others)
-    }
-}
-
-/// A step that is so many times as large, or the largest there is.
-fn larger(step: u8, factor: f64) -> u8 {
-    (f64::from(step) * factor).round().min(255.0) as u8
-}
-
-/// The number that stands for a value; 0 for none.
-fn number_of(value: f32, low: f64, step: f64) -> u16 {
-    // The conversion saturates, and NaN becomes 0.
-    ((f64::from(value) - low) / step + 0.5) as u16
-}
-
-/// A number from 0 to 1 as one of 255.
-fn byte(value: f32) -> u8 {
-    (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
 /// A number from 0 to 1 as one of 65535.
@@ -317,29 +229,6 @@ fn share(value: f32) -> u16 {
     let number = value * 65535.0 + 0.5;
     let number = if number > 0.0 { number } else { 0.0 };
     whole(if number < 65535.0 { number } else { 65535.0 }) as u16
-}
-
-/// Colours as they are stored, from linear light.
-fn colours<'a>(texels: impl Iterator<Item = &'a [f32]>, size: [u32; 2], components: u8) -> Image<u8> {
-    let count = usize::from(components);
-    let mut data = vec![0; size[0] as usize * size[1] as usize * count];
-    for (to, texel) in data.chunks_exact_mut(count).zip(texels) {
-        to.iter_mut().zip(texel).take(3).for_each(|(to, &value)| *to = srgb_byte(value));
-        if let Some(opacity) = to.get_mut(3) {
-            *opacity = byte(texel[3]);
-        }
-    }
-    Image { size, components, data }
-}
-
-/// As [`colours`], where there is nothing else.
-fn plain_colours(values: &[f32], size: [u32; 2], mut data: Vec<u8>) -> Image<u8> {
-    let texels = values.as_chunks().0;
-    data.resize(3 * texels.len(), 0);
-    for (colour, &[red, green, blue, _]) in data.as_chunks_mut().0.iter_mut().zip(texels) {
-        *colour = [red, green, blue].map(srgb_byte);
-    }
-    Image { size, components: 3, data }
 }
 
 /// Counts a vote for a label (Boyer and Moore 1981, "MJRTY"): what has more than half of the weight wins, whatever the order.

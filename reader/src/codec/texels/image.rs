@@ -45,10 +45,24 @@ impl Image<u8> {
         if step > 0 {
             return colours::decode(rest, size, components, step);
         }
-        if rest.len() != usize::from(components) {
+        Self::decode_even(rest, size, components)
+    }
+
+    /// An image of one colour, of which the bytes are given.
+    pub(super) fn decode_even(bytes: &[u8], size: [u32; 2], components: u8) -> Result<Self> {
+        if bytes.len() != usize::from(components) {
             return Err(Error::format("an image of one colour does not have the bytes of one"));
         }
-        Ok(Self::filled(size, rest))
+        Ok(Self::filled(size, bytes))
+    }
+
+    /// The colour of all texels that are used, if they have the same; black if none is.
+    #[cfg(feature = "write")]
+    pub(super) fn even_texel(&self, is_used: &[bool]) -> Option<&[u8]> {
+        let components = usize::from(self.components);
+        let mut used = self.data.chunks_exact(components).zip(is_used).filter(|&(_, &used)| used);
+        let first = used.next().map_or(&[0; 4][..components], |(texel, _)| texel);
+        used.all(|(texel, _)| texel == first).then_some(first)
     }
 }
 
@@ -110,11 +124,8 @@ pub fn encode_seen_image(image: &Image<u8>, is_used: &[bool], seen: &Seen<'_>, s
 
 #[cfg(feature = "write")]
 fn encode(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, step: u8) -> Vec<u8> {
-    let components = usize::from(image.components);
-    let mut used = image.data.chunks_exact(components).zip(is_used).filter(|&(_, &used)| used);
-    let first = used.next().map_or([0; 4].as_slice(), |(texel, _)| texel);
-    if used.all(|(texel, _)| texel == first) {
-        return [&[0], &first[..components]].concat();
+    if let Some(even) = image.even_texel(is_used) {
+        return [&[0], even].concat();
     }
     let (step, bytes) = colours::encode(image, is_used, seen, step.max(1));
     [&[step], bytes.as_slice()].concat()

@@ -2,11 +2,12 @@
 //!
 //! A [`Map`] divides a patch into pieces and projects each onto a rectangle of an image. It follows from the patch and a few bytes, and
 //! stores no coordinates. An [`Image`] has one value per texel and component. Colours, normals and factors are transformed by blocks of 8 x 8 texels and
-//! quantised; other values are predicted from their neighbours, exactly. Both are coded bit by bit with probabilities that adapt, so an
+//! quantised; other values are predicted from their neighbours, exactly, and so are colours, normals and factors of which nothing may be lost. Both are coded bit by bit with probabilities that adapt, so an
 //! image of a hundred texels needs no tables.
 
 mod binary;
 mod colours;
+mod exact;
 #[cfg(feature = "write")]
 mod form;
 mod image;
@@ -19,6 +20,8 @@ mod seen;
 mod transform;
 mod values;
 
+#[cfg(feature = "write")]
+pub use exact::encode_exact_image;
 pub use image::Image;
 #[cfg(feature = "write")]
 pub use image::{encode_image, encode_seen_image};
@@ -26,7 +29,7 @@ pub use map::{Map, Piece};
 #[cfg(feature = "write")]
 pub use map::{PieceShape, encode_map, texel_size};
 #[cfg(feature = "write")]
-pub use normals::encode_normals;
+pub use normals::{encode_exact_normals, encode_normals};
 #[cfg(feature = "write")]
 pub use seen::{Seen, SeenPoint};
 #[cfg(feature = "write")]

@@ -34,7 +34,20 @@ impl Image<u8> {
     /// # Errors
     /// If the bytes break a rule of the format.
     pub fn decode_normals(bytes: &[u8], map: &Map) -> Result<Self> {
-        let projected = Self::decode_colours(bytes, map.size, 2)?;
+        Self::decode_colours(bytes, map.size, 2)?.directions(map)
+    }
+
+    /// As [`Image::decode_normals`], of an exact channel.
+    ///
+    /// # Errors
+    /// If the bytes break a rule of the format.
+    pub fn decode_exact_normals(bytes: &[u8], map: &Map) -> Result<Self> {
+        Self::decode_exact(bytes, map.size, 2)?.directions(map)
+    }
+
+    /// The directions that two bytes of each texel stand for.
+    fn directions(self, map: &Map) -> Result<Self> {
+        let projected = self;
         check(map.size, 3)?;
         let width = map.size[0] as usize;
         let mut data = vec![0; projected.data.len() / 2 * 3];
@@ -69,6 +82,18 @@ fn direction(bytes: [u8; 2], [u, v, axis]: &[[f64; 3]; 3]) -> [u8; 3] {
 /// afterwards.
 #[cfg(feature = "write")]
 pub fn encode_normals(map: &Map, directions: &[[f32; 3]], is_used: &[bool], step: u8) -> Vec<u8> {
+    super::encode_image(&projected_image(map, directions), is_used, step)
+}
+
+/// As [`encode_normals`], for an exact channel: nothing is lost but what two bytes cannot say.
+#[cfg(feature = "write")]
+pub fn encode_exact_normals(map: &Map, directions: &[[f32; 3]], is_used: &[bool]) -> Vec<u8> {
+    super::encode_exact_image(&projected_image(map, directions), is_used)
+}
+
+/// The two bytes of each texel's direction.
+#[cfg(feature = "write")]
+fn projected_image(map: &Map, directions: &[[f32; 3]]) -> Image<u8> {
     let mut image = Image::filled(map.size, &[MIDDLE as u8; 2]);
     let width = map.size[0] as usize;
     for piece in &map.pieces {
@@ -81,7 +106,7 @@ pub fn encode_normals(map: &Map, directions: &[[f32; 3]], is_used: &[bool], step
             }
         }
     }
-    super::encode_image(&image, is_used, step)
+    image
 }
 
 /// The two bytes of a direction; those of the axis if it has no length.

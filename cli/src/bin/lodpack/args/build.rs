@@ -8,7 +8,7 @@ use clap::Args;
 use lodpack::index::Placement;
 use lodpack_cli::mesh::appearance::Channels;
 use lodpack_cli::mesh::tolerance::{Tolerance, Unit};
-use lodpack_cli::pipeline::{Effort, Fillings, LevelChoice, ModelOptions};
+use lodpack_cli::pipeline::{ColourQuality, Effort, Fillings, LevelChoice, ModelOptions};
 use lodpack_cli::region::REGION_TRIANGLES;
 use std::path::PathBuf;
 
@@ -51,9 +51,10 @@ pub struct ModelArgs {
     /// input has, all for these and all normals, none for the shape alone, or names, as colour,quality.
     #[arg(long, default_value_t, value_name = "auto|all|none|NAME,...")]
     pub channels: Channels,
-    /// How good stored colours are, from 1 (smallest) to 100 (almost exact).
-    #[arg(long, value_name = "QUALITY", default_value_t = 85, value_parser = clap::value_parser!(u8).range(1..=100), alias = "colour-quality")]
-    pub color_quality: u8,
+    /// How good stored colours are, and normals and factors of materials: from 1 (smallest) to 100 (almost exact), or lossless, which keeps the texels
+    /// that are made of the input, in 8 bits, as they are. Files get larger for it, and readers of earlier versions draw them without these channels.
+    #[arg(long, value_name = "QUALITY", default_value_t, alias = "colour-quality")]
+    pub color_quality: ColourQuality,
     /// Most triangles in a region, for tests.
     #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
     pub region_triangles: u64,

@@ -90,6 +90,8 @@ struct Section {
 struct Channel {
     name: String,
     kind: &'static str,
+    /// Whether texels of a colour, a normal or a factor come back as they were made.
+    lossless: bool,
     components: u8,
     low: f64,
     step: f64,
@@ -170,6 +172,7 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
     let channels = channels.map(|(channel, &bytes)| Channel {
         name: channel.name.clone(),
         kind: channel.kind.name(),
+        lossless: channel.is_exact,
         components: channel.components,
         low: channel.low,
         step: channel.step,
@@ -238,10 +241,11 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
         count(info.corners)
     );
     for (place, channel) in info.channels.iter().enumerate() {
-        let Channel { name, kind, components, low, step, bound, bytes: size } = channel;
+        let Channel { name, kind, lossless, components, low, step, bound, bytes: size } = channel;
         let components = if *components == 1 { "1 component".into() } else { format!("{components} components") };
         let [low, step] = [low, step].map(|value| number(*value));
         let bound = if *bound > 0.0 { format!(", texels within {}", number(*bound)) } else { String::new() };
+        let kind = if *lossless { format!("lossless {kind}") } else { kind.to_string() };
         let head = if place == 0 { "channels" } else { "" };
         say!("  {head:<10} {name}: {kind}, {components} from {low} in steps of {step}{bound}; images {}", bytes(*size));
     }
