@@ -105,10 +105,11 @@ fn insert_samples(
             }
             next_sample += 1;
         }
-        if i > 0 && !between.is_empty() {
-            if let Some(split) = edges.insert(&mut patch.triangles, vertices[i - 1], vertex, &between) {
-                parents.resize(patch.triangles.len(), parents[split as usize]);
-            }
+        if i > 0
+            && !between.is_empty()
+            && let Some(split) = edges.insert(&mut patch.triangles, vertices[i - 1], vertex, &between)
+        {
+            parents.resize(patch.triangles.len(), parents[split as usize]);
         }
         chain.extend(between);
         chain.push(vertex);

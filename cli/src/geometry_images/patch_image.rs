@@ -80,7 +80,7 @@ fn weights(s: f64, t: f64) -> [f32; 3] {
 
 /// Places squares in rows, the largest first; returns the size of all together, and the left upper corner of each.
 fn packed(sides: &[u32]) -> ([u32; 2], Vec<[u32; 2]>) {
-    let area: f64 = sides.iter().map(|&side| f64::from(side).powi(2)).sum();
+    let area: f64 = sides.iter().map(|&side| f64::from(side) * f64::from(side)).sum();
     let largest = sides.iter().copied().max().unwrap_or(1);
     let width = (area.sqrt().ceil() as u32).max(largest);
     let mut order: Vec<usize> = (0..sides.len()).collect();

@@ -116,7 +116,9 @@ struct Around {
 
 impl Around {
     fn fill(&mut self, corners: &[u32], positions: &[[f64; 3]], triangles: &[[u32; 3]]) {
-        (self.normals.clear(), self.lengths.clear(), self.edges.clear());
+        self.normals.clear();
+        self.lengths.clear();
+        self.edges.clear();
         for (place, &corner) in (0..).zip(corners) {
             let (triangle, k) = (triangles[corner as usize / 3], corner as usize % 3);
             let [next, previous] = [1, 2].map(|step| triangle[(k + step) % 3]);

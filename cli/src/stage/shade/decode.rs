@@ -117,8 +117,8 @@ fn of_samples<S, T: Copy>(samples: &[S], number: impl Fn(&S) -> T, opaque: T) ->
 
 /// A texel of floats, which are in linear light, as [`Texels::Root`] has it. What is brighter than white is white.
 fn light_texel(texel: [f32; 4], meaning: Meaning) -> [u8; 8] {
-    // The greater of NaN and 0 is 0.
-    let [red, green, blue, alpha] = texel.map(|value| value.max(0.0).min(1.0));
+    let share = |value: f32| if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) };
+    let [red, green, blue, alpha] = texel.map(share);
     little_endian(root([red, green, blue, if meaning.has_alpha() { alpha } else { 1.0 }]))
 }
 
