@@ -44,7 +44,7 @@ fn check_borders(folder: &Folder, name: &str, channel: usize) -> usize {
             "right" => (last, k),
             _ => (k, last),
         };
-        (0..=last).map(|k| place(k)).map(|(x, y)| images[root].get_pixel(x, y).0).collect()
+        (0..=last).map(place).map(|(x, y)| images[root].get_pixel(x, y).0).collect()
     };
     let mut count = 0;
     for (number, root) in roots.iter().enumerate() {
