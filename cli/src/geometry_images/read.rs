@@ -15,7 +15,7 @@ use super::{AtlasError, MANIFEST_NAME};
 use crate::import::{ImportOptions, Imported, Room, import_large_meshes};
 use crate::mesh::Mesh;
 use crate::mesh::appearance::Channels;
-use crate::mesh::images::image_size;
+use crate::mesh::images::{ImageSource, image_size};
 use crate::progress::Silent;
 
 /// Reads a folder that [`super::write_atlas`] wrote, or that has the same layout, as one mesh in input units.
@@ -50,7 +50,7 @@ pub(super) fn read_surface(dir: &Path, has_channels: bool) -> Result<AtlasSurfac
         manifest.channels.clear();
     }
 
-    let read = |root: &Root| GeometryImage::read(&dir.join(&root.file), root.resolution);
+    let read = |root: &Root| GeometryImage::read(&regular(dir.join(&root.file))?, root.resolution);
     let images: Vec<Result<GeometryImage, AtlasError>> = manifest.roots.par_iter().map(read).collect();
     let images: Vec<GeometryImage> = images.into_iter().collect::<Result<_, _>>()?;
     let mut patches = Vec::with_capacity(manifest.patches.len());
@@ -85,7 +85,7 @@ fn read_patch(path: PathBuf, channels: Channels) -> Result<(Mesh, PatchValues), 
 fn read_all_numbers(dir: &Path, manifest: &Manifest) -> Result<Vec<Vec<f32>>, AtlasError> {
     let mut all = vec![];
     for (number, _) in manifest.channels.iter().enumerate().filter(|(_, channel)| !channel.kind.has_texels()) {
-        let read = |root: &Root| read_numbers(&dir.join(&root.images[number]), root.resolution);
+        let read = |root: &Root| read_numbers(&regular(dir.join(&root.images[number]))?, root.resolution);
         let of_roots: Vec<Result<Vec<f32>, AtlasError>> = manifest.roots.par_iter().map(read).collect();
         let of_roots: Vec<Vec<f32>> = of_roots.into_iter().collect::<Result<_, _>>()?;
         all.push(of_roots.concat());
@@ -116,14 +116,28 @@ fn texel_files(dir: &Path, manifest: &Manifest) -> Result<Vec<Vec<PathBuf>>, Atl
 
 /// An image that can be read, of the size of a resolution where there is one.
 fn texel_file(path: PathBuf, resolution: Option<u32>) -> Result<PathBuf, AtlasError> {
-    let file = std::fs::File::open(&path).map_err(|source| AtlasError::Io { path: path.clone(), source })?;
-    let size = image_size(std::io::BufReader::new(file));
+    let source = ImageSource::File { path: path.clone(), range: None };
+    let image = source.open(None).map_err(|source| AtlasError::Io { path: path.clone(), source })?;
+    let size = image_size(image);
     let [width, height] = size.map_err(|what| AtlasError::Texels { path: path.clone(), what })?.map(|x| x as usize);
     match resolution.map(|resolution| (resolution, (1usize << resolution) + 1)) {
         Some((resolution, expected)) if [width, height] != [expected; 2] => {
             Err(AtlasError::ImageSize { path, width, height, resolution, expected })
         }
         _ => Ok(path),
+    }
+}
+
+/// A file that is no folder, device or pipe: opening a pipe could block forever.
+fn regular(path: PathBuf) -> Result<PathBuf, AtlasError> {
+    match std::fs::metadata(&path) {
+        Ok(known) if known.is_file() => Ok(path),
+        Ok(_) => {
+            let source =
+                std::io::Error::new(std::io::ErrorKind::InvalidInput, "it is a folder, device or pipe, not a file");
+            Err(AtlasError::Io { path, source })
+        }
+        Err(source) => Err(AtlasError::Io { path, source }),
     }
 }
 

@@ -130,9 +130,10 @@ impl AtlasSurface {
             let number = corner.number - 3 * self.first_of_patches;
             return self.patch_places.get(number).copied().unwrap_or([f32::NAN; 2]);
         };
-        let place = |point: u32| {
-            let number = point - self.first[corner.piece as usize];
-            [number % (last + 1), number / (last + 1)].map(|x| x as f32 / last as f32)
+        let place = |point: u32| match point.checked_sub(self.first[corner.piece as usize]) {
+            Some(number) => [number % (last + 1), number / (last + 1)].map(|x| x as f32 / last as f32),
+            // Two roots that are declared to have one border have triangles there that are one of both.
+            None => [f32::NAN; 2],
         };
         match self.between.get(&corner.point) {
             Some(&([from, to], share)) => {

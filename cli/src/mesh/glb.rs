@@ -181,6 +181,10 @@ impl Scene {
                 let mut own = of_page.clone();
                 drawing.into_iter().for_each(|drawing| draw(&mut own, drawing));
                 self.materials.push(own);
+            } else {
+                // Without a material it would be of metal.
+                primitive["material"] = self.materials.len().into();
+                self.materials.push(material(&[]));
             }
             primitives.push(primitive);
         }

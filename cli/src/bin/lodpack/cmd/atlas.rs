@@ -14,7 +14,7 @@ use lodpack_cli::import::{ImportOptions, Imported, Room, import_large_meshes};
 use lodpack_cli::mesh::attributes::Surface;
 use lodpack_cli::progress::Progress;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -74,8 +74,10 @@ fn discard(dir: &Path) {
         return;
     }
     let files = atlas_files(dir).unwrap_or_default();
-    files.iter().chain([&dir.join(UNFINISHED_MANIFEST)]).for_each(|file| drop(fs::remove_file(file)));
-    mip_folders(dir).unwrap_or_default().iter().for_each(|folder| drop(fs::remove_dir(folder)));
+    let mips = mip_folders(dir).unwrap_or_default();
+    let unfinished = mips.iter().map(PathBuf::as_path).chain([dir]).map(|folder| folder.join(UNFINISHED_MANIFEST));
+    files.into_iter().chain(unfinished).for_each(|file| drop(fs::remove_file(file)));
+    mips.iter().for_each(|folder| drop(fs::remove_dir(folder)));
 }
 
 /// Refuses an unsuitable output before any work is done.
