@@ -113,7 +113,7 @@ mod tests {
         assert_eq!(joined["scenes"][0]["nodes"], json!([0, 1]));
         assert_eq!([&joined["nodes"][0]["name"], &joined["nodes"][1]["name"]], ["surface", "ground"]);
         let primitive = &joined["meshes"][1]["primitives"][0];
-        assert_eq!((&primitive["indices"], &primitive["material"]), (&json!(5), &json!(0)));
+        assert_eq!((&primitive["indices"], &primitive["material"]), (&json!(5), &json!(1)));
         assert_eq!(primitive["attributes"], json!({"POSITION": 2, "NORMAL": 3, "COLOR_0": 4}));
         let view = joined["accessors"][4]["bufferView"].as_u64().unwrap() as usize;
         let range = |document: &Value, view: usize| {
