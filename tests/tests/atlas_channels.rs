@@ -201,4 +201,10 @@ fn damaged_images_of_channels_are_refused_by_name() {
     refused(["colour", "above 12"]);
     edit("\"name\": \"height\"", "\"name\": \"colour\"");
     refused(["colour", "must be different"]);
+    edit("\"kind\": \"scalar\"", "\"kind\": \"label\"");
+    refused(["height", "classes have a name like"]);
+    edit("\"kind\": \"scalar\"", "\"kind\": \"colour\"");
+    refused(["height", "another one of its kind"]);
+    edit("\"resolution\": 2", "\"drawing\": 65535, \"resolution\": 2");
+    refused(["root_00000_0.exr", "drawn as 65535"]);
 }

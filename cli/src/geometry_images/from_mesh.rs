@@ -305,7 +305,8 @@ fn patches_of(atlas: &Atlas, mesh: &Mesh, origin: DVec3, is_patch: &[bool]) -> V
 
 /// A note that says what became patches, and why.
 fn patch_note(maps: &[Map], patches: &[AtlasPatch], triangle_count: usize) -> String {
-    let mut reasons = [("have holes or handles", 0), ("would be too uneven", 0), ("cannot be for other reasons", 0)];
+    let mut reasons =
+        [("are closed, or have holes or handles", 0), ("would be too uneven", 0), ("cannot be for other reasons", 0)];
     for error in maps.iter().filter_map(|map| map.as_ref().err()) {
         let reason = match error {
             EmbedError::NotADisk { .. } => 0,

@@ -29,6 +29,7 @@ pub fn import_atlas(
     progress: &dyn Progress,
 ) -> Result<Imported, AtlasError> {
     let mut atlas = read_surface(dir, options.channels != Channels::None)?;
+    progress.note("errors of the file are to the images, not to what these were made of");
     Ok(import_with(dir, room, options, progress, |sink| push(&mut atlas, sink))?)
 }
 

@@ -3,11 +3,13 @@
 use std::fmt;
 use std::path::{Component, Path};
 
+use lodpack::decode::Drawing;
 use serde::{Deserialize, Serialize};
 
 use super::MAX_RESOLUTION;
-use super::looks::ImageChannel;
+use super::looks::{ImageChannel, ImageKind};
 use super::product::AtlasHeader;
+use crate::mesh::appearance::{METALLIC, OCCLUSION, ROUGHNESS, is_name_of_labels};
 
 /// The value of `format` in every `atlas.json`.
 const FORMAT: &str = "lodpack-atlas";
@@ -172,6 +174,9 @@ impl Manifest {
         if !self.origin.iter().all(|x| x.is_finite()) {
             return Err("the origin is not finite".into());
         }
+        if self.roots.is_empty() && self.patches.is_empty() {
+            return Err("there are neither roots nor patches".into());
+        }
         self.check_channels()?;
         let mut sample_count = 0u64;
         for (index, root) in self.roots.iter().enumerate() {
@@ -186,6 +191,9 @@ impl Manifest {
             sample_count += side * side;
             for edge in ImageEdge::ALL {
                 let Some(neighbour) = root.neighbours.across(edge) else { continue };
+                if (neighbour.root as usize, neighbour.edge) == (index, edge) {
+                    return Err(format!("root {name}: its {edge} is its own neighbour"));
+                }
                 let Some(other) = self.roots.get(neighbour.root as usize) else {
                     return Err(format!("root {name}, {edge}: there is no root {}", neighbour.root));
                 };
@@ -217,6 +225,26 @@ impl Manifest {
                     "channel {name:?}: names must be different, have 1 to {MAX_NAME} bytes and no control characters"
                 ));
             }
+            let is_twice = self.channels[..number].iter().any(|known| known.kind == channel.kind);
+            if channel.kind.has_texels() && is_twice {
+                return Err(format!("channel {name:?}: there is another one of its kind"));
+            }
+            if channel.kind == ImageKind::Label && !is_name_of_labels(name) {
+                return Err(format!("channel {name:?}: classes have a name like label, class or segment; rename it"));
+            }
+            let is_factor = |factor: &&String| [OCCLUSION, ROUGHNESS, METALLIC].contains(&factor.as_str());
+            if let Some(factor) = channel.factors.iter().find(|factor| !is_factor(factor)) {
+                return Err(format!(
+                    "channel {name:?}: there is no factor {factor:?}, but {OCCLUSION}, {ROUGHNESS} and {METALLIC}"
+                ));
+            }
+        }
+        let drawings = self.roots.iter().map(|root| (&root.file, root.drawing));
+        let drawings = drawings.chain(self.patches.iter().map(|patch| (&patch.file, patch.drawing)));
+        for (name, drawing) in drawings {
+            if Drawing::of_number(drawing).number() != drawing {
+                return Err(format!("{name}: nothing is drawn as {drawing} says"));
+            }
         }
         let count = self.channels.len();
         for root in &self.roots {
@@ -246,8 +274,8 @@ impl Manifest {
         let mut taken = Vec::new();
         for (index, patch) in self.patches.iter().enumerate() {
             let name = &patch.file;
-            if !is_plain_file_name(name) {
-                return Err(format!("patch {index}: {name:?} is not a plain file name"));
+            if !is_plain_file_name(name) || !name.to_ascii_lowercase().ends_with(".ply") {
+                return Err(format!("patch {index}: {name:?} is not a plain file name of a PLY file"));
             }
             for border in &patch.borders {
                 let Some(root) = self.roots.get(border.root as usize) else {
@@ -276,5 +304,6 @@ impl Manifest {
 /// Whether a name is that of a file in the folder itself.
 fn is_plain_file_name(name: &str) -> bool {
     let mut components = Path::new(name).components();
-    matches!((components.next(), components.next()), (Some(Component::Normal(_)), None))
+    !name.chars().any(char::is_control)
+        && matches!((components.next(), components.next()), (Some(Component::Normal(_)), None))
 }

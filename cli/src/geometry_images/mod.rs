@@ -21,6 +21,7 @@
 //! and what else there is comes from the input again, averaged over what a sample stands for.
 
 mod border_edges;
+mod distances;
 mod files;
 mod from_mesh;
 mod image;
@@ -61,7 +62,7 @@ pub const MAX_RESOLUTION: u32 = 12;
 pub const MANIFEST_NAME: &str = "atlas.json";
 
 /// The name of that file until it is complete.
-pub const UNFINISHED_MANIFEST: &str = "atlas.json.tmp";
+const UNFINISHED_MANIFEST: &str = "atlas.json.tmp";
 
 /// Why an atlas could not be written or read.
 #[derive(Debug, thiserror::Error)]

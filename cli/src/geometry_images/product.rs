@@ -95,13 +95,14 @@ impl AtlasProduct {
     /// The resolution, 1 to [`MAX_RESOLUTION`], at which the images have about as many samples as the charts have vertices.
     pub fn default_resolution(&self) -> u32 {
         let vertex_count: usize = self.charts.iter().map(|chart| chart.mesh.positions.len()).sum();
-        self.resolution_for(vertex_count as f64)
+        // The nearest in ratio.
+        self.resolution_for(0.5 * vertex_count as f64)
     }
 
-    /// The resolution at which all images together have about so many samples.
+    /// The resolution at which all images together have at least so many samples.
     pub(super) fn resolution_for(&self, samples: f64) -> u32 {
         let wanted = samples / self.root_count().max(1) as f64;
-        // The nearest in ratio. A root adds 4^r samples, since it shares its border.
-        (1..MAX_RESOLUTION).find(|&r| wanted < 2.0 * f64::from(1_u32 << (2 * r))).unwrap_or(MAX_RESOLUTION)
+        // A root adds 4^r samples, since it shares its border.
+        (1..MAX_RESOLUTION).find(|&r| wanted < f64::from(1_u32 << (2 * r))).unwrap_or(MAX_RESOLUTION)
     }
 }

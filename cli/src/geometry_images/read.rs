@@ -37,12 +37,10 @@ pub fn read_atlas(dir: &Path) -> Result<Mesh, AtlasError> {
 /// Those of [`read_atlas`], and images of channels that are missing or have the wrong size.
 pub(super) fn read_surface(dir: &Path, has_channels: bool) -> Result<AtlasSurface, AtlasError> {
     let path = dir.join(MANIFEST_NAME);
-    let text = std::fs::read(&path).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound if dir.is_dir() => {
-            AtlasError::NoAtlas { folder: dir.to_owned(), meshes: dir.join(pattern_of_meshes(dir)) }
-        }
-        _ => AtlasError::Io { path: path.clone(), source },
-    })?;
+    if dir.is_dir() && !path.exists() {
+        return Err(AtlasError::NoAtlas { folder: dir.to_owned(), meshes: dir.join(pattern_of_meshes(dir)) });
+    }
+    let text = std::fs::read(regular(path.clone())?).map_err(|source| AtlasError::Io { path: path.clone(), source })?;
     let mut manifest: Manifest =
         serde_json::from_slice(&text).map_err(|source| AtlasError::Manifest { path: path.clone(), source })?;
     manifest.check().map_err(|what| AtlasError::Format { path, what })?;

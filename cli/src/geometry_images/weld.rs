@@ -58,6 +58,12 @@ impl Points {
                     let what = format!("patch {name}: there is no vertex {v}, the file has {}", mesh.positions.len());
                     return Err(manifest_error(what));
                 }
+                let mut sorted = border.vertices.clone();
+                sorted.sort_unstable();
+                if let Some(twice) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
+                    let edge = border.edge;
+                    return Err(manifest_error(format!("patch {name}: vertex {} is on the {edge} twice", twice[0])));
+                }
                 let root = border.root as usize;
                 points.weld_border(&images[root], border, mesh, images.len() + patch).map_err(|what| {
                     AtlasError::EdgesDisagree {

@@ -6,6 +6,7 @@ use std::path::Path;
 use lodpack::decode::texels::Image;
 use rayon::prelude::*;
 
+use super::distances::Distances;
 use super::files::MIP_NAME;
 use super::image::GeometryImage;
 use super::looks::{ImageChannel, Texel};
@@ -46,7 +47,7 @@ impl WriteOptions {
 }
 
 /// The resolutions of an atlas.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Resolutions {
     /// Of positions and numbers.
     pub positions: u32,
@@ -54,6 +55,10 @@ pub struct Resolutions {
     pub texels: u32,
     /// How many folders of coarser images there are.
     pub mips: u32,
+    /// The largest distance of a vertex of the charts from the images, at its place in them, in input units.
+    pub largest_distance: f64,
+    /// The root of the mean square of these distances.
+    pub rms_distance: f64,
 }
 
 /// Writes every chart as geometry images of (2^r + 1)^2 samples, one for each corner (`root_CCCCC_K.exr` for corner K of chart C), with images of
@@ -85,8 +90,14 @@ pub fn write_atlas(
         fs::create_dir_all(&folder).map_err(|source| AtlasError::Write { path: folder.clone(), source })?;
         write_level(&folder, product, &shader, mip, [resolution - mip, texels.saturating_sub(mip)])?;
     }
-    write_level(dir, product, &shader, 0, [resolution, texels])?;
-    Ok(Resolutions { positions: resolution, texels, mips })
+    let distances = write_level(dir, product, &shader, 0, [resolution, texels])?;
+    Ok(Resolutions {
+        positions: resolution,
+        texels,
+        mips,
+        largest_distance: distances.largest,
+        rms_distance: distances.rms(),
+    })
 }
 
 /// Writes one folder, at the resolutions of positions and of texels.
@@ -96,7 +107,7 @@ fn write_level(
     shader: &Shader,
     mip: u32,
     [resolution, texel_resolution]: [u32; 2],
-) -> Result<(), AtlasError> {
+) -> Result<Distances, AtlasError> {
     // Both sides of an arc take the same samples from here on.
     let charts = &product.charts;
     let arc_samples = sample_arcs(&product.arcs, resolution);
@@ -123,6 +134,7 @@ fn write_level(
     let carried = Carried::new(&painting, &product.looks, &channels);
     let of_chart = |(index, chart): (usize, &AtlasChart)| {
         let images = chart_images(chart, &arc_samples, resolution);
+        let distances = Distances::of(chart, &images);
         let mut names = carried.write(dir, index)?.into_iter();
         let mut roots = Vec::with_capacity(images.len());
         for (corner, image) in images.iter().enumerate() {
@@ -138,10 +150,12 @@ fn write_level(
                 drawing: painting.drawing(index),
             });
         }
-        Ok(roots)
+        Ok((roots, distances))
     };
-    let written: Vec<Result<Vec<Root>, AtlasError>> = charts.par_iter().enumerate().map(of_chart).collect();
-    let roots: Vec<Vec<Root>> = written.into_iter().collect::<Result<_, _>>()?;
+    let written: Vec<Result<(Vec<Root>, Distances), AtlasError>> =
+        charts.par_iter().enumerate().map(of_chart).collect();
+    let written: Vec<(Vec<Root>, Distances)> = written.into_iter().collect::<Result<_, _>>()?;
+    let (roots, distances): (Vec<Vec<Root>>, Vec<Distances>) = written.into_iter().unzip();
     let mut patches = Vec::with_capacity(product.patches.len());
     let patch_files = PatchFiles { dir, looks: &product.looks, channels: &channels, shader, mip };
     for (index, patch) in product.patches.iter().enumerate() {
@@ -152,7 +166,8 @@ fn write_level(
     }
     shader.check()?;
     let roots = roots.into_iter().flatten().collect();
-    write_manifest(dir, &Manifest::new(&product.header, channels, roots, patches))
+    write_manifest(dir, &Manifest::new(&product.header, channels, roots, patches))?;
+    Ok(distances.into_iter().fold(Distances::default(), Distances::plus))
 }
 
 /// Writes `atlas.json`, which appears when it is complete.

@@ -181,6 +181,14 @@ const LABELS: [&str; 13] = [
     "material_index",
 ];
 
+/// Whether classes have such a name.
+pub fn is_name_of_labels(name: &str) -> bool {
+    let name = name.to_ascii_lowercase();
+    // As CloudCompare writes names.
+    let name = name.strip_prefix("scalar_").unwrap_or(&name);
+    LABELS.contains(&name.strip_suffix("_id").unwrap_or(name))
+}
+
 /// The finite values of a scalar in the whole input.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ScalarRange {
@@ -225,12 +233,8 @@ impl ScalarRange {
 
     /// Whether the values are numbers of classes, between which there is nothing: whole numbers under a name that classes have.
     pub fn is_label(&self) -> bool {
-        let name = self.name.to_ascii_lowercase();
-        // As CloudCompare writes names.
-        let name = name.strip_prefix("scalar_").unwrap_or(&name);
-        let name = name.strip_suffix("_id").unwrap_or(name);
         let are_exact = self.is_whole && self.low.abs().max(self.high.abs()) <= LARGEST_EXACT;
-        are_exact && f64::from(self.high) - f64::from(self.low) <= f64::from(u16::MAX) && LABELS.contains(&name)
+        are_exact && f64::from(self.high) - f64::from(self.low) <= f64::from(u16::MAX) && is_name_of_labels(&self.name)
     }
 
     /// Adds the values of another range.

@@ -3,11 +3,11 @@
 use super::inputs::find_inputs;
 use crate::args::{AtlasArgs, ProgressStyle};
 use crate::interrupt;
-use crate::output::{bytes, check_folder, count, say};
+use crate::output::{bytes, check_folder, count, length, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::geometry_images::{
-    AtlasOptions, BuiltAtlas, Resolutions, UNFINISHED_MANIFEST, WriteOptions, atlas_files, build_atlas, mip_folders,
+    AtlasOptions, BuiltAtlas, MANIFEST_NAME, Resolutions, WriteOptions, atlas_files, build_atlas, mip_folders,
     write_atlas,
 };
 use lodpack_cli::import::{ImportOptions, Imported, Room, import_large_meshes};
@@ -22,7 +22,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
     let dir = &args.output;
     check_output(dir, args.force)?;
-    let unfinished = dir.clone();
+    let work = workplace(dir);
+    let unfinished = work.clone();
     interrupt::on_stop_after(move || discard(&unfinished), Path::new(""), "");
     let (built, resolutions) = {
         let progress = Terminal::new(ProgressStyle::Auto, progress_bar::ATLAS);
@@ -40,12 +41,11 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
         }
         let options = WriteOptions { resolution: args.resolution, texel_resolution: args.texels, mips: args.mips };
         progress.begin("write", 0);
-        remove_old(dir)?;
-        IS_NEW.store(!dir.exists(), Ordering::SeqCst);
         IS_WRITING.store(true, Ordering::SeqCst);
-        let written = write_atlas(dir, &built.product, &options, &progress);
+        let written = write_atlas(&work, &built.product, &options, &progress).map_err(anyhow::Error::from);
+        let written = written.and_then(|written| put_in_place(&work, dir).map(|()| written));
         if written.is_err() {
-            discard(dir);
+            discard(&work);
         }
         IS_WRITING.store(false, Ordering::SeqCst);
         (built, written?)
@@ -54,30 +54,57 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Whether this process is writing an atlas, and whether it has made the directory.
+/// Whether this process is writing an atlas.
 static IS_WRITING: AtomicBool = AtomicBool::new(false);
-static IS_NEW: AtomicBool = AtomicBool::new(false);
 
-/// Removes an unfinished atlas, and the directory if this process made it. Files that cannot be removed do no harm: without
-/// atlas.json they are no atlas.
-fn discard(dir: &Path) {
-    if !IS_WRITING.load(Ordering::SeqCst) {
-        return;
+/// Where an atlas is written until it is complete: beside a new directory, within one that exists, so that it can be moved there.
+fn workplace(dir: &Path) -> PathBuf {
+    let process = std::process::id();
+    if dir.exists() {
+        return dir.join(format!("atlas.{process}.tmp"));
     }
-    if IS_NEW.load(Ordering::SeqCst) {
-        // Renamed, it is out of reach of threads that still write to it.
-        let mut name = dir.components().as_path().as_os_str().to_owned();
-        name.push(format!(".{}.tmp", std::process::id()));
-        if fs::rename(dir, &name).is_ok() {
+    let mut name = dir.components().as_path().as_os_str().to_owned();
+    name.push(format!(".{process}.tmp"));
+    name.into()
+}
+
+/// Removes an unfinished atlas. Renamed first, it is out of reach of threads that still write to it.
+fn discard(work: &Path) {
+    if IS_WRITING.load(Ordering::SeqCst) {
+        let mut name = work.as_os_str().to_owned();
+        name.push("x");
+        if fs::rename(work, &name).is_ok() {
             let _ = fs::remove_dir_all(name);
         }
-        return;
     }
-    let files = atlas_files(dir).unwrap_or_default();
-    let mips = mip_folders(dir).unwrap_or_default();
-    let unfinished = mips.iter().map(PathBuf::as_path).chain([dir]).map(|folder| folder.join(UNFINISHED_MANIFEST));
-    files.into_iter().chain(unfinished).for_each(|file| drop(fs::remove_file(file)));
-    mips.iter().for_each(|folder| drop(fs::remove_dir(folder)));
+}
+
+/// Puts a complete atlas in its place, where an older one goes.
+fn put_in_place(work: &Path, dir: &Path) -> Result<()> {
+    if !dir.exists() {
+        return fs::rename(work, dir).with_context(|| format!("cannot write {}", dir.display()));
+    }
+    remove_old(dir)?;
+    move_files(work, dir)
+}
+
+/// Moves the files of a folder, and those of folders in it. The one that says that an atlas is complete comes last.
+fn move_files(from: &Path, to: &Path) -> Result<()> {
+    let mut names = vec![];
+    for entry in fs::read_dir(from).with_context(|| format!("cannot read {}", from.display()))? {
+        names.push(entry?.file_name());
+    }
+    names.sort_by_key(|name| (name == MANIFEST_NAME, name.clone()));
+    for name in names {
+        let (from, to) = (from.join(&name), to.join(&name));
+        if from.is_dir() {
+            fs::create_dir_all(&to).with_context(|| format!("cannot make {}", to.display()))?;
+            move_files(&from, &to)?;
+        } else {
+            fs::rename(&from, &to).with_context(|| format!("cannot write {}", to.display()))?;
+        }
+    }
+    fs::remove_dir(from).with_context(|| format!("cannot remove {}", from.display()))
 }
 
 /// Refuses an unsuitable output before any work is done.
@@ -125,6 +152,11 @@ fn print(built: &BuiltAtlas, resolutions: Resolutions, dir: &Path) -> Result<()>
         count(product.root_count() as u64),
         count(product.charts.len() as u64),
         samples as f64 / built.vertex_count as f64
+    );
+    say!(
+        "  distance   vertices of the input are up to {} from the images, {} (RMS); a larger --resolution brings them nearer",
+        length(resolutions.largest_distance),
+        length(resolutions.rms_distance)
     );
     let names = product.looks.channel_names();
     if !names.is_empty() {
