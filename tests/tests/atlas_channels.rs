@@ -205,6 +205,6 @@ fn damaged_images_of_channels_are_refused_by_name() {
     refused(["height", "classes have a name like"]);
     edit("\"kind\": \"scalar\"", "\"kind\": \"colour\"");
     refused(["height", "another one of its kind"]);
-    edit("\"resolution\": 2", "\"drawing\": 65535, \"resolution\": 2");
+    edit("\"corner\": 0", "\"drawing\": 65535, \"corner\": 0");
     refused(["root_00000_0.exr", "drawn as 65535"]);
 }

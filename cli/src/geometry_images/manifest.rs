@@ -191,7 +191,8 @@ impl Manifest {
             sample_count += side * side;
             for edge in ImageEdge::ALL {
                 let Some(neighbour) = root.neighbours.across(edge) else { continue };
-                if (neighbour.root as usize, neighbour.edge) == (index, edge) {
+                // An edge that is folded in its middle is its own neighbour, and runs the other way.
+                if (neighbour.root as usize, neighbour.edge) == (index, edge) && !neighbour.reversed {
                     return Err(format!("root {name}: its {edge} is its own neighbour"));
                 }
                 let Some(other) = self.roots.get(neighbour.root as usize) else {
