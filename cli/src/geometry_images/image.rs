@@ -1,4 +1,4 @@
-//! One geometry image as an EXR file.
+//! Square EXR images: one geometry image as a file, and what those of numbers have in common with it.
 
 use std::path::Path;
 
@@ -30,10 +30,7 @@ impl GeometryImage {
             let [x, y, z] = self.at((column, row));
             (x, y, z)
         };
-        // Every EXR reader knows Zip.
-        let encoding =
-            Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
-        Image::from_encoded_channels((side, side), encoding, SpecificChannels::rgb(pixel))
+        Image::from_encoded_channels((side, side), ENCODING, SpecificChannels::rgb(pixel))
             .write()
             .non_parallel()
             .to_file(path)
@@ -42,18 +39,10 @@ impl GeometryImage {
 
     /// Reads an image whose size must be that of `resolution`.
     pub fn read(path: &Path, resolution: u32) -> Result<Self, AtlasError> {
-        let expected = (1usize << resolution) + 1;
-        // An image of the wrong size is refused before anything is allocated for it.
-        let create = move |size: Vec2<usize>, _: &_| {
-            let right = size == Vec2(expected, expected);
-            (size, vec![[0.0f32; 3]; if right { expected * expected } else { 0 }])
+        let create = |size: Vec2<usize>, _: &_| Square::new(size, resolution, [0.0f32; 3]);
+        let set = |square: &mut Square<[f32; 3]>, place: Vec2<usize>, (x, y, z): (f32, f32, f32)| {
+            square.set(place, [x, y, z]);
         };
-        let set =
-            move |(_, samples): &mut (Vec2<usize>, Vec<[f32; 3]>), Vec2(column, row), (x, y, z): (f32, f32, f32)| {
-                if let Some(sample) = samples.get_mut(row * expected + column) {
-                    *sample = [x, y, z];
-                }
-            };
         let image = read()
             .no_deep_data()
             .largest_resolution_level()
@@ -70,11 +59,8 @@ impl GeometryImage {
                 exr::error::Error::Io(source) => AtlasError::Io { path: path.into(), source },
                 source => AtlasError::Image { path: path.into(), source },
             })?;
-        let (Vec2(width, height), samples) = image.layer_data.channel_data.pixels;
-        if samples.is_empty() {
-            return Err(AtlasError::ImageSize { path: path.into(), width, height, resolution, expected });
-        }
-        let image = Self { last: expected - 1, samples };
+        let samples = image.layer_data.channel_data.pixels.checked(path)?;
+        let image = Self { last: 1 << resolution, samples };
         image.check_finite(path)?;
         Ok(image)
     }
@@ -88,4 +74,50 @@ impl GeometryImage {
             }
         }
     }
+}
+
+/// Every EXR reader knows Zip.
+pub(super) const ENCODING: Encoding =
+    Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+
+/// The samples of an image while it is read, row by row. One of the wrong size has none: it is refused before anything is allocated for it.
+pub(super) struct Square<T> {
+    size: Vec2<usize>,
+    resolution: u32,
+    samples: Vec<T>,
+}
+
+impl<T: Copy> Square<T> {
+    /// Those of an image of a size, which should be that of a resolution.
+    pub fn new(size: Vec2<usize>, resolution: u32, blank: T) -> Self {
+        let side = side_of(resolution);
+        let is_right = size == Vec2(side, side);
+        Self { size, resolution, samples: vec![blank; if is_right { side * side } else { 0 }] }
+    }
+
+    pub fn set(&mut self, Vec2(column, row): Vec2<usize>, value: T) {
+        if let Some(sample) = self.samples.get_mut(row * self.size.0 + column) {
+            *sample = value;
+        }
+    }
+
+    /// The samples, if the image has the right size.
+    pub fn checked(self, path: &Path) -> Result<Vec<T>, AtlasError> {
+        let Self { size: Vec2(width, height), resolution, samples } = self;
+        check_size(path, [width, height], resolution).map(|()| samples)
+    }
+}
+
+/// Samples along the side of an image.
+fn side_of(resolution: u32) -> usize {
+    (1 << resolution) + 1
+}
+
+/// Refuses an image whose size is not that of a resolution.
+pub(super) fn check_size(path: &Path, [width, height]: [usize; 2], resolution: u32) -> Result<(), AtlasError> {
+    let expected = side_of(resolution);
+    if [width, height] == [expected; 2] {
+        return Ok(());
+    }
+    Err(AtlasError::ImageSize { path: path.into(), width, height, resolution, expected })
 }

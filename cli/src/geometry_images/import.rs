@@ -43,6 +43,10 @@ fn push(atlas: &mut AtlasSurface, sink: &mut MeshSink) -> Pushed<()> {
     }
     positions.into_iter().try_for_each(|position| sink.push_vertex(position))?;
     let numbers = numbers_of(atlas);
+    let place_of = |name: &String| layout.scalars.iter().find(|(known, _)| known == name).map(|(_, place)| *place);
+    // Which number goes where, of those that are wanted.
+    let scalars: Vec<(usize, usize)> =
+        numbers.iter().enumerate().filter_map(|(which, name)| Some((which, place_of(name)?))).collect();
     let mut record = layout.blank();
     let mut latest = None;
     for (triangle, &piece) in atlas.piece_of.iter().enumerate() {
@@ -51,10 +55,7 @@ fn push(atlas: &mut AtlasSurface, sink: &mut MeshSink) -> Pushed<()> {
         }
         for corner in atlas.corners(triangle) {
             layout.uv.iter().for_each(|&place| record[place..place + 2].copy_from_slice(&atlas.place(corner)));
-            for (name, place) in &layout.scalars {
-                let which = numbers.iter().position(|known| known == name);
-                record[*place] = which.map_or(f32::NAN, |which| atlas.number(which, corner));
-            }
+            scalars.iter().for_each(|&(which, place)| record[place] = atlas.number(which, corner));
             if layout.stride > 0 {
                 sink.attributes.push_corner(&record);
             }

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::product::{AtlasProduct, Looks};
 use crate::mesh::appearance::{Appearance, COLOUR, EMISSIVE, METALLIC, NORMAL, OCCLUSION, ROUGHNESS};
+use crate::mesh::srgb::{share_byte, srgb_byte};
 use crate::stage::shade::{Face, Shader};
 
 /// What the images of a channel hold.
@@ -108,8 +109,11 @@ impl Looks {
 }
 
 impl AtlasProduct {
-    /// The resolution at which images have about a texel for each texel of the input, or for each of its vertices.
+    /// The resolution at which images have about a texel for each texel of the input, or for each of its vertices; 0 where there are no images.
     pub(super) fn texel_resolution(&self, shader: &Shader) -> u32 {
+        if self.looks.appearance.is_empty() {
+            return 0;
+        }
         let mut painter = shader.painter(&self.looks.attributes);
         let mut texels = 0.0;
         for chart in &self.charts {
@@ -134,19 +138,19 @@ impl Texel {
         let mut texel = [0; 13];
         if looks.appearance.has_colour {
             let [red, green, blue, alpha] = face.base_colour(weights, footprint);
-            let [red, green, blue] = [red, green, blue].map(crate::mesh::srgb::srgb_byte);
-            texel[..4].copy_from_slice(&[red, green, blue, share(alpha)]);
+            let [red, green, blue] = [red, green, blue].map(srgb_byte);
+            texel[..4].copy_from_slice(&[red, green, blue, share_byte(alpha)]);
         }
         if maps.normal {
-            texel[4..7].copy_from_slice(&face.normal(weights, footprint).map(|x| share(0.5 * (x + 1.0))));
+            texel[4..7].copy_from_slice(&face.normal(weights, footprint).map(|x| share_byte(0.5 * (x + 1.0))));
         }
         if maps.emissive {
-            texel[7..10].copy_from_slice(&face.emissive(weights, footprint).map(crate::mesh::srgb::srgb_byte));
+            texel[7..10].copy_from_slice(&face.emissive(weights, footprint).map(srgb_byte));
         }
         if maps.occlusion || maps.roughness || maps.metallic {
             let [metallic, roughness] = face.metallic_roughness(weights, footprint);
             let factors = [face.occlusion(weights, footprint), roughness, metallic];
-            texel[10..].copy_from_slice(&factors.map(share));
+            texel[10..].copy_from_slice(&factors.map(share_byte));
         }
         Self(texel)
     }
@@ -162,9 +166,4 @@ impl Texel {
             ImageKind::Scalar | ImageKind::Label => &[],
         }
     }
-}
-
-/// The byte of a share from 0 to 1. The conversion saturates, and NaN becomes 0.
-fn share(share: f32) -> u8 {
-    (share * 255.0).round() as u8
 }

@@ -178,6 +178,7 @@ impl Manifest {
             return Err("there are neither roots nor patches".into());
         }
         self.check_channels()?;
+        self.check_drawings()?;
         let mut sample_count = 0u64;
         for (index, root) in self.roots.iter().enumerate() {
             let name = &root.file;
@@ -214,6 +215,17 @@ impl Manifest {
         self.check_patches()
     }
 
+    fn check_drawings(&self) -> Result<(), String> {
+        let drawings = self.roots.iter().map(|root| (&root.file, root.drawing));
+        let drawings = drawings.chain(self.patches.iter().map(|patch| (&patch.file, patch.drawing)));
+        for (name, drawing) in drawings {
+            if Drawing::of_number(drawing).number() != drawing {
+                return Err(format!("{name}: nothing is drawn as {drawing} says"));
+            }
+        }
+        Ok(())
+    }
+
     fn check_channels(&self) -> Result<(), String> {
         for (number, channel) in self.channels.iter().enumerate() {
             let ImageChannel { name, resolution, .. } = channel;
@@ -238,13 +250,6 @@ impl Manifest {
                 return Err(format!(
                     "channel {name:?}: there is no factor {factor:?}, but {OCCLUSION}, {ROUGHNESS} and {METALLIC}"
                 ));
-            }
-        }
-        let drawings = self.roots.iter().map(|root| (&root.file, root.drawing));
-        let drawings = drawings.chain(self.patches.iter().map(|patch| (&patch.file, patch.drawing)));
-        for (name, drawing) in drawings {
-            if Drawing::of_number(drawing).number() != drawing {
-                return Err(format!("{name}: nothing is drawn as {drawing} says"));
             }
         }
         let count = self.channels.len();

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::image::GeometryImage;
+use super::image::{GeometryImage, check_size};
 use super::looks::ImageChannel;
 use super::manifest::{Manifest, Root};
 use super::numbers::read_numbers;
@@ -12,7 +12,7 @@ use super::surface::{AtlasSurface, PatchValues};
 use super::triangulate::triangulate;
 use super::weld::Points;
 use super::{AtlasError, MANIFEST_NAME};
-use crate::import::{ImportOptions, Imported, Room, import_large_meshes};
+use crate::import::{ImportOptions, Imported, Room, import_large_meshes, size_of_file};
 use crate::mesh::Mesh;
 use crate::mesh::appearance::Channels;
 use crate::mesh::images::{ImageSource, image_size};
@@ -117,24 +117,14 @@ fn texel_file(path: PathBuf, resolution: Option<u32>) -> Result<PathBuf, AtlasEr
     let source = ImageSource::File { path: path.clone(), range: None };
     let image = source.open(None).map_err(|source| AtlasError::Io { path: path.clone(), source })?;
     let size = image_size(image);
-    let [width, height] = size.map_err(|what| AtlasError::Texels { path: path.clone(), what })?.map(|x| x as usize);
-    match resolution.map(|resolution| (resolution, (1usize << resolution) + 1)) {
-        Some((resolution, expected)) if [width, height] != [expected; 2] => {
-            Err(AtlasError::ImageSize { path, width, height, resolution, expected })
-        }
-        _ => Ok(path),
-    }
+    let size = size.map_err(|what| AtlasError::Texels { path: path.clone(), what })?.map(|x| x as usize);
+    resolution.map_or(Ok(()), |resolution| check_size(&path, size, resolution)).map(|()| path)
 }
 
-/// A file that is no folder, device or pipe: opening a pipe could block forever.
+/// A file that is no folder, device or pipe.
 fn regular(path: PathBuf) -> Result<PathBuf, AtlasError> {
-    match std::fs::metadata(&path) {
-        Ok(known) if known.is_file() => Ok(path),
-        Ok(_) => {
-            let source =
-                std::io::Error::new(std::io::ErrorKind::InvalidInput, "it is a folder, device or pipe, not a file");
-            Err(AtlasError::Io { path, source })
-        }
+    match size_of_file(&path) {
+        Ok(_) => Ok(path),
         Err(source) => Err(AtlasError::Io { path, source }),
     }
 }

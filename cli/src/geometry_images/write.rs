@@ -134,7 +134,8 @@ fn write_level(
     let carried = Carried::new(&painting, &product.looks, &channels);
     let of_chart = |(index, chart): (usize, &AtlasChart)| {
         let images = chart_images(chart, &arc_samples, resolution);
-        let distances = Distances::of(chart, &images);
+        // What mips are off is not asked for.
+        let distances = if mip == 0 { Distances::of(chart, &images) } else { Distances::default() };
         let mut names = carried.write(dir, index)?.into_iter();
         let mut roots = Vec::with_capacity(images.len());
         for (corner, image) in images.iter().enumerate() {

@@ -47,6 +47,7 @@ pub use ranged::RangedMesh;
 use raster::RasterOptions;
 pub use sink::{Imported, Overflow, Room, SpilledMesh};
 pub(crate) use sink::{MeshSink, TRIANGLES_NAME, VALUE_NAMES, VERTICES_NAME};
+pub(crate) use source::size_of_file;
 use source::{FileBytes, Source};
 pub use text::{TextCounts, TextFile, TextPiece, TextSink, Ways};
 pub use text_files::TextFiles;

@@ -93,7 +93,7 @@ fn kind_of_no_file(metadata: &Metadata) -> Option<&'static str> {
 ///
 /// # Errors
 /// If there is no such file, or it is a directory, a device or a pipe.
-pub(super) fn size_of_file(path: &Path) -> io::Result<u64> {
+pub(crate) fn size_of_file(path: &Path) -> io::Result<u64> {
     let metadata = std::fs::metadata(path)?;
     match kind_of_no_file(&metadata) {
         Some(kind) => Err(io::Error::other(format!("it is {kind}, not a file"))),

@@ -345,13 +345,18 @@ impl Material {
         };
     }
 
-    /// The images that it names, some of them perhaps twice.
-    pub fn images(&self) -> impl Iterator<Item = u32> {
+    /// What it uses images for.
+    pub fn textures(&self) -> impl Iterator<Item = &TextureUse> {
         let [normal, occlusion] =
             [&self.normal_texture, &self.occlusion_texture].map(|of| of.as_ref().map(|(of, _)| of));
         let others =
             [&self.base_texture, &self.opacity_texture, &self.emissive_texture, &self.metallic_roughness_texture];
-        others.map(Option::as_ref).into_iter().chain([normal, occlusion]).flatten().map(|texture| texture.image)
+        others.map(Option::as_ref).into_iter().chain([normal, occlusion]).flatten()
+    }
+
+    /// The images that it names, some of them perhaps twice.
+    pub fn images(&self) -> impl Iterator<Item = u32> {
+        self.textures().map(|texture| texture.image)
     }
 
     /// Whether it says that it is drawn in another way than files are drawn that do not say how.

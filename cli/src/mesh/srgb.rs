@@ -68,6 +68,12 @@ pub fn srgb_byte(linear: f32) -> u8 {
     byte.wrapping_add(u8::from(LEAST_OF_NEXT[usize::from(byte)] <= linear))
 }
 
+/// The byte of a share from 0 to 1. The conversion saturates, and NaN becomes 0.
+#[inline]
+pub fn share_byte(share: f32) -> u8 {
+    (share.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

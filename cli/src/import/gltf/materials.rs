@@ -58,7 +58,7 @@ impl Materials {
         let materials: Vec<Material> = document.materials().map(|material| reader.material(&material)).collect();
         reader.causes.sentences().for_each(|sentence| source.note(&sentence));
         let has_normals = materials.iter().any(|material| material.normal_texture.is_some());
-        let sets_of = |material: &Material| texture_uses(material).map(|of| uv_sets[usize::from(of.uv_set)]).collect();
+        let sets_of = |material: &Material| material.textures().map(|of| uv_sets[usize::from(of.uv_set)]).collect();
         let needed_sets = materials.iter().map(sets_of).collect();
         Ok(Self { first: Some(sink.add_materials(materials)?), uv_sets, has_normals, needed_sets })
     }
@@ -98,14 +98,6 @@ fn sets_of(material: &GltfMaterial) -> Vec<u32> {
         material.occlusion_texture().map(|texture| texture.tex_coord()),
     ];
     colours.iter().flatten().map(uv_set).chain(others.into_iter().flatten()).collect()
-}
-
-/// All textures of a material.
-fn texture_uses(material: &Material) -> impl Iterator<Item = &TextureUse> {
-    let Material { base_texture, opacity_texture, emissive_texture, metallic_roughness_texture, .. } = material;
-    let alone = [base_texture, opacity_texture, emissive_texture, metallic_roughness_texture].map(Option::as_ref);
-    let scaled = [&material.normal_texture, &material.occlusion_texture];
-    alone.into_iter().chain(scaled.map(|texture| texture.as_ref().map(|(texture, _)| texture))).flatten()
 }
 
 /// Extensions that give a texture an image of a format that is not read.

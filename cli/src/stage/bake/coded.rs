@@ -6,7 +6,7 @@ use lodpack::write::{
 };
 
 use super::values::{Storage, Stored};
-use crate::mesh::srgb::srgb_byte;
+use crate::mesh::srgb::{share_byte, srgb_byte};
 
 impl Storage {
     /// The image of each channel, of texels that have these values, as [`super::values::Sums`] has them. Texels that are not used may have any
@@ -46,7 +46,7 @@ impl Storage {
                     }
                 }
                 Stored::Factor { step } => {
-                    let data = texels.map(|texel| byte(texel[0])).collect();
+                    let data = texels.map(|texel| share_byte(texel[0])).collect();
                     let image = Image { size: map.size, components: 1, data };
                     coded(&image, is_used, None, steps.of_others(step))
                 }
@@ -104,11 +104,6 @@ fn number_of(value: f32, low: f64, step: f64) -> u16 {
     ((f64::from(value) - low) / step + 0.5) as u16
 }
 
-/// A number from 0 to 1 as one of 255.
-fn byte(value: f32) -> u8 {
-    (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
-}
-
 /// Colours as they are stored, from linear light.
 fn colours<'a>(texels: impl Iterator<Item = &'a [f32]>, size: [u32; 2], components: u8) -> Image<u8> {
     let count = usize::from(components);
@@ -116,7 +111,7 @@ fn colours<'a>(texels: impl Iterator<Item = &'a [f32]>, size: [u32; 2], componen
     for (to, texel) in data.chunks_exact_mut(count).zip(texels) {
         to.iter_mut().zip(texel).take(3).for_each(|(to, &value)| *to = srgb_byte(value));
         if let Some(opacity) = to.get_mut(3) {
-            *opacity = byte(texel[3]);
+            *opacity = share_byte(texel[3]);
         }
     }
     Image { size, components, data }
@@ -169,7 +164,7 @@ mod tests {
                         let image = colours(texels, map.size, components);
                         image.data.chunks(components.into()).map(<[u8]>::to_vec).collect()
                     }
-                    Stored::Factor { .. } => texels.map(|texel| vec![byte(texel[0])]).collect(),
+                    Stored::Factor { .. } => texels.map(|texel| vec![share_byte(texel[0])]).collect(),
                     // As without a loss of more than the two bytes of a direction.
                     _ => {
                         let directions: Vec<[f32; 3]> = texels.map(|texel| [texel[0], texel[1], texel[2]]).collect();

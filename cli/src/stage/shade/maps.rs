@@ -13,8 +13,8 @@ impl Face<'_> {
             self.material.and_then(|material| material.normal_texture.as_ref()).map_or(1.0, |(_, scale)| *scale);
         let has_object_normals = self.material.is_some_and(|material| material.has_object_normals);
         let turned = texture.and_then(|face| {
+            let [x, y, z, _] = face.sample(weights, footprint).map(|share| f64::from(2.0 * share - 1.0));
             if has_object_normals {
-                let [x, y, z, _] = face.sample(weights, footprint).map(|share| f64::from(2.0 * share - 1.0));
                 return DVec3::new(x, y, z).try_normalize();
             }
             let [a, b, c] = self.corners;
@@ -26,7 +26,6 @@ impl Face<'_> {
             let up = ((b - a) * z - (c - a) * x) * turn;
             let right = (right - smooth * right.dot(smooth)).try_normalize()?;
             let up = (up - smooth * up.dot(smooth) - right * up.dot(right)).try_normalize()?;
-            let [x, y, z, _] = face.sample(weights, footprint).map(|share| f64::from(2.0 * share - 1.0));
             let scale = f64::from(scale);
             (right * (x * scale) + up * (y * scale) + smooth * z).try_normalize()
         });
