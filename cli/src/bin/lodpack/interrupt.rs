@@ -49,13 +49,23 @@ pub fn on_stop_after(mut first: impl FnMut() + Send + 'static, state: &Path, adv
         first();
         if let Ok(unfinished) = UNFINISHED.lock() {
             unfinished.iter().for_each(|path| match path.is_dir() {
-                true => drop(fs::remove_dir_all(path)),
+                true => remove_folder(path),
                 false => drop(fs::remove_file(path)),
             });
         }
         messages::tell("stopped", if state.exists() { advice } else { "no unfinished files were left behind" });
         std::process::exit(STOPPED);
     });
+}
+
+/// Removes a folder. Renamed first, it is out of reach of threads that still write to it.
+fn remove_folder(path: &Path) {
+    let mut name = path.as_os_str().to_owned();
+    name.push("x");
+    let _ = match fs::rename(path, &name) {
+        Ok(()) => fs::remove_dir_all(name),
+        Err(_) => fs::remove_dir_all(path),
+    };
 }
 
 /// Registers a file or directory that is unfinished.

@@ -3,6 +3,7 @@
 use crate::interrupt;
 use anyhow::{Context, Result, bail};
 use lodpack::index::FillingCounts;
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -43,9 +44,7 @@ impl PendingFile {
         let Some(name) = real.file_name() else { bail!("{} names no file", path.display()) };
         check_folder(&real)?;
         remove_abandoned(folder_of(&real), &name.to_string_lossy());
-        let mut temporary_name = name.to_owned();
-        temporary_name.push(format!(".{}.tmp", std::process::id()));
-        let temporary = real.with_file_name(temporary_name);
+        let temporary = real.with_file_name(temporary_name(name));
         interrupt::unfinished(&temporary);
         let file = File::options().create(true).truncate(true).read(true).write(true).open(&temporary);
         let file = file.with_context(cannot_write)?;
@@ -65,6 +64,13 @@ impl PendingFile {
         self.temporary = None;
         Ok(())
     }
+}
+
+/// The temporary name of an output.
+fn temporary_name(name: &OsStr) -> OsString {
+    let mut temporary = name.to_owned();
+    temporary.push(format!(".{}.tmp", std::process::id()));
+    temporary
 }
 
 /// Removes temporary files of an output that killed processes have left.
@@ -123,9 +129,21 @@ impl PendingFolder {
         }
         check_folder(&path)?;
         let Some(name) = path.file_name() else { bail!("{shown} cannot be an output; name another folder with -o") };
-        let mut temporary_name = name.to_owned();
-        temporary_name.push(format!(".{}.tmp", std::process::id()));
-        let temporary = path.with_file_name(temporary_name);
+        Self::begin(path.with_file_name(temporary_name(name)), path)
+    }
+
+    /// Creates a folder whose files go among those of `path`, which may have any others: within it, so that they can be moved there even if
+    /// it is a file system of its own, or beside it if it is not there yet. [`Self::finish_by`] says how.
+    pub fn merging(path: &Path) -> Result<Self> {
+        let path = std::path::absolute(path).with_context(|| format!("cannot write {}", path.display()))?;
+        let temporary = match path.file_name() {
+            Some(name) if !path.exists() => path.with_file_name(temporary_name(name)),
+            _ => path.join(temporary_name("unfinished".as_ref())),
+        };
+        Self::begin(temporary, path)
+    }
+
+    fn begin(temporary: PathBuf, path: PathBuf) -> Result<Self> {
         interrupt::unfinished(&temporary);
         fs::create_dir(&temporary).with_context(|| format!("cannot write {}", temporary.display()))?;
         Ok(Self { temporary, path, is_finished: false })
@@ -137,12 +155,19 @@ impl PendingFolder {
     }
 
     /// Gives the complete folder its final name, in place of an earlier one.
-    pub fn finish(mut self) -> Result<()> {
-        if self.path.exists() {
-            fs::remove_dir_all(&self.path).with_context(|| format!("cannot replace {}", self.path.display()))?;
-        }
-        fs::rename(&self.temporary, &self.path)
-            .with_context(|| format!("cannot rename {} to {}", self.temporary.display(), self.path.display()))?;
+    pub fn finish(self) -> Result<()> {
+        self.finish_by(|temporary, path| {
+            if path.exists() {
+                fs::remove_dir_all(path).with_context(|| format!("cannot replace {}", path.display()))?;
+            }
+            fs::rename(temporary, path)
+                .with_context(|| format!("cannot rename {} to {}", temporary.display(), path.display()))
+        })
+    }
+
+    /// Has the complete folder put in its place, of which nothing may be left under the temporary name.
+    pub fn finish_by(mut self, put: impl FnOnce(&Path, &Path) -> Result<()>) -> Result<()> {
+        put(&self.temporary, &self.path)?;
         interrupt::finished(&self.temporary);
         self.is_finished = true;
         Ok(())

@@ -13,9 +13,9 @@ impl Face<'_> {
             self.material.and_then(|material| material.normal_texture.as_ref()).map_or(1.0, |(_, scale)| *scale);
         let has_object_normals = self.material.is_some_and(|material| material.has_object_normals);
         let turned = texture.and_then(|face| {
-            let [x, y, z, _] = face.sample(weights, footprint).map(|share| f64::from(2.0 * share - 1.0));
+            let [first, second, third, _] = face.sample(weights, footprint).map(|share| f64::from(2.0 * share - 1.0));
             if has_object_normals {
-                return DVec3::new(x, y, z).try_normalize();
+                return DVec3::new(first, second, third).try_normalize();
             }
             let [a, b, c] = self.corners;
             let side = |i: usize| [face.uv[i][0] - face.uv[0][0], face.uv[i][1] - face.uv[0][1]];
@@ -27,7 +27,7 @@ impl Face<'_> {
             let right = (right - smooth * right.dot(smooth)).try_normalize()?;
             let up = (up - smooth * up.dot(smooth) - right * up.dot(right)).try_normalize()?;
             let scale = f64::from(scale);
-            (right * (x * scale) + up * (y * scale) + smooth * z).try_normalize()
+            (right * (first * scale) + up * (second * scale) + smooth * third).try_normalize()
         });
         turned.unwrap_or(smooth).as_vec3().to_array()
     }

@@ -3,7 +3,7 @@
 use super::inputs::find_inputs;
 use crate::args::{AtlasArgs, ProgressStyle};
 use crate::interrupt;
-use crate::output::{bytes, check_folder, count, length, say};
+use crate::output::{PendingFolder, bytes, check_folder, count, length, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::geometry_images::{
@@ -14,17 +14,14 @@ use lodpack_cli::import::{ImportOptions, Imported, Room, import_large_meshes};
 use lodpack_cli::mesh::attributes::Surface;
 use lodpack_cli::progress::Progress;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Writes a mesh as geometry images.
 pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
     let dir = &args.output;
     check_output(dir, args.force)?;
-    let work = workplace(dir);
-    let unfinished = work.clone();
-    interrupt::on_stop_after(move || discard(&unfinished), Path::new(""), "");
+    interrupt::on_stop_leave_nothing();
     let (built, resolutions) = {
         let progress = Terminal::new(ProgressStyle::Auto, progress_bar::ATLAS);
         let options = ImportOptions { channels: args.channels.clone(), ..ImportOptions::default() };
@@ -41,42 +38,13 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
         }
         let options = WriteOptions { resolution: args.resolution, texel_resolution: args.texels, mips: args.mips };
         progress.begin("write", 0);
-        IS_WRITING.store(true, Ordering::SeqCst);
-        let written = write_atlas(&work, &built.product, &options, &progress).map_err(anyhow::Error::from);
-        let written = written.and_then(|written| put_in_place(&work, dir).map(|()| written));
-        if written.is_err() {
-            discard(&work);
-        }
-        IS_WRITING.store(false, Ordering::SeqCst);
-        (built, written?)
+        let folder = PendingFolder::merging(dir)?;
+        let written = write_atlas(folder.unfinished(), &built.product, &options, &progress)?;
+        folder.finish_by(put_in_place)?;
+        (built, written)
     };
     print(&built, resolutions, dir)?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// Whether this process is writing an atlas.
-static IS_WRITING: AtomicBool = AtomicBool::new(false);
-
-/// Where an atlas is written until it is complete: beside a new directory, within one that exists, so that it can be moved there.
-fn workplace(dir: &Path) -> PathBuf {
-    let process = std::process::id();
-    if dir.exists() {
-        return dir.join(format!("atlas.{process}.tmp"));
-    }
-    let mut name = dir.components().as_path().as_os_str().to_owned();
-    name.push(format!(".{process}.tmp"));
-    name.into()
-}
-
-/// Removes an unfinished atlas. Renamed first, it is out of reach of threads that still write to it.
-fn discard(work: &Path) {
-    if IS_WRITING.load(Ordering::SeqCst) {
-        let mut name = work.as_os_str().to_owned();
-        name.push("x");
-        if fs::rename(work, &name).is_ok() {
-            let _ = fs::remove_dir_all(name);
-        }
-    }
 }
 
 /// Puts a complete atlas in its place, where an older one goes.
