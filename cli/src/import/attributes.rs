@@ -385,7 +385,8 @@ fn maps(used: &[&Material], channels: &Channels) -> MaterialMaps {
         occlusion: any(OCCLUSION, &|material| material.occlusion_texture.is_some()),
         metallic: any(METALLIC, &|material| material.metallic > 0.0),
         roughness: any(ROUGHNESS, &|material| {
-            material.roughness < 1.0 || material.metallic_roughness_texture.is_some()
+            let textures = [&material.metallic_roughness_texture, &material.roughness_texture];
+            material.roughness < 1.0 || textures.iter().any(|texture| texture.is_some())
         }),
     }
 }

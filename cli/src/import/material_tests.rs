@@ -63,6 +63,28 @@ fn images_of_mtl_that_are_not_read_are_named() {
 }
 
 #[test]
+fn factors_of_mtl_have_images_of_their_own() {
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n";
+    let read = |library: &str| {
+        let folder = Folder::new(&[
+            ("a.obj", obj.as_bytes()),
+            ("a.mtl", library.as_bytes()),
+            ("grey.png", &super::attribute_tests::png(2, 2)),
+        ]);
+        let (appearance, _, notes) = folder.sound(&["a.obj"]);
+        (appearance.materials[1].clone(), appearance.maps, notes)
+    };
+    let (material, maps, notes) = read("newmtl m\nmap_Pm grey.png\nmap_Pr grey.png\nPr 0.5\n");
+    assert!(material.metallic_texture.is_some() && material.roughness_texture.is_some(), "{notes}");
+    assert_eq!((material.metallic, material.roughness), (1.0, 0.5));
+    assert_eq!(maps, MaterialMaps { metallic: true, roughness: true, ..MaterialMaps::default() });
+    // Without its image, nothing is of metal.
+    let (material, maps, notes) = read("newmtl m\nmap_Pm none.png\nmap_Pr grey.png\n");
+    assert!(material.metallic_texture.is_none() && material.metallic == 0.0 && !maps.metallic, "{notes}");
+    assert!(maps.roughness && notes.contains("none.png"), "{notes}");
+}
+
+#[test]
 fn gltf_materials_have_all_their_maps_and_normals_turn_with_their_node() {
     let directions: [[f32; 3]; 3] = [[0., 0., 1.], [0., 1., 0.], [1., 0., 0.]];
     let bytes: Vec<u8> = directions.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();

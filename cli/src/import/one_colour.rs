@@ -101,6 +101,12 @@ fn fold(
         (material.roughness, material.metallic) = (material.roughness * green, material.metallic * blue);
         material.metallic_roughness_texture = None;
     }
+    if let Some([red, ..]) = of(&material.metallic_texture, Shown::Part) {
+        (material.metallic, material.metallic_texture) = (material.metallic * red, None);
+    }
+    if let Some([red, ..]) = of(&material.roughness_texture, Shown::Part) {
+        (material.roughness, material.roughness_texture) = (material.roughness * red, None);
+    }
     let hides = material.hides_vertex_colour && has_vertex_colours;
     if let Some(colour) = of(&material.base_texture, Shown::Part).filter(|_| !hides) {
         let light = in_linear_light(colour);

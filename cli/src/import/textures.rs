@@ -80,6 +80,8 @@ fn drop_images(material: &mut Material, unusable: &BTreeSet<u32>) {
         &mut material.opacity_texture,
         &mut material.emissive_texture,
         &mut material.metallic_roughness_texture,
+        &mut material.metallic_texture,
+        &mut material.roughness_texture,
     ] {
         texture.take_if(|texture| unusable.contains(&texture.image));
     }

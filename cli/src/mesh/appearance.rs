@@ -270,6 +270,10 @@ pub struct Material {
     pub occlusion_texture: Option<(TextureUse, f32)>,
     /// An image whose blue and green are factors of the next two.
     pub metallic_roughness_texture: Option<TextureUse>,
+    /// Images whose red is a factor of one of them alone, as OBJ files have them.
+    pub metallic_texture: Option<TextureUse>,
+    /// The other one.
+    pub roughness_texture: Option<TextureUse>,
     /// 0 for dielectrics, 1 for metals.
     pub metallic: f32,
     /// 0 for mirrors, 1 for matt surfaces.
@@ -297,6 +301,8 @@ impl Default for Material {
             emissive_texture: None,
             occlusion_texture: None,
             metallic_roughness_texture: None,
+            metallic_texture: None,
+            roughness_texture: None,
             metallic: 0.0,
             roughness: 1.0,
             double_sided: false,
@@ -349,8 +355,14 @@ impl Material {
     pub fn textures(&self) -> impl Iterator<Item = &TextureUse> {
         let [normal, occlusion] =
             [&self.normal_texture, &self.occlusion_texture].map(|of| of.as_ref().map(|(of, _)| of));
-        let others =
-            [&self.base_texture, &self.opacity_texture, &self.emissive_texture, &self.metallic_roughness_texture];
+        let others = [
+            &self.base_texture,
+            &self.opacity_texture,
+            &self.emissive_texture,
+            &self.metallic_roughness_texture,
+            &self.metallic_texture,
+            &self.roughness_texture,
+        ];
         others.map(Option::as_ref).into_iter().chain([normal, occlusion]).flatten()
     }
 

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 
 use ::gltf::material::AlphaMode as GltfAlpha;
-use ::gltf::texture::{Info, Texture, TextureTransform, WrappingMode};
+use ::gltf::texture::{Info, MagFilter, Texture, TextureTransform, WrappingMode};
 use ::gltf::{Document, Material as GltfMaterial};
 
 use super::buffers::{Buffers, decode_percent, has_scheme};
@@ -52,7 +52,7 @@ impl Materials {
             sink,
             uv_sets: &uv_sets,
             images: HashMap::new(),
-            left_out: BTreeSet::new(),
+            noted: BTreeSet::new(),
             causes: Causes::default(),
         };
         let materials: Vec<Material> = document.materials().map(|material| reader.material(&material)).collect();
@@ -114,8 +114,8 @@ struct MaterialReader<'a> {
     uv_sets: &'a [u32],
     /// The numbers of the document's images among those of the input; none of those that cannot be used.
     images: HashMap<usize, Option<u32>>,
-    /// Textures without an image that is read. Several maps may use them.
-    left_out: BTreeSet<usize>,
+    /// Textures of which something was noted. Several maps may use them.
+    noted: BTreeSet<usize>,
     causes: Causes,
 }
 
@@ -144,6 +144,8 @@ impl MaterialReader<'_> {
                 .metallic_roughness_texture()
                 .filter(|_| !is_other)
                 .and_then(|texture| self.texture(&texture)),
+            metallic_texture: None,
+            roughness_texture: None,
             // Materials of other models are no metals: their factors stand at values that nobody chose.
             metallic: if is_other { 0.0 } else { metallic.metallic_factor() },
             roughness: if is_other { 1.0 } else { metallic.roughness_factor() },
@@ -175,6 +177,11 @@ impl MaterialReader<'_> {
             return None;
         };
         let sampler = texture.sampler();
+        if sampler.mag_filter() == Some(MagFilter::Nearest) && self.noted.insert(texture.index()) {
+            self.causes.add("nearest", &label_of(texture), |label| {
+                format!("{label} asks for its nearest texel: colours are interpolated between texels here")
+            });
+        }
         let wrap = |mode: WrappingMode| match mode {
             WrappingMode::Repeat => Wrap::Repeat,
             WrappingMode::MirroredRepeat => Wrap::Mirror,
@@ -189,7 +196,7 @@ impl MaterialReader<'_> {
         let named = [webp.map(|source| source as usize), texture.source().map(|image| image.index())];
         let image_count = self.document.as_json().images.len();
         let Some(number) = named.into_iter().flatten().find(|&number| number < image_count) else {
-            if self.left_out.insert(texture.index()) {
+            if self.noted.insert(texture.index()) {
                 self.note_texture_without_image(texture);
             }
             return None;

@@ -126,3 +126,14 @@ fn many_images_that_are_missing_have_one_note() {
         assert!(notes.lines().count() < 4, "{notes}");
     }
 }
+
+#[test]
+fn textures_of_nearest_texels_are_noted_once() {
+    let mut document = textured(json!({"source": 0, "sampler": 0}), json!([{"uri": "a.png"}]));
+    document.0["samplers"] = json!([{"magFilter": 9728}]);
+    document.0["materials"][0]["emissiveTexture"] = json!({"index": 0});
+    let (appearance, notes) = import(&document, &[("a.png", &png(2, 2))]);
+    assert!(appearance.materials[1].base_texture.is_some());
+    let sentence = "texture 0 asks for its nearest texel: colours are interpolated between texels here";
+    assert!(notes.contains(sentence) && !notes.contains("the same is true"), "{notes}");
+}

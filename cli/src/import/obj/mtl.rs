@@ -1,4 +1,5 @@
-//! MTL, the materials of OBJ files: `Kd`, `d`, `Tr`, `map_Kd` and `map_d` with their options, `Ke` and `map_Ke`, `norm`, `Pm` and `Pr`.
+//! MTL, the materials of OBJ files: `Kd`, `d`, `Tr`, `map_Kd` and `map_d` with their options, `Ke` and `map_Ke`, `norm`, `Pm`, `Pr`,
+//! `map_Pm` and `map_Pr`.
 
 use std::collections::BTreeSet;
 
@@ -20,6 +21,8 @@ pub(super) struct LibraryMaterial {
     pub plain: Material,
     /// Whether `d` gave its opacity.
     has_d: bool,
+    /// Whether `Pm` said how much it is of metal.
+    has_pm: bool,
 }
 
 impl LibraryMaterial {
@@ -61,6 +64,8 @@ impl LibraryReader<'_> {
                 b"map_ke" => textured.emissive_texture = self.texture(rest),
                 // Images of heights have these keywords, too, and cannot be told apart; `norm` is always an image of normals.
                 b"norm" => textured.normal_texture = self.texture(rest).map(|texture| (texture, 1.0)),
+                b"map_pm" => textured.metallic_texture = self.texture(rest),
+                b"map_pr" => textured.roughness_texture = self.texture(rest),
                 // What has the light of the surroundings is the image of colours once more.
                 b"map_ka" => {}
                 b"bump" | b"disp" | b"refl" => drop(unread.insert(readable(&keyword))),
@@ -71,7 +76,7 @@ impl LibraryReader<'_> {
         if !unread.is_empty() {
             let names = unread.into_iter().collect::<Vec<_>>().join(", ");
             self.source.note(&format!(
-                "images of materials are left out: {names}; those of map_Kd, map_d, map_Ke and norm are read"
+                "images of materials are left out: {names}; those of map_Kd, map_d, map_Ke, map_Pm, map_Pr and norm are read"
             ));
         }
         materials.iter_mut().for_each(LibraryMaterial::join);
@@ -135,7 +140,7 @@ impl LibraryMaterial {
     fn new(name: &[u8]) -> Self {
         // Colours of vertices without a texture are multiplied by Kd; alpha counts only where the library mentions it.
         let plain = Material { name: readable(name), alpha: AlphaMode::Opaque, ..Material::default() };
-        Self { name: name.to_owned(), textured: Material::default(), plain, has_d: false }
+        Self { name: name.to_owned(), textured: Material::default(), plain, has_d: false, has_pm: false }
     }
 
     /// Reads a statement that gives numbers.
@@ -157,7 +162,10 @@ impl LibraryMaterial {
                     material.emissive = [red, green, blue].map(linear_from_srgb);
                 }
             }
-            b"pm" => material.metallic = number().unwrap_or(0.0).clamp(0.0, 1.0),
+            b"pm" => {
+                material.metallic = number().unwrap_or(0.0).clamp(0.0, 1.0);
+                self.has_pm = true;
+            }
             b"pr" => material.roughness = number().unwrap_or(1.0).clamp(0.0, 1.0),
             _ => {}
         }
@@ -189,6 +197,8 @@ impl LibraryMaterial {
             opacity_texture: images.opacity_texture,
             emissive_texture: images.emissive_texture,
             normal_texture: images.normal_texture,
+            metallic_texture: images.metallic_texture,
+            roughness_texture: images.roughness_texture,
             ..self.plain.clone()
         };
         if material.opacity_texture.is_some() {
@@ -198,6 +208,10 @@ impl LibraryMaterial {
         material.opacity_texture.take_if(|opacity| material.base_texture.as_ref() == Some(opacity));
         if material.emissive_texture.is_some() && material.emissive == [0.0; 3] {
             material.emissive = [1.0; 3];
+        }
+        // Factors are 0 and 1 where nothing is said of them, as without images.
+        if material.metallic_texture.is_some() && !self.has_pm {
+            material.metallic = 1.0;
         }
         if material.base_texture.is_some() {
             // Programs that write a texture often write an arbitrary Kd beside it, and those that read both show the texture alone.

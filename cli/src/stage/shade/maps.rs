@@ -70,6 +70,8 @@ impl Face<'_> {
             self.material.map_or([0.0, 1.0], |material| [material.metallic, material.roughness]);
         let texture = self.textures[Use::MetallicRoughness as usize].as_ref();
         let texel = texture.map_or([1.0; 4], |face| face.sample(weights, footprint));
-        [metallic * texel[2], roughness * texel[1]]
+        let own =
+            |which: Use| self.textures[which as usize].as_ref().map_or(1.0, |face| face.sample(weights, footprint)[0]);
+        [metallic * texel[2] * own(Use::Metallic), roughness * texel[1] * own(Use::Roughness)]
     }
 }

@@ -118,6 +118,8 @@ impl<'s> Painter<'s> {
                     material.metallic_roughness_texture.as_ref(),
                     Meaning::Shares,
                 ),
+                (Use::Metallic, maps.metallic, material.metallic_texture.as_ref(), Meaning::Shares),
+                (Use::Roughness, maps.roughness, material.roughness_texture.as_ref(), Meaning::Shares),
             ];
             for (which, is_wanted, texture, meaning) in uses {
                 if let Some(texture) = texture.filter(|_| is_wanted) {
@@ -176,10 +178,12 @@ enum Use {
     Emissive,
     Occlusion,
     MetallicRoughness,
+    Metallic,
+    Roughness,
 }
 
 impl Use {
-    const COUNT: usize = 6;
+    const COUNT: usize = 8;
 }
 
 /// Texture coordinates where the image has them. Coordinates count in images, from its first row and column.

@@ -278,6 +278,18 @@ fn factors_of_materials_come_from_their_components() {
     assert!((face.occlusion(at, 0.0) - 0.6).abs() < 1e-4);
     let light = LINEAR_OF_BYTE[51];
     assert!(close(face.emissive(at, 0.0), [light, 0.5 * LINEAR_OF_BYTE[102], 0.0]));
+    // Images of one factor alone have it in their red.
+    let material = &mut appearance.materials[0];
+    (material.metallic_texture, material.metallic_roughness_texture) =
+        (material.metallic_roughness_texture.take(), None);
+    let shader = Shader::new(&appearance, None, &std::env::temp_dir(), 1 << 20, &|_| ());
+    let [metallic, roughness] = shader.painter(&region).face(0, CORNERS).metallic_roughness(at, 0.0);
+    assert!((metallic - 0.1).abs() < 1e-4 && roughness == 1.0, "{metallic} {roughness}");
+    let material = &mut appearance.materials[0];
+    (material.roughness_texture, material.metallic_texture) = (material.metallic_texture.take(), None);
+    let shader = Shader::new(&appearance, None, &std::env::temp_dir(), 1 << 20, &|_| ());
+    let [metallic, roughness] = shader.painter(&region).face(0, CORNERS).metallic_roughness(at, 0.0);
+    assert!(metallic == 0.5 && (roughness - 0.2).abs() < 1e-4, "{metallic} {roughness}");
 }
 
 #[test]
