@@ -13,7 +13,7 @@ use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{rough_sphere, save_ply, torus};
 use lodpack_tests::terrain::{Fractal, Grid};
 use serde_json::Value;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -171,14 +171,19 @@ fn triples(glb: &[u8], attribute: &str) -> (Value, Vec<[f64; 3]>) {
     let accessor = &json["accessors"][number(&json["meshes"][0]["primitives"][0]["attributes"][attribute])];
     let coded = &json["bufferViews"][number(&accessor["bufferView"])]["extensions"]["EXT_meshopt_compression"];
     let bytes = &glb[28 + word(12)..][number(&coded["byteOffset"])..][..number(&coded["byteLength"])];
-    let mut words: Vec<[u32; 3]> = meshopt::decode_vertex_buffer(bytes, number(&coded["count"])).expect("vertices");
-    meshopt::decode_filter_exp(&mut words);
-    let place = |word: &[u32; 3]| {
-        let [x, y, z] = word.map(|word| f64::from(f32::from_bits(word)));
-        // glTF has y up.
-        [x, -z, y]
+    let count = number(&coded["count"]);
+    // glTF has y up.
+    let turned = |[x, y, z]: [f64; 3]| [x, -z, y];
+    let all = if coded["filter"] == "OCTAHEDRAL" {
+        assert_eq!((&accessor["componentType"], &accessor["normalized"]), (&5120.into(), &true.into()));
+        let mut words: Vec<[i8; 4]> = meshopt::decode_vertex_buffer(bytes, count).expect("vertices");
+        meshopt::decode_filter_oct(&mut words);
+        words.iter().map(|&[x, y, z, _]| turned([x, y, z].map(|x| (f64::from(x) / 127.0).max(-1.0)))).collect()
+    } else {
+        let mut words: Vec<[u32; 3]> = meshopt::decode_vertex_buffer(bytes, count).expect("vertices");
+        meshopt::decode_filter_exp(&mut words);
+        words.iter().map(|word| turned(word.map(|word| f64::from(f32::from_bits(word))))).collect()
     };
-    let all = words.iter().map(place).collect();
     (json, all)
 }
 
@@ -230,6 +235,43 @@ fn tiles_of_any_levels_meet_without_cracks() {
     let mut some = vec![];
     root.children.iter().take(1).for_each(|child| some.extend(&child.triangles));
     assert!(root.children.len() < 2 || open_edges(&some) > 0);
+}
+
+#[test]
+fn tiles_of_any_levels_have_the_same_light_along_borders() {
+    let desk = Desk::new(&torus(60), "0.0005edge");
+    desk.export("tiles", &[]);
+    let (mut names, mut found, mut inside) = (vec![], HashMap::<[u64; 3], Vec<[u64; 3]>>::new(), 0);
+    files_below(&desk.path("tiles"), &mut names);
+    for name in names.iter().filter(|name| name.extension().is_some_and(|extension| extension == "glb")) {
+        let glb = fs::read(name).expect("written");
+        let (own, normals) = (places(&glb), triples(&glb, "NORMAL").1);
+        // Vertices of edges that one triangle of the tile has.
+        let mut edges = HashMap::<[[i64; 3]; 2], Vec<[i64; 3]>>::new();
+        let all = triangles(&glb);
+        for t in &all {
+            (0..3).for_each(|k| {
+                edges.entry([t[k].min(t[(k + 1) % 3]), t[k].max(t[(k + 1) % 3])]).or_default().push(t[k])
+            });
+        }
+        let border: HashSet<[i64; 3]> =
+            edges.iter().filter(|(_, of)| of.len() == 1).flat_map(|(edge, _)| *edge).collect();
+        for (place, normal) in own.into_iter().zip(normals) {
+            let [x, y, z] = place.map(|x| (x * 2_f64.powi(40)) as i64);
+            match border.contains(&[x, z, -y]) {
+                true => found.entry(place.map(f64::to_bits)).or_default().push(normal.map(f64::to_bits)),
+                false => inside += 1,
+            }
+        }
+    }
+    let differ = found.values().filter(|normals| normals.iter().any(|normal| *normal != normals[0])).count();
+    let shared = found.values().filter(|normals| normals.len() > 1).count();
+    assert!(shared > 200 && inside > 1000 && differ * 200 < shared, "{differ} of {shared} differ, {inside} inside");
+    // Without, tiles have no normals.
+    desk.export("flat", &["--normals", "none"]);
+    let glb = fs::read(desk.path("flat").join(names[0].strip_prefix(desk.path("tiles")).expect("inside")));
+    let glb = String::from_utf8_lossy(&glb.expect("the same names")).into_owned();
+    assert!(!glb.contains("NORMAL"), "{}", names[0].display());
 }
 
 #[test]
@@ -620,7 +662,7 @@ fn tiles_of_heights_are_lit_as_the_globe_is_round() {
             let (_, normals) = triples(&glb, "NORMAL");
             for (place, normal) in places(&glb).into_iter().zip(normals) {
                 let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-                assert!((length(normal) - 1.0).abs() < 4e-3, "{normal:?}");
+                assert!((length(normal) - 1.0).abs() < 0.02, "{normal:?}");
                 let place = [0, 1, 2].map(|k| origin[k] + place[k]);
                 let up = if is_globe { place.map(|x| x / length(place)) } else { [0.0, 0.0, 1.0] };
                 let cosine: f64 = (0..3).map(|k| up[k] * normal[k]).sum();

@@ -122,6 +122,11 @@ impl PagedMesh {
         Self { positions, places, triangles, drawings, corners, frames, pages, ..Self::default() }
     }
 
+    /// A mesh without pages and without normals.
+    pub fn without_normals(mesh: lodpack::Mesh) -> Self {
+        Self { positions: mesh.positions, triangles: vec![mesh.triangles], ..Self::default() }
+    }
+
     /// A mesh without pages, with normals.
     ///
     /// # Errors

@@ -13,15 +13,17 @@ use serde_json::{Value, json};
 use std::io;
 
 /// glTF's numbers for types of components and targets of buffers.
+const BYTE: u32 = 5120;
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// Directions count in 2 to this power: those of maps, and those of slopes, of which a fifth of a degree is enough and takes less.
+/// Directions of maps count in 2 to this power.
 const FINE: i32 = -15;
-const OF_SLOPES: i32 = -8;
+/// Bits of each of the two numbers of a normal without a map: it is up to .7 degrees off.
+const NORMAL_BITS: i32 = 8;
 /// Bits of a coordinate, with its sign; a byte of exponent follows.
 const MANTISSA_BITS: u32 = 24;
 
@@ -104,7 +106,7 @@ impl Content {
 }
 
 /// Numbers of vertices in the order in which triangles use them, and the triangles with their new numbers; others are dropped.
-fn in_order_of_use(count: usize, indices: &[u32]) -> (Vec<u32>, Vec<u32>) {
+pub fn in_order_of_use(count: usize, indices: &[u32]) -> (Vec<u32>, Vec<u32>) {
     let mut new = vec![u32::MAX; count];
     let mut used = Vec::with_capacity(count);
     let rename = |&old: &u32| {
@@ -201,6 +203,16 @@ fn directions<const N: usize>(exponent: i32, all: impl Iterator<Item = ([f32; 3]
     Stream { compressed, stride: 4 * N, count: words.len(), mode, filter, target: ARRAY_BUFFER }
 }
 
+/// Normals as points of an octahedron.
+fn octahedral(normals: impl Iterator<Item = [f32; 3]>) -> Stream {
+    // y is up.
+    let directions: Vec<[f32; 4]> = normals.map(|[x, y, z]| [x, z, -y, 0.0]).collect();
+    let words: Vec<[i8; 4]> = meshopt::encode_filter_oct(&directions, NORMAL_BITS);
+    let compressed = meshopt::encode_vertex_buffer_level(&words, 2, Some(0)).unwrap_or_default();
+    let (mode, filter) = ("ATTRIBUTES", Some("OCTAHEDRAL"));
+    Stream { compressed, stride: 4, count: words.len(), mode, filter, target: ARRAY_BUFFER }
+}
+
 /// A binary glTF file of one mesh.
 #[derive(Default)]
 struct Glb {
@@ -213,6 +225,8 @@ struct Glb {
     primitive_count: usize,
     images: Vec<Encoded>,
     translation: [f64; 3],
+    /// Extensions that a reader must know beside that of compression.
+    required: Vec<&'static str>,
 }
 
 impl Glb {
@@ -245,8 +259,9 @@ impl Glb {
 
     /// Adds normals, and colours if there are some, of points that stand in this order.
     fn add_shading(&mut self, shading: &Shading, order: &[usize]) {
-        let normals = order.iter().map(|&number| (shading.normals[number], None));
-        self.add_attribute("NORMAL", directions::<3>(OF_SLOPES, normals), FLOAT, "VEC3");
+        let normals = order.iter().map(|&number| shading.normals[number]);
+        self.add_attribute("NORMAL", octahedral(normals), BYTE, "VEC3");
+        self.required.push("KHR_mesh_quantization");
         let Some(colours) = &shading.colours else { return };
         let words: Vec<[u16; 4]> = order.iter().map(|&number| linear(colours[number])).collect();
         let compressed = meshopt::encode_vertex_buffer_level(&words, 2, Some(0)).unwrap_or_default();
@@ -261,7 +276,7 @@ impl Glb {
     fn add_attribute(&mut self, name: &str, stream: Stream, component_type: u32, kind: &str) {
         let mut accessor = json!({
             "bufferView": self.streams.len(), "componentType": component_type, "count": stream.count, "type": kind});
-        if component_type == UNSIGNED_SHORT {
+        if component_type != FLOAT {
             accessor["normalized"] = true.into();
         }
         self.attributes[name] = self.accessors.len().into();
@@ -299,10 +314,10 @@ impl Glb {
             binary.extend_from_slice(bytes);
             binary.resize(binary.len().next_multiple_of(4), 0);
         }
-        let required = ["EXT_meshopt_compression"];
+        let required = [&["EXT_meshopt_compression"], self.required.as_slice()].concat();
         let is_unlit = |material: &Value| material["extensions"][UNLIT].is_object();
-        let used: Vec<&str> =
-            required.into_iter().chain(self.materials.iter().any(is_unlit).then_some(UNLIT)).collect();
+        let unlit = self.materials.iter().any(is_unlit).then_some(UNLIT);
+        let used: Vec<&str> = required.iter().copied().chain(unlit).collect();
         let primitive =
             |number: usize| json!({"attributes": self.attributes, "indices": 1 + number, "material": number});
         let primitives: Vec<Value> = (0..self.primitive_count).map(primitive).collect();

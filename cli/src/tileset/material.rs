@@ -2,15 +2,17 @@
 
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
-use lodpack::LatticePoint;
 use lodpack::decode::texels::Image;
-use lodpack::decode::{Drawing, Texture, TexturedMesh};
+use lodpack::decode::{Drawing, TexturedMesh};
+use lodpack::{LatticePoint, Mesh};
 use serde_json::{Value, json};
 use std::io;
 
-use super::glb::Positions;
+use super::glb::{Positions, in_order_of_use};
+use super::light::BorderNormals;
 use crate::mesh::layers::{Layer, Look};
 use crate::mesh::pages::{Page, PagedMesh};
+use crate::mesh::shaded::Shading;
 use crate::mesh::textured;
 
 /// The quality of images, of 100: they are coded once more.
@@ -19,12 +21,14 @@ const QUALITY: u8 = 90;
 /// The surface of a tile.
 #[derive(Default)]
 pub struct Surface {
-    /// Its points. With images, a point is there once for each place in the image.
+    /// Its points. A point is there once for each place in the image, and each normal.
     pub points: Vec<LatticePoint>,
     /// Its triangles.
     pub triangles: Vec<[u32; 3]>,
     /// What it looks like; none without images.
     pub paint: Option<Paint>,
+    /// Its normals, where images have none; none without light.
+    pub shading: Option<Shading>,
 }
 
 /// An encoded image, and its media type.
@@ -43,36 +47,53 @@ pub struct Paint {
 }
 
 impl Surface {
-    /// The part of a cut that one of its nodes draws.
+    /// The part of a cut that one of its nodes draws, lit by normals if those of borders are there.
+    ///
+    /// # Errors
+    /// [`io::ErrorKind::InvalidInput`] if it has more than 2^32 corners.
     pub fn of_node(
         textured: &TexturedMesh,
         triangles: std::ops::Range<usize>,
         look: &Look,
+        light: Option<&BorderNormals>,
         positions: &Positions,
-    ) -> Self {
-        let mesh = &textured.mesh;
-        let node = triangles.clone().next().map_or(0, |first| mesh.triangle_nodes[first]);
-        let own = TexturedMesh {
-            mesh: lodpack::Mesh {
-                positions: mesh.positions.clone(),
-                triangles: mesh.triangles[triangles.clone()].to_vec(),
-                triangle_nodes: vec![0; triangles.len()],
-            },
-            places: textured.places[triangles].to_vec(),
-            textures: textured
-                .textures
-                .get(node as usize)
-                .map_or(vec![Texture::default()], |texture| vec![texture.clone()]),
+    ) -> io::Result<Self> {
+        let mesh = part_of(&textured.mesh, triangles.clone());
+        let node = textured.mesh.triangle_nodes.get(triangles.start).map_or(0, |&node| node as usize);
+        let paged = if textured.textures.is_empty() {
+            match light {
+                Some(_) => PagedMesh::bare(&mesh)?,
+                None => PagedMesh::without_normals(mesh),
+            }
+        } else {
+            let texture = textured.textures.get(node).cloned().unwrap_or_default();
+            let own = TexturedMesh { mesh, places: textured.places[triangles].to_vec(), textures: vec![texture] };
+            // One image is one page.
+            let paged = PagedMesh::new(&own, look, u32::MAX);
+            if light.is_some() { paged.smooth(&own.mesh)? } else { paged }
         };
-        // One image is one page.
-        let paged = PagedMesh::new(&own, look, u32::MAX);
-        let points = paged.positions.iter().map(|&position| positions.on_lattice(position)).collect();
+        let points: Vec<LatticePoint> =
+            paged.positions.iter().map(|&position| positions.on_lattice(position)).collect();
         let parts = paged.parts();
         let triangles = parts.iter().flat_map(|part| part.triangles.iter().copied()).collect();
         let parts = parts.iter().map(|part| (part.drawing, part.triangles.len())).collect();
         let page = paged.pages.into_iter().next();
         let paint = page.map(|page| Paint { places: paged.places, frames: paged.frames, page, parts });
-        Self { points, triangles, paint }
+        let mut normals = paged.normals;
+        light.into_iter().for_each(|light| light.settle(&points, &mut normals));
+        let shading = (!normals.is_empty()).then(|| Shading { normals, ..Shading::default() });
+        Ok(Self { points, triangles, paint, shading })
+    }
+}
+
+/// Some triangles of a mesh, with the vertices that they have.
+fn part_of(mesh: &Mesh, range: std::ops::Range<usize>) -> Mesh {
+    let corners = mesh.triangles[range.clone()].as_flattened();
+    let (used, indices) = in_order_of_use(mesh.positions.len(), corners);
+    Mesh {
+        positions: used.iter().map(|&vertex| mesh.positions[vertex as usize]).collect(),
+        triangles: indices.as_chunks().0.to_vec(),
+        triangle_nodes: vec![0; range.len()],
     }
 }
 

@@ -10,6 +10,7 @@ mod geodesy;
 mod glb;
 mod joined;
 mod json;
+mod light;
 mod material;
 mod place;
 mod quantized;
@@ -23,9 +24,10 @@ pub use place::{PlaceError, Placed, Projection, place};
 pub use quantized::{LAYER, QuantizedSummary, is_on_wgs84, write_quantized};
 pub use terrain::{bounds_of, write_terrain};
 
-use crate::mesh::layers::Look;
+use crate::mesh::layers::{Layer, Look};
 use crate::progress::Progress;
 use glb::{Content, Positions};
+use light::BorderNormals;
 use lodpack::decode::TexturedMesh;
 use lodpack::{Cut, File, Lattice, LatticePoint, Node, ReadAt};
 use material::Surface;
@@ -55,6 +57,8 @@ pub struct TilesetOptions {
     pub frame: Frame,
     /// Whether tiles get images of what the surface looks like.
     pub with_channels: bool,
+    /// Whether tiles get normals where the file stores none. Those of heights always do.
+    pub with_normals: bool,
 }
 
 /// What was written.
@@ -125,16 +129,13 @@ pub fn write_tileset<S: ReadAt + Sync>(
         return Err(TilesetError::Size);
     }
     tree.tiles.iter_mut().for_each(|tile| tile.error += positions.rounding() * lattice.step());
-    progress.begin("tiles", tree.tiles.len() as u64);
-    // Those of a level that follow each other are near each other, and share arcs.
-    let mut numbers: Vec<usize> = (0..tree.tiles.len()).collect();
-    numbers.sort_by_key(|&number| (tree.tiles[number].level, tree.tiles[number].root));
-    let batches: Vec<&[usize]> = numbers
-        .chunk_by(|&a, &b| tree.tiles[a].level == tree.tiles[b].level)
-        .flat_map(|of_level| of_level.chunks(TILES_AT_ONCE))
-        .collect();
     let look = if options.with_channels { Look::of(file.channels(), true) } else { Default::default() };
-    let write_batch = |batch: &&[usize]| write_tiles(file, folder, &tree, batch, (&look, &positions), progress);
+    let needs_light = options.with_normals && !look.0.layers.contains(&Layer::Normal);
+    let light = needs_light.then(|| BorderNormals::of(file, &tree, &positions, progress)).transpose()?;
+    progress.begin("tiles", tree.tiles.len() as u64);
+    let batches = batches_of(&tree, (0..tree.tiles.len()).collect());
+    let writer = Writer { file, folder, tree: &tree, look: &look, light: light.as_ref(), positions: &positions };
+    let write_batch = |batch: &Vec<usize>| writer.write(batch, progress);
     let written: Vec<Vec<Written>> = batches.par_iter().map(write_batch).collect::<Result<_, TilesetError>>()?;
     finish(tree, written.into_iter().flatten(), &lattice, folder, &options.frame)
 }
@@ -176,49 +177,58 @@ struct Written {
     error: f64,
 }
 
-/// Reads, decodes and writes tiles of one level, by ascending root.
-fn write_tiles<S: ReadAt>(
-    file: &File<S>,
-    folder: &Path,
-    tree: &Tree,
-    numbers: &[usize],
-    (look, positions): (&(Look, Vec<u8>), &Positions),
-    progress: &dyn Progress,
-) -> Result<Vec<Written>, TilesetError> {
-    let node = |&number: &usize| Node { root: tree.tiles[number].root, level: tree.tiles[number].level };
-    let cut = Cut { nodes: numbers.iter().map(node).collect(), ..Cut::default() };
-    let (look, channels) = look;
-    let textured = if channels.is_empty() {
-        TexturedMesh { mesh: file.extract_with_borders(&cut, tree.border_level)?, ..TexturedMesh::default() }
-    } else {
-        file.extract_textured_with_borders(&cut, tree.border_level, channels)?
-    };
-    let mesh = &textured.mesh;
-    let points: Vec<LatticePoint> = mesh.positions.iter().map(|&point| positions.on_lattice(point)).collect();
-    // A node's triangles follow each other.
-    let mut begin = 0;
-    let mut written = vec![];
-    for (node, &number) in (0..).zip(numbers) {
-        let end = begin + mesh.triangle_nodes[begin..].iter().take_while(|&&other| other == node).count();
-        let content = if channels.is_empty() {
-            Content::new(&points, &mesh.triangles[begin..end], (None, None), positions)
+/// Tiles that are decoded together. Those of a level that follow each other are near each other, and share arcs.
+fn batches_of(tree: &Tree, mut numbers: Vec<usize>) -> Vec<Vec<usize>> {
+    numbers.sort_by_key(|&number| (tree.tiles[number].level, tree.tiles[number].root));
+    let levels = numbers.chunk_by(|&a, &b| tree.tiles[a].level == tree.tiles[b].level);
+    levels.flat_map(|of_level| of_level.chunks(TILES_AT_ONCE)).map(<[usize]>::to_vec).collect()
+}
+
+/// What all tiles are written with.
+struct Writer<'a, S> {
+    file: &'a File<S>,
+    folder: &'a Path,
+    tree: &'a Tree,
+    look: &'a (Look, Vec<u8>),
+    light: Option<&'a BorderNormals>,
+    positions: &'a Positions,
+}
+
+impl<S: ReadAt> Writer<'_, S> {
+    /// Reads, decodes and writes tiles of one level, by ascending root.
+    fn write(&self, numbers: &[usize], progress: &dyn Progress) -> Result<Vec<Written>, TilesetError> {
+        let Self { file, folder, tree, .. } = *self;
+        let node = |&number: &usize| Node { root: tree.tiles[number].root, level: tree.tiles[number].level };
+        let cut = Cut { nodes: numbers.iter().map(node).collect(), ..Cut::default() };
+        let (look, channels) = self.look;
+        let textured = if channels.is_empty() {
+            TexturedMesh { mesh: file.extract_with_borders(&cut, tree.border_level)?, ..TexturedMesh::default() }
         } else {
-            let Surface { points, triangles, paint } = Surface::of_node(&textured, begin..end, look, positions);
-            Content::new(&points, &triangles, (paint.as_ref(), None), positions)
+            file.extract_textured_with_borders(&cut, tree.border_level, channels)?
         };
-        let triangles = end - begin;
-        begin = end;
-        let uri = tree.tiles[number].uri("glb");
-        let content = content.map_err(|source| TilesetError::Write { path: folder.join(&uri), source })?;
-        if let Some(glb) = &content.glb {
-            write(folder, &uri, glb)?;
+        // A node's triangles follow each other.
+        let mut begin = 0;
+        let mut written = vec![];
+        for (node, &number) in (0..).zip(numbers) {
+            let of_node = textured.mesh.triangle_nodes[begin..].iter().take_while(|&&other| other == node);
+            let own = begin..begin + of_node.count();
+            begin = own.end;
+            let triangles = own.len().try_into().unwrap_or(u32::MAX);
+            let uri = tree.tiles[number].uri("glb");
+            let content = Surface::of_node(&textured, own, look, self.light, self.positions)
+                .and_then(|Surface { points, triangles, paint, shading }| {
+                    Content::new(&points, &triangles, (paint.as_ref(), shading.as_ref()), self.positions)
+                })
+                .map_err(|source| TilesetError::Write { path: folder.join(&uri), source })?;
+            if let Some(glb) = &content.glb {
+                write(folder, &uri, glb)?;
+            }
+            let bytes = content.glb.map_or(0, |glb| glb.len() as u64);
+            written.push(Written { number, bounds: content.bounds, triangles, bytes, error: tree.tiles[number].error });
+            progress.advance(1);
         }
-        let bytes = content.glb.map_or(0, |glb| glb.len() as u64);
-        let triangles = triangles.try_into().unwrap_or(u32::MAX);
-        written.push(Written { number, bounds: content.bounds, triangles, bytes, error: tree.tiles[number].error });
-        progress.advance(1);
+        Ok(written)
     }
-    Ok(written)
 }
 
 fn summary_of(tree: &Tree, border_triangles: u64) -> TilesetSummary {

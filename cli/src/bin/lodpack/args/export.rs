@@ -1,6 +1,6 @@
 //! Arguments of `export`.
 
-use super::read::GroundChoice;
+use super::read::{GroundChoice, NormalsChoice};
 use super::values::{ProgressStyle, UpAxis, parse_threads};
 use clap::{Args, ValueEnum};
 use lodpack_cli::mesh::tolerance::Tolerance;
@@ -49,6 +49,11 @@ pub struct ExportArgs {
     /// auto: tiles show colours and what else materials have, if the file has them; none: the shape alone.
     #[arg(long, default_value = "auto", value_name = "C", value_parser = ["auto", "none"])]
     pub channels: String,
+    /// Normals of vertices where the file stores none: smooth for means of the triangles around them, which end at edges of 30 degrees and more;
+    /// along borders of tiles they are those of the finest level, so that neighbours of any levels agree. Or none: some programs then show
+    /// colours without light (Cesium), others triangles flat. Heights keep their own.
+    #[arg(long, value_enum, value_name = "smooth|none", default_value = "smooth")]
+    pub normals: NormalsChoice,
     /// Replace the file or archive, or a tileset that an earlier export has left in the folder.
     #[arg(long)]
     pub force: bool,

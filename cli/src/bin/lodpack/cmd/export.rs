@@ -2,7 +2,7 @@
 
 use super::open::{Opened, Source, in_file, open_any, open_ground, tolerance_in, tolerance_in_heights};
 use super::{levels, print_json, use_threads};
-use crate::args::{ExportArgs, ExportFormat, GroundChoice, UpAxis};
+use crate::args::{ExportArgs, ExportFormat, GroundChoice, NormalsChoice, UpAxis};
 use crate::interrupt;
 use crate::messages;
 use crate::output::{PendingFile, PendingFolder, bytes, count, length, say};
@@ -50,13 +50,14 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
                 tolerance: args.tolerance.map(|tolerance| tolerance_in(file, tolerance)).transpose()?,
                 frame: frame(file, args)?,
                 with_channels: args.channels == "auto",
+                with_normals: args.normals == NormalsChoice::Smooth,
             };
             write_tileset(file, folder, &options, &progress).with_context(cannot_export)?
         }
         Opened::Heights(file) => {
             let (frame, projection) = frame_of_heights(file, args)?;
             let tolerance = args.tolerance.map(|tolerance| tolerance_in_heights(file, tolerance)).transpose()?;
-            let options = TilesetOptions { tolerance, frame, with_channels: false };
+            let options = TilesetOptions { tolerance, frame, with_channels: false, with_normals: true };
             write_terrain(file, folder, &options, projection.as_ref(), &progress).with_context(cannot_export)?
         }
     };
@@ -100,7 +101,8 @@ fn both(
     }
     let tolerance = args.tolerance.map(|tolerance| tolerance_in(file, tolerance)).transpose()?;
     let frame = frame_of(&of_mesh, file.bounds().unwrap_or_default(), certified_of(file), args)?;
-    let options = TilesetOptions { tolerance, frame, with_channels: args.channels == "auto" };
+    let (with_channels, with_normals) = (args.channels == "auto", args.normals == NormalsChoice::Smooth);
+    let options = TilesetOptions { tolerance, frame, with_channels, with_normals };
     let mesh = write_tileset(file, &folder.join(folder_of(0)), &options, progress).with_context(cannot_export)?;
     let bounds = in_file(&args.file, bounds_of(&ground))?;
     let projection = Projection::of(&of_ground);
@@ -109,7 +111,7 @@ fn both(
         frame_of(&of_ground, bounds, if projection.is_some() { f64::MAX } else { ground.info().sample_error }, args)?;
     let frame = if projection.is_some() { Frame::local(false) } else { placed };
     let tolerance = tolerance.map(|tolerance| tolerance / to_mesh.scale());
-    let options = TilesetOptions { tolerance, frame, with_channels: false };
+    let options = TilesetOptions { tolerance, frame, with_channels: false, with_normals: true };
     let terrain = write_terrain(&ground, &folder.join(folder_of(1)), &options, projection.as_ref(), progress);
     let mut terrain = terrain.with_context(cannot_export)?;
     terrain.certified_error *= to_mesh.scale();

@@ -2,7 +2,7 @@
 
 use super::open::{Opened, Source, in_file, open_any, tolerance_in};
 use super::print_json;
-use crate::args::{ExportArgs, UpAxis};
+use crate::args::{ExportArgs, NormalsChoice, UpAxis};
 use crate::interrupt;
 use crate::messages;
 use crate::output::{PendingFile, bytes, count, length, say};
@@ -97,11 +97,14 @@ fn levels_of(file: &lodpack::File<Source>, args: &ExportArgs, progress: &dyn Pro
     progress.begin("levels", count as u64);
     let read = |level: usize| -> Result<GlbLevel> {
         let cut = in_file(&args.file, file.uniform_cut(level as u8))?;
+        let with_normals = args.normals == NormalsChoice::Smooth;
         let mesh = if channels.is_empty() {
-            PagedMesh::bare(&in_file(&args.file, file.extract(&cut))?)?
+            let mesh = in_file(&args.file, file.extract(&cut))?;
+            if with_normals { PagedMesh::bare(&mesh)? } else { PagedMesh::without_normals(mesh) }
         } else {
             let textured = in_file(&args.file, file.extract_textured(&cut, &channels))?;
-            PagedMesh::new(&textured, &look, Pages::SIDE).smooth(&textured.mesh)?
+            let paged = PagedMesh::new(&textured, &look, Pages::SIDE);
+            if with_normals { paged.smooth(&textured.mesh)? } else { paged }
         };
         Ok(GlbLevel { mesh, name: String::new(), error: cut.error })
     };

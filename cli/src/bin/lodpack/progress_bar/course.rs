@@ -17,9 +17,9 @@ pub const VERIFY: Stages = &[("structure", 0.1), ("cuts", 0.9)];
 pub const VERIFY_AGAINST: Stages = &[("import", 0.05), ("structure", 0.01), ("cuts", 0.09), ("errors", 0.85)];
 pub const RASTER: Stages = &[("raster", 1.0)];
 pub const TIN: Stages = &[("triangulate", 1.0)];
-pub const EXPORT: Stages = &[("index", 0.02), ("tiles", 0.98)];
+pub const EXPORT: Stages = &[("index", 0.02), ("borders", 0.18), ("tiles", 0.8)];
 pub const EXPORT_LEVELS: Stages = &[("levels", 1.0)];
-pub const EXPORT_ARCHIVE: Stages = &[("index", 0.02), ("tiles", 0.88), ("archive", 0.1)];
+pub const EXPORT_ARCHIVE: Stages = &[("index", 0.02), ("borders", 0.18), ("tiles", 0.7), ("archive", 0.1)];
 pub const SELFTEST: Stages = &[("selftest", 1.0)];
 /// For a mesh, its builds take nearly all the time; for a file there are only queries.
 pub const REPORT: Stages = &[("import", 0.01), ("builds", 0.85), ("queries", 0.1), ("verification", 0.04)];
