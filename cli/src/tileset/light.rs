@@ -5,6 +5,7 @@
 //! is drawn beside it, and light does not change along a border either.
 
 use std::collections::{HashMap, HashSet};
+use std::io;
 
 use lodpack::{Cut, File, LatticePoint, Node, ReadAt};
 use rayon::prelude::*;
@@ -17,13 +18,57 @@ use crate::progress::Progress;
 
 /// A fan of a tile takes the closest normal of the finest cut only if these are at most 60 degrees apart: the cosine.
 const CLOSE: f32 = 0.5;
+/// Batches whose rims wait to be joined.
+const BATCHES_AT_ONCE: usize = 64;
 
 /// The normals that the finest cut has at the points of borders.
 #[derive(Clone, Debug, Default)]
 pub struct BorderNormals {
     /// Those of each point follow each other: the first one, and how many there are.
-    of_point: HashMap<LatticePoint, (usize, usize)>,
+    of_point: HashMap<LatticePoint, (u32, u32)>,
     normals: Vec<[f32; 3]>,
+}
+
+/// The rims of all finest tiles, joined where they meet.
+#[derive(Default)]
+struct Rims {
+    numbers: HashMap<LatticePoint, u32>,
+    points: Vec<LatticePoint>,
+    on_border: Vec<bool>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Rims {
+    fn add(&mut self, rim: &Rim) {
+        let Self { numbers, points, on_border, triangles } = self;
+        triangles.extend(rim.triangles.iter().map(|corners| {
+            corners.map(|point| {
+                let number = *numbers.entry(point).or_insert_with(|| {
+                    points.push(point);
+                    on_border.push(false);
+                    points.len() as u32 - 1
+                });
+                on_border[number as usize] |= rim.points.contains(&point);
+                number
+            })
+        }));
+    }
+
+    fn normals(self, origin: LatticePoint) -> io::Result<BorderNormals> {
+        let Self { numbers, points, on_border, triangles } = self;
+        drop(numbers);
+        // Steps of the lattice are as long along every axis.
+        let places: Vec<[f64; 3]> = points.iter().map(|p| [0, 1, 2].map(|k| (p[k] - origin[k]) as f64)).collect();
+        let fans = Fans::new(&places, &triangles, Creases::Kept)?;
+        let mut result = BorderNormals::default();
+        let kept = fans.vertices.iter().zip(&fans.normals).filter(|(vertex, _)| on_border[**vertex as usize]);
+        for (&vertex, &normal) in kept {
+            let next = result.normals.len() as u32;
+            result.of_point.entry(points[vertex as usize]).or_insert((next, 0)).1 += 1;
+            result.normals.push(normal);
+        }
+        Ok(result)
+    }
 }
 
 /// What a finest tile has beside its borders.
@@ -62,46 +107,27 @@ impl BorderNormals {
             });
             Ok(rims.collect::<Vec<_>>())
         };
-        let rims: Vec<Vec<Rim>> = batches.par_iter().map(of_batch).collect::<Result<_, lodpack::Error>>()?;
-        let found = Self::joined(rims.iter().flatten(), tree.origin);
+        let mut rims = Rims::default();
+        for wave in batches.chunks(BATCHES_AT_ONCE) {
+            let of_wave: Vec<Vec<Rim>> = wave.par_iter().map(of_batch).collect::<Result<_, lodpack::Error>>()?;
+            of_wave.iter().flatten().for_each(|rim| rims.add(rim));
+        }
+        let found = rims.normals(tree.origin);
         found.map_err(|source| TilesetError::Write { path: super::ENTRY.into(), source })
     }
 
-    fn joined<'r>(rims: impl Iterator<Item = &'r Rim>, origin: LatticePoint) -> std::io::Result<Self> {
-        let (mut numbers, mut triangles): (HashMap<LatticePoint, u32>, Vec<[u32; 3]>) = Default::default();
-        let (mut points, mut on_border): (Vec<LatticePoint>, Vec<bool>) = Default::default();
-        for rim in rims {
-            triangles.extend(rim.triangles.iter().map(|corners| {
-                corners.map(|point| {
-                    let number = *numbers.entry(point).or_insert_with(|| {
-                        points.push(point);
-                        on_border.push(false);
-                        points.len() as u32 - 1
-                    });
-                    on_border[number as usize] |= rim.points.contains(&point);
-                    number
-                })
-            }));
-        }
-        // Steps of the lattice are as long along every axis.
-        let places: Vec<[f64; 3]> = points.iter().map(|p| [0, 1, 2].map(|k| (p[k] - origin[k]) as f64)).collect();
-        let fans = Fans::new(&places, &triangles, Creases::Kept)?;
-        let mut result = Self::default();
-        let kept = fans.vertices.iter().zip(&fans.normals).filter(|(vertex, _)| on_border[**vertex as usize]);
-        for (&vertex, &normal) in kept {
-            let next = result.normals.len();
-            result.of_point.entry(points[vertex as usize]).or_insert((next, 0)).1 += 1;
-            result.normals.push(normal);
-        }
-        Ok(result)
-    }
-
-    /// Gives the vertices of a tile that lie on borders the normals that all tiles have there.
+    /// Gives the vertices of a tile that lie on borders the normals that all tiles have there. Where no crease ends there is one alone, which
+    /// folds that a border at the finest samples makes in a coarse tile have, too.
     pub fn settle(&self, points: &[LatticePoint], normals: &mut [[f32; 3]]) {
         for (point, normal) in points.iter().zip(normals) {
             let Some(&(first, count)) = self.of_point.get(point) else { continue };
+            if count == 1 {
+                *normal = self.normals[first as usize];
+                continue;
+            }
             let along = |other: &[f32; 3]| (0..3).map(|k| other[k] * normal[k]).sum::<f32>();
-            let closest = self.normals[first..first + count].iter().map(|other| (along(other), other));
+            let range = first as usize..(first + count) as usize;
+            let closest = self.normals[range].iter().map(|other| (along(other), other));
             if let Some((_, &other)) = closest.filter(|(cosine, _)| *cosine > CLOSE).max_by(|a, b| a.0.total_cmp(&b.0))
             {
                 *normal = other;
@@ -137,7 +163,9 @@ mod tests {
             let triangles = if x > 0 { [[0, 1, 2], [0, 2, 3]] } else { [[0, 2, 1], [0, 3, 2]] };
             Rim::of(&triangles, |vertex| points[vertex as usize])
         };
-        BorderNormals::joined([tile(10), tile(-10)].iter(), [0; 3]).unwrap()
+        let mut rims = Rims::default();
+        [tile(10), tile(-10)].iter().for_each(|rim| rims.add(rim));
+        rims.normals([0; 3]).unwrap()
     }
 
     #[test]
@@ -151,12 +179,13 @@ mod tests {
         // Flat: every tile has what the other one has, however coarse.
         let flat = roof(0);
         assert_eq!(settled(&flat, [0.6, 0.0, 0.8]), [0.0, 0.0, 1.0]);
-        // Something else lies at the same point.
-        assert_eq!(settled(&flat, [1.0, 0.0, 0.0]), [1.0, 0.0, 0.0]);
+        assert_eq!(settled(&flat, [0.6, 0.0, -0.8]), [0.0, 0.0, 1.0]);
         let steep = roof(1);
         let side = 0.5_f32.sqrt();
         assert!(off(settled(&steep, [0.9, 0.0, 0.435_89]), [side, 0.0, side]) < 1e-6);
         assert!(off(settled(&steep, [-0.9, 0.0, 0.435_89]), [-side, 0.0, side]) < 1e-6);
+        // Neither side has anything like it.
+        assert_eq!(settled(&steep, [0.0, 1.0, 0.0]), [0.0, 1.0, 0.0]);
         // Other points are not on borders.
         let mut own = [[0.6, 0.0, 0.8]];
         steep.settle(&[[5, 5, -5]], &mut own);

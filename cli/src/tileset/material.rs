@@ -6,6 +6,7 @@ use lodpack::decode::texels::Image;
 use lodpack::decode::{Drawing, TexturedMesh};
 use lodpack::{LatticePoint, Mesh};
 use serde_json::{Value, json};
+use std::collections::HashMap;
 use std::io;
 
 use super::glb::{Positions, in_order_of_use};
@@ -79,10 +80,35 @@ impl Surface {
         let parts = parts.iter().map(|part| (part.drawing, part.triangles.len())).collect();
         let page = paged.pages.into_iter().next();
         let paint = page.map(|page| Paint { places: paged.places, frames: paged.frames, page, parts });
-        let mut normals = paged.normals;
-        light.into_iter().for_each(|light| light.settle(&points, &mut normals));
-        let shading = (!normals.is_empty()).then(|| Shading { normals, ..Shading::default() });
-        Ok(Self { points, triangles, paint, shading })
+        let mut this = Self { points, triangles, paint, shading: None };
+        if let Some(light) = light.filter(|_| !paged.normals.is_empty()) {
+            let mut normals = paged.normals;
+            light.settle(&this.points, &mut normals);
+            this.join(normals);
+        }
+        Ok(this)
+    }
+
+    /// Takes a normal for each point. Points that are alike now become one, as those whose normals a border has made the same.
+    fn join(&mut self, normals: Vec<[f32; 3]>) {
+        let mut first_of = HashMap::new();
+        let mut kept = vec![];
+        let number_of = |(number, normal): (usize, &[f32; 3])| {
+            let place = self.paint.as_ref().and_then(|paint| paint.places.get(number)).copied().unwrap_or_default();
+            let alike = (self.points[number], place.map(f32::to_bits), normal.map(f32::to_bits));
+            *first_of.entry(alike).or_insert_with(|| {
+                kept.push(number);
+                kept.len() as u32 - 1
+            })
+        };
+        let numbers: Vec<u32> = normals.iter().enumerate().map(number_of).collect();
+        self.triangles.iter_mut().flatten().for_each(|vertex| *vertex = numbers[*vertex as usize]);
+        self.points = kept.iter().map(|&number| self.points[number]).collect();
+        if let Some(paint) = self.paint.as_mut().filter(|paint| !paint.places.is_empty()) {
+            paint.places = kept.iter().map(|&number| paint.places[number]).collect();
+        }
+        let normals = kept.iter().map(|&number| normals[number]).collect();
+        self.shading = Some(Shading { normals, ..Shading::default() });
     }
 }
 
