@@ -116,21 +116,18 @@ impl BorderNormals {
         found.map_err(|source| TilesetError::Write { path: super::ENTRY.into(), source })
     }
 
-    /// Gives the vertices of a tile that lie on borders the normals that all tiles have there. Where no crease ends there is one alone, which
-    /// folds that a border at the finest samples makes in a coarse tile have, too.
+    /// Gives the vertices of a tile that lie on borders the normals that all tiles have there. A border at the finest samples makes folds in a
+    /// coarse tile. They are seen from behind, where renderers turn normals round, so theirs point inwards.
     pub fn settle(&self, points: &[LatticePoint], normals: &mut [[f32; 3]]) {
         for (point, normal) in points.iter().zip(normals) {
             let Some(&(first, count)) = self.of_point.get(point) else { continue };
-            if count == 1 {
-                *normal = self.normals[first as usize];
-                continue;
-            }
-            let along = |other: &[f32; 3]| (0..3).map(|k| other[k] * normal[k]).sum::<f32>();
             let range = first as usize..(first + count) as usize;
-            let closest = self.normals[range].iter().map(|other| (along(other), other));
-            if let Some((_, &other)) = closest.filter(|(cosine, _)| *cosine > CLOSE).max_by(|a, b| a.0.total_cmp(&b.0))
-            {
-                *normal = other;
+            let along = |other: &[f32; 3]| (0..3).map(|k| other[k] * normal[k]).sum::<f32>();
+            let all = self.normals[range].iter().map(|other| (along(other), other));
+            // Without a crease there is one alone, which counts however far off a coarse tile is.
+            let close = all.filter(|(cosine, _)| count == 1 || cosine.abs() > CLOSE);
+            if let Some((cosine, &other)) = close.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs())) {
+                *normal = if cosine < 0.0 { other.map(|x| -x) } else { other };
             }
         }
     }
@@ -179,7 +176,9 @@ mod tests {
         // Flat: every tile has what the other one has, however coarse.
         let flat = roof(0);
         assert_eq!(settled(&flat, [0.6, 0.0, 0.8]), [0.0, 0.0, 1.0]);
-        assert_eq!(settled(&flat, [0.6, 0.0, -0.8]), [0.0, 0.0, 1.0]);
+        assert_eq!(settled(&flat, [0.8, 0.0, 0.6]), [0.0, 0.0, 1.0]);
+        // A fold.
+        assert_eq!(settled(&flat, [0.6, 0.0, -0.8]), [-0.0, -0.0, -1.0]);
         let steep = roof(1);
         let side = 0.5_f32.sqrt();
         assert!(off(settled(&steep, [0.9, 0.0, 0.435_89]), [side, 0.0, side]) < 1e-6);
