@@ -19,6 +19,7 @@
 //! - [`normals`]: what stores no normals is shaded by computed ones, up to creases and alike on both sides of arcs
 //! - [`images`]: images of the input that are larger than memory, on full disks, of opacity alone, or of one colour
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
+//! - [`atlas_charts`]: the charts of an atlas become the roots of a file, whole or in parts
 //! - [`inputs`]: folders, patterns and lodpack files as inputs, and meshes that say where they are
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
 //! - [`terrain`]: rasters of heights become the surface that they describe, on planes and globes
@@ -39,6 +40,7 @@
 
 mod atlas;
 mod atlas_channels;
+mod atlas_charts;
 mod bad_input;
 mod bad_terrain;
 mod browser;

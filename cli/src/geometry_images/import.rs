@@ -30,10 +30,10 @@ pub fn import_atlas(
 ) -> Result<Imported, AtlasError> {
     let mut atlas = read_surface(dir, options.channels != Channels::None)?;
     progress.note("errors of the file are to the images, not to what these were made of");
-    Ok(import_with(dir, room, options, progress, |sink| push(&mut atlas, sink))?)
+    Ok(import_with(dir, room, options, progress, |sink| push(&mut atlas, !options.new_charts, sink))?)
 }
 
-fn push(atlas: &mut AtlasSurface, sink: &mut MeshSink) -> Pushed<()> {
+fn push(atlas: &mut AtlasSurface, has_charts: bool, sink: &mut MeshSink) -> Pushed<()> {
     let first = add_materials(atlas, sink)?;
     let layout = layout_of(atlas, sink);
     let positions = std::mem::take(&mut atlas.mesh.positions);
@@ -52,6 +52,9 @@ fn push(atlas: &mut AtlasSurface, sink: &mut MeshSink) -> Pushed<()> {
     for (triangle, &piece) in atlas.piece_of.iter().enumerate() {
         if latest.replace(piece) != Some(piece) {
             sink.set_material(first.map_or(0, |first| first + piece as usize));
+            if has_charts {
+                sink.set_chart(atlas.pieces[piece as usize].chart);
+            }
         }
         for corner in atlas.corners(triangle) {
             layout.uv.iter().for_each(|&place| record[place..place + 2].copy_from_slice(&atlas.place(corner)));

@@ -97,9 +97,10 @@ pub(super) struct Root {
     /// File name within the folder.
     pub file: String,
     pub resolution: u32,
-    /// The chart of which the root is a quad, and the quad's corner. For information only.
-    #[serde(default)]
-    pub chart: u32,
+    /// The chart of which the root is a quad: those with the same number are one. A root without is a chart of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chart: Option<u32>,
+    /// The quad's corner. For information only.
     #[serde(default)]
     pub corner: u32,
     #[serde(default)]

@@ -5,6 +5,8 @@
 //! s = x / 2^r, row y is t = y / 2^r. Going right, then down, then back is counter-clockwise on the outside of the surface. So
 //! the left edge is s = 0, the top edge (the image's first row) t = 0, the right edge s = 1, the bottom edge t = 1.
 //!
+//! `chart` in `atlas.json` says which roots are quads of one chart. `lodpack build` makes one root of a file of them, and of each patch.
+//!
 //! For each edge, `atlas.json` names the edge of another root that is the same line, and says whether it runs the other way there. The
 //! samples along both are bit-identical. An edge without a neighbour is on the boundary of the surface, or borders on a patch.
 //!

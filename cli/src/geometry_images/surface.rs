@@ -48,6 +48,8 @@ pub(super) struct Piece {
     pub images: Vec<PathBuf>,
     /// How it is drawn, as files number it.
     pub drawing: u16,
+    /// The chart that it is, or a part of.
+    pub chart: u32,
 }
 
 /// What the vertices of a patch carry.
@@ -90,10 +92,12 @@ impl AtlasSurface {
         patches: Vec<PatchValues>,
     ) -> Self {
         let Triangulated { mesh, points, pieces: piece_of, first, between } = triangulated;
+        let charts = charts_of(&manifest);
         let roots = manifest.roots.into_iter().map(|root| (root.file, true, root.drawing));
         let of_patches = manifest.patches.into_iter().map(|patch| (patch.file, false, patch.drawing));
-        let pieces = roots.chain(of_patches).zip(texels);
-        let pieces = pieces.map(|((name, is_root, drawing), images)| Piece { name, is_root, images, drawing });
+        let pieces = roots.chain(of_patches).zip(texels).zip(charts);
+        let piece = |(((name, is_root, drawing), images), chart)| Piece { name, is_root, images, drawing, chart };
+        let pieces = pieces.map(piece);
         let first_of_patches = piece_of.partition_point(|&piece| (piece as usize) < images.len());
         let mut patch_places = vec![];
         for (number, patch) in (images.len() as u32..).zip(&patches) {
@@ -159,6 +163,22 @@ impl AtlasSurface {
         let patch = self.patches.get(piece.checked_sub(self.last.len())?)?;
         Some((patch, (corner.point - self.first[piece]) as usize))
     }
+}
+
+/// The chart of each piece: roots may share one, patches do not.
+fn charts_of(manifest: &Manifest) -> Vec<u32> {
+    let (mut numbers, mut count) = (HashMap::new(), 0);
+    let of_roots = manifest.roots.iter().map(|root| root.chart);
+    let of_pieces = of_roots.chain(manifest.patches.iter().map(|_| None));
+    let next = |chart: Option<u32>| {
+        let known = chart.and_then(|chart| numbers.get(&chart).copied());
+        known.unwrap_or_else(|| {
+            count += 1;
+            chart.and_then(|chart| numbers.insert(chart, count - 1));
+            count - 1
+        })
+    };
+    of_pieces.map(next).collect()
 }
 
 /// A corner of a triangle.

@@ -144,7 +144,7 @@ fn write_level(
             roots.push(Root {
                 file,
                 resolution,
-                chart: index as u32,
+                chart: Some(index as u32),
                 corner: corner as u32,
                 neighbours: neighbours_of(index, corner, &partners[index], &around),
                 images: names.next().unwrap_or_default(),

@@ -6,7 +6,7 @@ use crate::mesh::appearance::{
     AlphaMode, Appearance, COLOUR, Channels, DRAWING, EMISSIVE, METALLIC, Material, MaterialMaps, NORMAL, OCCLUSION,
     ROUGHNESS, ScalarRange,
 };
-use crate::mesh::attributes::{AttributeLayout, Attributes, FileAttributes, MaterialRun};
+use crate::mesh::attributes::{AttributeLayout, Attributes, ChartRun, FileAttributes, MaterialRun};
 use crate::mesh::images::ImageSource;
 
 use super::ImportError;
@@ -156,6 +156,12 @@ impl AttributeSink {
         }
     }
 
+    /// Sets the chart of the triangles from a number on.
+    pub(super) fn set_chart(&mut self, chart: u32, first_triangle: u64) {
+        let first_triangle = first_triangle as u32;
+        self.collected.charts.push(ChartRun { first_triangle, chart });
+    }
+
     /// Makes factors of images that have one colour wherever they are shown, if decoding one does not take more than `memory`.
     pub(super) fn fold_images(&mut self, memory: u64) {
         let Appearance { materials, images, layout, .. } = &mut self.appearance;
@@ -230,7 +236,7 @@ impl AttributeSink {
         [std::mem::take(vertex_values), std::mem::take(corner_values)]
     }
 
-    /// Ends the input, and drops everything if there is no channel in it.
+    /// Ends the input, and drops everything but its charts if there is no channel in it.
     pub(super) fn finish(mut self) -> (Attributes, Appearance) {
         let used = self.used_materials();
         let is_white = |material: &Material| {
@@ -252,7 +258,10 @@ impl AttributeSink {
         appearance.has_colour = has_colour && self.channels.wants(COLOUR);
         appearance.has_alpha |= is_transparent;
         appearance.maps = maps;
-        if appearance.is_empty() { Default::default() } else { (self.collected, self.appearance) }
+        if appearance.is_empty() {
+            return (Attributes { charts: self.collected.charts, ..Attributes::default() }, Appearance::default());
+        }
+        (self.collected, self.appearance)
     }
 
     /// A sentence about the channels that the input has; none if it has none or they are not wanted.

@@ -65,6 +65,8 @@ pub struct ImportOptions {
     pub channels: Channels,
     /// How rasters become surfaces.
     pub raster: RasterOptions,
+    /// Whether the charts of an input that has some, an atlas, are forgotten.
+    pub new_charts: bool,
 }
 
 /// Reads mesh files (OBJ, OFF, PLY, STL, glTF, GLB, lodpack) into one mesh, in the given order.
@@ -86,7 +88,7 @@ pub fn import_meshes(paths: &[PathBuf], progress: &dyn Progress) -> Result<Mesh,
 ///
 /// Those of [`import_meshes`].
 pub fn import_shape(paths: &[PathBuf], raster: &RasterOptions, progress: &dyn Progress) -> Result<Mesh, ImportError> {
-    let options = ImportOptions { channels: Channels::None, raster: raster.clone() };
+    let options = ImportOptions { channels: Channels::None, raster: raster.clone(), new_charts: false };
     match import_large_meshes(paths, &Room::memory_alone(), &options, progress)? {
         Imported::Memory(surface) => Ok(surface.mesh),
         // Unlimited memory never spills.

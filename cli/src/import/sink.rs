@@ -317,6 +317,12 @@ impl MeshSink {
         self.attributes.set_material(material, triangles);
     }
 
+    /// Sets the chart of the triangles that follow. Inputs whose charts are kept say it before their first triangle.
+    pub(crate) fn set_chart(&mut self, chart: u32) {
+        let (_, triangles) = self.counts();
+        self.attributes.set_chart(chart, triangles);
+    }
+
     /// Declares the record of every vertex of the file; those that are already there get a blank one.
     pub(super) fn set_vertex_layout(&mut self, layout: AttributeLayout) {
         let vertices = self.vertex_count();

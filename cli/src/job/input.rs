@@ -19,7 +19,8 @@ pub(super) fn read_input(
     model: &ModelOptions,
     progress: &dyn Progress,
 ) -> Result<Imported, BuildError> {
-    let options = ImportOptions { channels: model.channels.clone(), raster: model.raster.clone() };
+    let (channels, raster) = (model.channels.clone(), model.raster.clone());
+    let options = ImportOptions { channels, raster, new_charts: model.new_charts };
     match inputs {
         [dir] if dir.is_dir() => Ok(import_atlas(dir, room, &options, progress)?),
         _ => Ok(import_large_meshes(inputs, room, &options, progress)?),

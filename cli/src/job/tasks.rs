@@ -281,7 +281,8 @@ impl Task<'_> {
     fn divide(&self) -> Result<u64, BuildError> {
         let input = self.input()?;
         let CutProduct { tree, .. } = self.product(Stage::Cut, 0)?;
-        let is_numbered = !self.imported()?.appearance.is_empty();
+        let ImportProduct { attributes, appearance, .. } = self.imported()?;
+        let is_numbered = !attributes.are_empty(&appearance);
         let range = self.stages.range(self.task, input.triangle_count());
         let path = run_file(self.directory.folder(), self.task);
         let (list, bytes) = RunList::write(&input, range, &tree, is_numbered, &path)?;

@@ -1,4 +1,4 @@
-//! What a mesh carries beside its shape: numbers per vertex or per corner, and a material per triangle.
+//! What a mesh carries beside its shape: numbers per vertex or per corner, and a material and a chart per triangle.
 //!
 //! Each input file has a layout of its own ([`FileAttributes`]), because its parser finds out only while it reads what there is.
 //! Regions have one layout for all: [`RegionAttributes::gather`] makes the records of their corners, each stored once.
@@ -126,10 +126,19 @@ pub struct Attributes {
     pub files: Vec<FileAttributes>,
     /// The materials of triangles: runs of one material, by their first triangle. Triangles before the first run have material 0.
     pub materials: Vec<MaterialRun>,
+    /// The charts that the input itself cuts its triangles into, as runs like those of materials; empty if it is not cut.
+    pub charts: Vec<ChartRun>,
     /// The values of all vertices of all files.
     pub vertex_values: Vec<f32>,
     /// The values of all corners of all triangles of all files.
     pub corner_values: Vec<f32>,
+}
+
+impl Attributes {
+    /// Whether triangles carry nothing, so that regions do not have to know their numbers.
+    pub fn are_empty(&self, appearance: &Appearance) -> bool {
+        appearance.is_empty() && self.charts.is_empty()
+    }
 }
 
 /// The attributes of an input file. The record of a corner is that of its vertex, followed by its own.
@@ -160,6 +169,15 @@ pub struct MaterialRun {
     pub material: u16,
 }
 
+/// Consecutive triangles of one chart, up to the next run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ChartRun {
+    /// The first triangle.
+    pub first_triangle: u32,
+    /// The number of the chart.
+    pub chart: u32,
+}
+
 /// Where the values of an input are.
 pub trait AttributeValues {
     /// Copies values of vertices, beginning with a place.
@@ -187,13 +205,16 @@ pub struct RegionAttributes {
     pub records: Vec<f32>,
     /// The material of each triangle; empty if it is 0 for all.
     pub materials: Vec<u16>,
+    /// The chart of each triangle; empty if the input is not cut into charts.
+    pub charts: Vec<u32>,
 }
 
 impl PartialEq for RegionAttributes {
     /// Whether all bits are the same. Missing values are NaN, and equal.
     fn eq(&self, other: &Self) -> bool {
         let bits = |of: &Self| -> Vec<u32> { of.records.iter().map(|value| value.to_bits()).collect() };
-        self.corners == other.corners && self.materials == other.materials && bits(self) == bits(other)
+        let is_same = self.corners == other.corners && self.materials == other.materials && self.charts == other.charts;
+        is_same && bits(self) == bits(other)
     }
 }
 
@@ -206,7 +227,7 @@ impl RegionAttributes {
         triangles: impl ExactSizeIterator<Item = (u32, [u32; 3])>,
     ) -> Self {
         let mut all = Self::default();
-        if appearance.is_empty() {
+        if attributes.are_empty(appearance) {
             return all;
         }
         let layout = &appearance.layout;
@@ -220,6 +241,10 @@ impl RegionAttributes {
         for (number, triangle) in triangles {
             let run = attributes.materials.partition_point(|run| run.first_triangle <= number);
             all.materials.push(run.checked_sub(1).map_or(0, |run| attributes.materials[run].material));
+            if !attributes.charts.is_empty() {
+                let run = attributes.charts.partition_point(|run| run.first_triangle <= number);
+                all.charts.push(run.checked_sub(1).map_or(0, |run| attributes.charts[run].chart));
+            }
             if layout.stride == 0 {
                 continue;
             }
@@ -252,6 +277,7 @@ impl RegionAttributes {
     /// Keeps some triangles: their numbers before repair, and whether repair has reversed them.
     pub fn keep(&mut self, kept: impl ExactSizeIterator<Item = (u32, bool)>) {
         let (corners, materials) = (std::mem::take(&mut self.corners), std::mem::take(&mut self.materials));
+        let charts = std::mem::take(&mut self.charts);
         if !corners.is_empty() {
             self.corners.reserve_exact(kept.len());
         }
@@ -263,6 +289,7 @@ impl RegionAttributes {
                 self.corners.push(if is_reversed { [a, c, b] } else { [a, b, c] });
             }
             self.materials.extend(materials.get(number as usize));
+            self.charts.extend(charts.get(number as usize));
         }
     }
 
@@ -283,13 +310,14 @@ impl RegionAttributes {
 
     /// Bytes of memory that it takes.
     pub fn bytes(&self) -> u64 {
-        (12 * self.corners.len() + 4 * self.records.len() + 2 * self.materials.len()) as u64
+        let numbers = self.records.len() + self.charts.len();
+        (12 * self.corners.len() + 4 * numbers + 2 * self.materials.len()) as u64
     }
 
     /// Whether a region of so many triangles can have these attributes.
     pub fn fits(&self, triangles: usize) -> bool {
         let of_all = |count: usize| count == 0 || count == triangles;
-        of_all(self.corners.len()) && of_all(self.materials.len())
+        [self.corners.len(), self.materials.len(), self.charts.len()].into_iter().all(of_all)
     }
 }
 
@@ -378,6 +406,7 @@ mod tests {
                 },
             ],
             materials: vec![MaterialRun { first_triangle: 1, material: 7 }],
+            charts: vec![],
             vertex_values: [&[10.0, 11.0, 11.0][..], &[0.25; 12]].concat(),
             corner_values: vec![0.5, 0.5, 0.5, 0.5, 0.75, 0.5],
         };

@@ -223,6 +223,9 @@ pub struct ModelOptions {
     pub channels: Channels,
     /// How good stored colours are.
     pub colour_quality: ColourQuality,
+    /// Whether the surface is cut into charts where the input, an atlas, is cut into charts already.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub new_charts: bool,
     /// How rasters become surfaces.
     #[serde(default, skip_serializing_if = "RasterOptions::is_default")]
     pub raster: RasterOptions,
@@ -242,6 +245,7 @@ impl Default for ModelOptions {
             extensible: false,
             channels: Channels::Auto,
             colour_quality: ColourQuality::default(),
+            new_charts: false,
             raster: RasterOptions::default(),
         }
     }

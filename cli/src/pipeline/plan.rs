@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::coarse::coarse_triangles;
 use super::overview::OVERVIEW_FROM_ROOTS;
-use super::scale::Heights;
+use super::scale::{Heights, largest_chart};
 use super::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError, Scale};
 use crate::mesh::appearance::Appearance;
 use crate::progress::Progress;
@@ -18,7 +18,7 @@ use crate::stage::arcs::Seams;
 use crate::stage::group;
 use crate::stage::pack::pack_parts;
 use crate::stage::repair::RepairReport;
-use crate::stage::segment::{SegmentOptions, segment_charts};
+use crate::stage::segment::{SegmentOptions, keep_charts, segment_charts};
 use crate::storage::memory::{least_bytes, region_bytes};
 
 /// The tops of regions to which more may be added bring along what those of so many regions do. A merge of more leaves some of it out.
@@ -138,6 +138,8 @@ pub(crate) struct Whole {
     pub extent: Extent,
     /// Without the levels of groups.
     pub scale: Scale,
+    /// The most triangles of a chart that the input brings.
+    largest_chart: u32,
     /// Whether there is only one region.
     alone: bool,
 }
@@ -162,15 +164,17 @@ impl Whole {
         let Some(extent) = extents.reduce(Extent::plus) else {
             return Err(PipelineError::Empty { dropped: input_triangles });
         };
-        let scale = Scale::new(&extent, appearance.texels_each(input_triangles), options)?;
-        Ok(Self { extent, scale, alone: stats.len() == 1 })
+        let texels_each = appearance.texels_each(input_triangles);
+        let scale = Scale::new(&extent, texels_each, options)?;
+        let largest_chart = largest_chart(texels_each).max(scale.chart_triangles.saturating_mul(2));
+        Ok(Self { extent, scale, largest_chart, alone: stats.len() == 1 })
     }
 
     /// What cuts a region into charts.
     pub fn cutter(&self, options: &ModelOptions) -> ChartCutter {
         let target_triangles = self.scale.chart_triangles;
         let segment = SegmentOptions { target_triangles, ..SegmentOptions::default() };
-        ChartCutter { segment, alone: self.alone, packs: options.has_tree() }
+        ChartCutter { segment, largest: self.largest_chart, alone: self.alone, packs: options.has_tree() }
     }
 
     /// The plan, and the size of each region, given the number of charts in each.
@@ -239,6 +243,8 @@ fn heights(charts: u64, extent: &Extent, scale: &Scale) -> u32 {
 /// Cuts regions into charts.
 pub(crate) struct ChartCutter {
     segment: SegmentOptions,
+    /// The most triangles of a chart that the input brings.
+    largest: u32,
     /// Whether there is only one region.
     alone: bool,
     /// Whether small parts share charts.
@@ -246,15 +252,18 @@ pub(crate) struct ChartCutter {
 }
 
 impl ChartCutter {
-    /// Cuts a region into charts unless it has `labels` already. Returns the labels, the number of charts and, where there are other
+    /// Cuts a region into charts unless it has `labels` already, or the input has brought charts, which stay as they are. Returns the labels, the number of charts and, where there are other
     /// regions, what the charts do at the region's boundary.
     pub fn cut(
         &self,
-        Region { mesh, adjacency, .. }: &Region,
+        Region { mesh, adjacency, attributes, .. }: &Region,
         labels: Option<Vec<u32>>,
         boundary: &RegionBoundary,
     ) -> (Vec<u32>, (u64, BoundarySketch)) {
         let segment = || {
+            if !attributes.charts.is_empty() {
+                return keep_charts(mesh, adjacency, &attributes.charts, self.largest, &self.segment);
+            }
             let labels = segment_charts(mesh, adjacency, &self.segment);
             match self.packs {
                 true => pack_parts(mesh, adjacency, labels, self.segment.target_triangles, self.alone),

@@ -68,6 +68,14 @@ const CHART_LEVELS: usize = 1;
 /// The most levels: more would only repeat patches that cannot get any coarser.
 const MAX_LEVELS: usize = 16;
 
+/// The most triangles of a chart that the input brings, whose images have so many texels for each triangle: twice those of the largest
+/// that are made here, as a chart may have that is made here.
+pub(super) fn largest_chart(texels_each: u64) -> u32 {
+    let [_, most] = Effort::Best.chart_size();
+    let textured = CHART_TEXELS.checked_div(texels_each).unwrap_or(u64::MAX).max(FEWEST_TEXTURED);
+    2 * textured.min(most as u64) as u32
+}
+
 impl Effort {
     /// The triangles that the finest level of a chart should have, and the most input triangles that a chart gets to reach them. With
     /// groups above them, charts of 2,800 triangles instead of 1,400 save 6 % of the bytes of the dragon and of 8 M generated triangles.

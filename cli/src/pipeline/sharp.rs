@@ -112,7 +112,7 @@ mod tests {
             ..Appearance::default()
         };
         let records = vec![0.0, 0.0, 1.0, 0.0, 0.0, 1.0];
-        let region = RegionAttributes { corners: vec![[0, 1, 2]], records, materials: vec![] };
+        let region = RegionAttributes { corners: vec![[0, 1, 2]], records, ..RegionAttributes::default() };
         let shader = Shader::new(&appearance, None, &std::env::temp_dir(), 0, &|_| ());
         let corners = [DVec3::ZERO, 3.0 * DVec3::X, 3.0 * DVec3::Y];
         let mut sharpness = Sharpness::default();

@@ -120,7 +120,7 @@ impl DividedMesh {
                 .iter()
                 .for_each(|name| directory.remove(&directory.path(name)));
         }
-        let mut gathering = Gathering::new(&tree, !appearance.is_empty(), 0);
+        let mut gathering = Gathering::new(&tree, !attributes.are_empty(&appearance), 0);
         let (mut write, mut failure) = (|gathered: &mut [Gathered]| write(&directory, gathered), None);
         RecordReader::<[u32; 3]>::open(&all)?.for_each(|triangle| {
             if failure.is_none() {
@@ -248,7 +248,8 @@ impl DividedMesh {
     fn read(&self, region: usize) -> Result<(PathBuf, Gathered), WorkError> {
         let path = self.directory.path(&triangle_file(region));
         let triangles = RecordReader::<[u32; 3]>::open(&path)?.read_all()?;
-        let numbers = match self.counts.appearance.is_empty() {
+        let Counts { attributes, appearance, .. } = &self.counts;
+        let numbers = match attributes.are_empty(appearance) {
             true => vec![],
             false => RecordReader::<u32>::open(&self.directory.path(&number_file(region)))?.read_all()?,
         };
@@ -263,7 +264,7 @@ impl DividedMesh {
         numbers: Vec<u32>,
     ) -> Result<RegionAttributes, WorkError> {
         let Counts { attributes, appearance, .. } = &self.counts;
-        if appearance.is_empty() {
+        if attributes.are_empty(appearance) {
             return Ok(RegionAttributes::default());
         }
         let all: u64 = self.counts.triangles.iter().sum();

@@ -242,6 +242,7 @@ fn hash(mesh: &Mesh, attributes: &RegionAttributes) -> u64 {
     add_records(&mut hash, &attributes.corners);
     add_records(&mut hash, &attributes.records);
     add_records(&mut hash, &attributes.materials);
+    add_records(&mut hash, &attributes.charts);
     hash.digest()
 }
 

@@ -24,7 +24,7 @@ pub fn split_mesh(surface: Surface, division: Division) -> Vec<(Mesh, RegionAttr
         Err(never) => match never {},
     };
     let mut regions: Vec<Vec<[u32; 3]>> = vec![vec![]; tree.region_count() as usize];
-    let has_attributes = !appearance.is_empty();
+    let has_attributes = !attributes.are_empty(&appearance);
     let mut numbers: Vec<Vec<u32>> = vec![vec![]; regions.len()];
     for (number, triangle) in (0..).zip(&mesh.triangles) {
         let region = tree.region_of(centroid(triangle)) as usize;

@@ -4,18 +4,19 @@ use super::regions::messy;
 use crate::import::{Imported, Overflow, Room};
 use crate::mesh::Mesh;
 use crate::mesh::appearance::{Appearance, Material, ScalarRange};
-use crate::mesh::attributes::{AttributeLayout, Attributes, FileAttributes, MaterialRun, Surface};
+use crate::mesh::attributes::{AttributeLayout, Attributes, ChartRun, FileAttributes, MaterialRun, Surface};
 use crate::progress::Silent;
 use crate::region::{DividedMesh, Division, Region, RegionStore, Regions};
 use crate::stage::arcs::Seams;
 use crate::storage::JobId;
 
 /// A surface whose vertices carry their position, and whose corners carry the number of their triangle. Its second half has another
-/// material.
+/// material, and is another chart.
 fn telling(mesh: Mesh) -> Surface {
     let mut layout = AttributeLayout::default();
     ["x", "y", "z", "triangle"].iter().for_each(|name| layout.add_scalar(name));
     let numbers = (0..mesh.triangles.len()).flat_map(|number| [number as f32; 3]);
+    let half = mesh.triangles.len() as u32 / 2;
     let attributes = Attributes {
         files: vec![FileAttributes {
             vertex_stride: 3,
@@ -23,7 +24,8 @@ fn telling(mesh: Mesh) -> Surface {
             layout: layout.clone(),
             ..FileAttributes::default()
         }],
-        materials: vec![MaterialRun { first_triangle: mesh.triangles.len() as u32 / 2, material: 1 }],
+        materials: vec![MaterialRun { first_triangle: half, material: 1 }],
+        charts: [(0, 7), (half, 2)].map(|(first_triangle, chart)| ChartRun { first_triangle, chart }).to_vec(),
         vertex_values: mesh.positions.iter().flat_map(|position| position.as_vec3().to_array()).collect(),
         corner_values: numbers.collect(),
     };
@@ -44,6 +46,7 @@ fn assert_tells_the_truth(region: &Region, half: usize) -> Vec<usize> {
         let number = records[0][3] as usize;
         assert!(records.iter().all(|record| record[3] as usize == number));
         assert_eq!(region.attributes.material(t), u16::from(number >= half));
+        assert_eq!(region.attributes.charts[t], if number >= half { 2 } else { 7 });
         number
     };
     (0..region.mesh.triangles.len()).map(triangle).collect()

@@ -13,16 +13,21 @@
 //! is connected over edges. Charts need not be disks: small holes and handles from scan noise stay inside, because the
 //! irregular filling takes any topology. All measures are relative to the size of the mesh and of its triangles, so
 //! units do not matter.
+//!
+//! Where the input is cut into charts already, [`keep_charts`] takes these instead, and cuts what is too large for one.
 
 mod components;
 mod dual_graph;
 mod geometry;
 mod growth;
+mod kept;
 mod lloyd;
 mod merge;
 mod microcharts;
 mod smoothing;
 mod split;
+
+pub use kept::keep_charts;
 
 use crate::mesh::{Adjacency, Mesh};
 use geometry::Normaliser;

@@ -127,3 +127,30 @@ fn labels_do_not_depend_on_the_number_of_threads() {
     });
     assert_eq!(one, three);
 }
+
+#[test]
+fn charts_of_the_input_stay_unless_they_are_apart_or_too_large() {
+    let (mesh, largest) = (grid(40), 1600);
+    let adjacency = adjacency_of(&mesh);
+    let strip = |t: u32| mesh.corners(t).iter().map(|p| p.x).sum::<f64>() / 3.0;
+    let [low, high] = mesh.bounds();
+    let share = |t: u32| (strip(t) - low.x) / (high.x - low.x);
+    // Three strips: two are one chart for the input, with the third between them, which is too large.
+    let charts: Vec<u32> =
+        (0..mesh.triangles.len() as u32).map(|t| u32::from((0.2..0.8).contains(&share(t)))).collect();
+    let kept = |largest: u32, target: u32| {
+        let labels = keep_charts(&mesh, &adjacency, &charts, largest, &options(target));
+        let (components, count) = components::connected_components(&adjacency, &labels);
+        assert_eq!(components, labels, "charts are connected and numbered by their smallest triangle");
+        for (t, &label) in labels.iter().enumerate() {
+            assert_eq!(charts[t], charts[labels.iter().position(|&other| other == label).unwrap_or(t)]);
+        }
+        (labels, count)
+    };
+    assert_eq!(kept(3200, 800).1, 3);
+    let (labels, count) = kept(largest, 400);
+    assert!((5..12).contains(&count), "{count}");
+    let sizes = label_sizes(&labels, count);
+    assert_eq!(sizes.iter().filter(|&&size| size == 640).count(), 2, "{sizes:?}");
+    assert!(sizes.iter().all(|&size| size <= 800), "{sizes:?}");
+}

@@ -30,7 +30,7 @@ fn textured(image: ImageSource, uv: [[f32; 2]; 3]) -> (Appearance, RegionAttribu
         images: vec![image],
         ..Appearance::default()
     };
-    let region = RegionAttributes { corners: vec![[0, 1, 2]], records: uv.concat(), materials: vec![] };
+    let region = RegionAttributes { corners: vec![[0, 1, 2]], records: uv.concat(), ..RegionAttributes::default() };
     (appearance, region)
 }
 
@@ -60,7 +60,11 @@ fn vertex_colours_and_scalars_are_interpolated_between_corners() {
         ..Appearance::default()
     };
     let records = [[1.0, 0.0, 0.0, 1.0, 4.0], [0.0, 1.0, 0.0, 0.5, 8.0], [0.0, 0.0, 1.0, 0.0, f32::NAN]];
-    let region = RegionAttributes { corners: vec![[0, 1, 2], [2, 2, 2]], records: records.concat(), materials: vec![] };
+    let region = RegionAttributes {
+        corners: vec![[0, 1, 2], [2, 2, 2]],
+        records: records.concat(),
+        ..RegionAttributes::default()
+    };
     let shader = Shader::new(&appearance, None, &std::env::temp_dir(), 0, &|_| ());
     let mut painter = shader.painter(&region);
     let face = painter.face(0, CORNERS);
@@ -209,7 +213,12 @@ fn images_beyond_the_memory_are_forgotten_and_come_back() {
     appearance.materials = (0..20)
         .map(|image| Material { base_texture: Some(TextureUse { image, ..texture.clone() }), ..Material::default() })
         .collect();
-    let region = RegionAttributes { corners: vec![[0; 3]; 20], records: vec![0.5; 2], materials: (0..20).collect() };
+    let region = RegionAttributes {
+        corners: vec![[0; 3]; 20],
+        records: vec![0.5; 2],
+        materials: (0..20).collect(),
+        ..RegionAttributes::default()
+    };
     // Room for three of them.
     let shader = Shader::new(&appearance, None, &std::env::temp_dir(), 16 * 16 * 4 * 5, &|_| ());
     std::thread::scope(|scope| {

@@ -55,6 +55,10 @@ pub struct ModelArgs {
     /// that are made of the input, in 8 bits, as they are. Files get larger for it, and readers of earlier versions draw them without these channels.
     #[arg(long, value_name = "QUALITY", default_value_t, alias = "colour-quality")]
     pub color_quality: ColourQuality,
+    /// Cut the surface of an atlas into charts as that of a mesh: fewer and larger ones, which take fewer bytes. By default each chart of
+    /// the atlas becomes a root, where it is in one piece and not too large.
+    #[arg(long)]
+    pub new_charts: bool,
     /// Most triangles in a region, for tests.
     #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
     pub region_triangles: u64,
@@ -65,7 +69,7 @@ pub struct ModelArgs {
 impl ModelArgs {
     /// The options that the bytes of a file depend on.
     pub fn options(&self) -> ModelOptions {
-        let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles, .. } = self;
+        let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles, new_charts, .. } = self;
         let channels = self.channels.clone();
         let (chart_triangles, placement) = (None, self.placement());
         ModelOptions {
@@ -80,6 +84,7 @@ impl ModelArgs {
             extensible,
             channels,
             colour_quality: self.color_quality,
+            new_charts,
             raster: self.raster.options(),
         }
     }
