@@ -1,6 +1,7 @@
 //! Colours and numbers of the input come through builds of every kind, and out again.
 
 use crate::commands::lodpack;
+use crate::levels::document;
 use crate::open;
 use glam::DVec3;
 use lodpack::Query;
@@ -367,6 +368,38 @@ fn pages_are_no_larger_than_somebody_asks_for() {
     assert!(one.len() == 1 && some.len() > 1, "{one:?} {some:?}");
     // None of the nodes has a larger image.
     assert!(some.iter().all(|&(width, height)| width <= 384 && height <= 384), "{some:?}");
+}
+
+#[test]
+fn images_are_jpeg_where_somebody_asks_for_it_and_factors_where_all_texels_are_the_same() {
+    let folder = Folder::empty();
+    save_two_coloured(&folder);
+    folder.run("build two.obj -o two.lodpack --region-triangles 2500");
+    folder.run("extract two.lodpack -o exact.glb");
+    folder.run("extract two.lodpack -o lossy.glb --images jpeg");
+    let kinds = |name: &str| {
+        let document = document(&folder.path(name));
+        let images = document["images"].as_array().cloned().unwrap_or_default();
+        images.iter().map(|image| image["mimeType"].as_str().unwrap_or_default().to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!([kinds("exact.glb"), kinds("lossy.glb")], [["image/png"], ["image/jpeg"]]);
+    folder.run("extract two.lodpack -o lossy.obj --images jpeg");
+    let library = String::from_utf8(folder.read("lossy.mtl")).expect("text");
+    assert!(library.contains("map_Kd lossy-0.jpg") && folder.path("lossy-0.jpg").is_file(), "{library}");
+    assert!(!folder.path("lossy-0.png").exists());
+
+    image::RgbImage::from_pixel(4, 4, image::Rgb([188, 0, 255])).save(folder.path("two.png")).expect("writable");
+    folder.run("build two.obj -o one.lodpack --region-triangles 2500 --color-quality lossless");
+    folder.run("extract one.lodpack -o one.glb");
+    let one = document(&folder.path("one.glb"));
+    let colour = &one["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"];
+    assert!((colour[0].as_f64().expect("a number") - 0.502_886).abs() < 1e-5, "{one}");
+    assert_eq!((colour[1].as_f64(), colour[2].as_f64(), colour[3].as_f64()), (Some(0.0), Some(1.0), Some(1.0)));
+    assert!(one["images"].is_null() && one["textures"].is_null() && one["samplers"].is_null(), "{one}");
+    assert!(one["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"].is_null(), "{one}");
+    // Programs do not agree about what light the factors of OBJ are in.
+    folder.run("extract one.lodpack -o one.obj");
+    assert_eq!(image::image_dimensions(folder.path("one-0.png")).ok(), Some((1, 1)));
 }
 
 /// Writes a flat square as OBJ whose triangles each have one place of an image of five stripes: that of the stripe that they lie in.

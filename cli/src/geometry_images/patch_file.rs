@@ -13,8 +13,7 @@ use super::patch::{Between, SampledPatch};
 use super::patch_image::PatchImage;
 use super::product::{AtlasPatch, Looks};
 use super::write::number;
-use crate::mesh::extrude::extrude;
-use crate::mesh::textured::png;
+use crate::mesh::encoded::png;
 use crate::stage::shade::{Face, Shader};
 
 /// The name of a property, the number of the scalar being known: names of scalars may be those of coordinates.
@@ -74,7 +73,7 @@ impl PatchFiles<'_> {
         let path = self.dir.join(name);
         let mut shown = Image { size: image.size, components, data };
         // What is averaged over more than a square goes on as at its border.
-        extrude(&mut shown, &image.drawn);
+        shown.extrude(&image.drawn);
         let written = png(&shown).and_then(|bytes| fs::write(&path, bytes));
         written.map_err(|source| AtlasError::Write { path, source })
     }

@@ -19,7 +19,7 @@ use super::product::{AtlasChart, AtlasProduct, Looks};
 use super::quads::{sample_quads, samples_of_sides};
 use super::sides::{SideId, partners_of, sample_arcs, sides_of_arcs};
 use super::{AtlasError, MANIFEST_NAME, MAX_RESOLUTION, UNFINISHED_MANIFEST};
-use crate::mesh::textured::png;
+use crate::mesh::encoded::png;
 use crate::progress::Progress;
 use crate::stage::embed::quad_point;
 use crate::stage::shade::{Face, Shader};

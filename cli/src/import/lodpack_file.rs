@@ -15,10 +15,10 @@ use crate::mesh::appearance::{
     AlphaMode, COLOUR, EMISSIVE, METALLIC, Material, NORMAL, OCCLUSION, ROUGHNESS, TextureUse, Wrap,
 };
 use crate::mesh::attributes::AttributeLayout;
+use crate::mesh::encoded::png;
 use crate::mesh::images::ImageSource;
 use crate::mesh::layers::{Layer, Look};
 use crate::mesh::pages::{PagedMesh, Part};
-use crate::mesh::textured::png;
 
 /// Bytes that decoding and joining take for a triangle, at most, without images.
 const TRIANGLE_BYTES: u64 = 160;

@@ -273,7 +273,7 @@ fn write_glb(
         "scene": 0, "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "translation": centre}],
         "meshes": [{"primitives": [{"attributes": attributes, "indices": 1, "material": 0}]}],
-        "materials": [super::textured::material(&[])],
+        "materials": [super::material::plain()],
         "buffers": [{"byteLength": byte_count}],
         "bufferViews": views,
         "accessors": accessors,

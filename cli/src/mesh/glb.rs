@@ -5,9 +5,11 @@ use std::io::{self, Write};
 use glam::DVec3;
 use serde_json::{Value, json};
 
+use super::encoded::{EXACT, Lossy, encoded};
+use super::material::{UNLIT, draw, material, plain};
 use super::pages::{PagedMesh, Part};
 use super::smooth::COMPUTED;
-use super::textured::{Binary, UNLIT, draw, material, png};
+use super::textured::Binary;
 
 const ARRAY_BUFFER: Option<u32> = Some(34962);
 const ELEMENT_ARRAY_BUFFER: Option<u32> = Some(34963);
@@ -46,14 +48,14 @@ struct Scene {
     images: Vec<Value>,
 }
 
-/// Writes GLB with the pages inside. Coordinates are relative to a node translation.
+/// Writes GLB with the pages inside, which may lose something in some layers. Coordinates are relative to a node translation.
 ///
 /// # Errors
 /// Any error of the writer; [`io::ErrorKind::InvalidInput`] beyond 4 GiB.
-pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh) -> io::Result<()> {
+pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh, lossy: Lossy) -> io::Result<()> {
     let mut scene = Scene::default();
     let centre = super::export::glb_origin(&mesh.positions);
-    scene.add(mesh, centre)?;
+    scene.add(mesh, centre, lossy)?;
     scene.write(out, &[json!({"mesh": 0, "translation": centre})], None)
 }
 
@@ -69,7 +71,7 @@ pub fn write_levels_glb(out: impl Write, levels: &[GlbLevel], upright: Upright) 
     let mut scene = Scene::default();
     let centre = super::export::glb_origin(&finest.mesh.positions);
     for level in levels {
-        scene.add(&level.mesh, centre)?;
+        scene.add(&level.mesh, centre, EXACT)?;
     }
     let [x, y, z] = centre.map(|c| c * upright.unit);
     let mut nodes: Vec<Value> = levels
@@ -113,7 +115,7 @@ pub fn screen_coverages(levels: &[GlbLevel]) -> Vec<f64> {
 
 impl Scene {
     /// Adds a mesh, relative to an origin.
-    fn add(&mut self, mesh: &PagedMesh, origin: [f64; 3]) -> io::Result<()> {
+    fn add(&mut self, mesh: &PagedMesh, origin: [f64; 3], lossy: Lossy) -> io::Result<()> {
         let [low, high] = if mesh.positions.is_empty() { [origin; 2] } else { super::export::bounds(&mesh.positions) };
         let local = |p: &[f64; 3]| [0, 1, 2].map(|k| (p[k] - origin[k]) as f32);
         let count = mesh.positions.len();
@@ -131,35 +133,35 @@ impl Scene {
             accessor["name"] = COMPUTED.into();
             self.accessors.push(accessor);
         }
+        let (known, mut of_pages) = (self.textures.len(), vec![]);
+        for page in &mesh.pages {
+            of_pages.push(material(page, |layer, image| {
+                let (bytes, media_type) = encoded(layer, image, lossy)?;
+                let view = self.binary.add(bytes.into_iter(), None);
+                self.images.push(json!({"bufferView": view, "mimeType": media_type}));
+                self.textures.push(json!({"sampler": 0, "source": self.images.len() - 1}));
+                Ok(self.textures.len() - 1)
+            })?);
+        }
         let mut attributes = bare.clone();
-        if mesh.pages.iter().any(|page| !page.is_empty()) {
+        if self.textures.len() > known {
             let places = mesh.places.iter().flatten().copied().flat_map(f32::to_le_bytes);
             attributes["TEXCOORD_0"] = self.accessors.len().into();
             let view = self.binary.add(places, ARRAY_BUFFER);
             self.accessors.push(float(view, "VEC2"));
         }
-        let mut of_pages = vec![];
-        for page in &mesh.pages {
-            let mut of_layers = vec![];
-            for (layer, image) in page {
-                let view = self.binary.add(png(image)?.into_iter(), None);
-                self.images.push(json!({"bufferView": view, "mimeType": "image/png"}));
-                self.textures.push(json!({"sampler": 0, "source": self.images.len() - 1}));
-                of_layers.push((*layer, self.textures.len() - 1, image.components == 4));
-            }
-            of_pages.push(material(&of_layers));
-        }
         if !mesh.frames.is_empty() {
             let normals = mesh.frames.iter().flat_map(|frame| frame[1]).flat_map(f32::to_le_bytes);
+            let view = self.binary.add(normals, ARRAY_BUFFER);
+            attributes["NORMAL"] = self.accessors.len().into();
+            self.accessors.push(float(view, "VEC3"));
+        }
+        if of_pages.iter().any(|of_page| of_page["normalTexture"].is_object()) {
             // The last number says that the third direction lies to the right of the tangent, seen from outside: rows count from above.
             let tangents = mesh.frames.iter().flat_map(|frame| frame[0].into_iter().chain([-1.0]));
-            let views = [
-                self.binary.add(normals, ARRAY_BUFFER),
-                self.binary.add(tangents.flat_map(f32::to_le_bytes), ARRAY_BUFFER),
-            ];
-            attributes["NORMAL"] = self.accessors.len().into();
-            attributes["TANGENT"] = (self.accessors.len() + 1).into();
-            self.accessors.extend([float(views[0], "VEC3"), float(views[1], "VEC4")]);
+            let view = self.binary.add(tangents.flat_map(f32::to_le_bytes), ARRAY_BUFFER);
+            attributes["TANGENT"] = self.accessors.len().into();
+            self.accessors.push(float(view, "VEC4"));
         }
         let mut primitives = vec![];
         for Part { page, drawing, triangles } in mesh.parts() {
@@ -184,7 +186,7 @@ impl Scene {
             } else {
                 // Without a material it would be of metal.
                 primitive["material"] = self.materials.len().into();
-                self.materials.push(material(&[]));
+                self.materials.push(plain());
             }
             primitives.push(primitive);
         }

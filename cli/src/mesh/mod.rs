@@ -2,12 +2,13 @@
 
 pub mod appearance;
 pub mod attributes;
+pub mod encoded;
 pub mod export;
-pub(crate) mod extrude;
 pub mod glb;
 pub mod glb_nodes;
 pub mod images;
 pub mod layers;
+pub(crate) mod material;
 pub mod pages;
 pub mod shaded;
 pub mod smooth;

@@ -6,10 +6,8 @@ use std::io;
 
 use lodpack::decode::texels::{Image, Map, Piece};
 use lodpack::decode::{self, AlphaMode, Drawing, TexturedMesh};
-use rayon::prelude::*;
 
 use super::NONE;
-use super::extrude::{drawn_texels, extrude};
 use super::layers::{Layer, Look, frame};
 use super::smooth::{Creases, Fans};
 
@@ -45,40 +43,8 @@ pub struct Part<'a> {
     pub triangles: Cow<'a, [[u32; 3]]>,
 }
 
-/// The drawings of all triangles of a mesh in the order of the pages.
-fn by_page(drawings: &[Drawing], textured: &TexturedMesh, paged: &decode::PagedMesh) -> Vec<Vec<Drawing>> {
-    if drawings.is_empty() {
-        return vec![];
-    }
-    let mut page_of = vec![paged.page_sizes.len(); textured.textures.len()];
-    for (page, nodes) in paged.triangle_nodes.iter().enumerate() {
-        for &node in nodes {
-            if let Some(of_node) = page_of.get_mut(node as usize) {
-                *of_node = page;
-            }
-        }
-    }
-    let mut result = vec![vec![]; paged.triangles.len()];
-    for (&drawing, &node) in drawings.iter().zip(&textured.mesh.triangle_nodes) {
-        if let Some(of_page) = page_of.get(node as usize).and_then(|&page| result.get_mut(page)) {
-            of_page.push(drawing);
-        }
-    }
-    result
-}
-
-/// Which texels of a page are drawn.
-fn drawn_on(paged: &decode::PagedMesh, page: usize) -> Vec<bool> {
-    let size = paged.page_sizes[page];
-    let place = |vertex: u32| [0, 1].map(|k| paged.places[vertex as usize][k] * size[k] as f32);
-    drawn_texels(size, paged.triangles[page].iter().map(|triangle| triangle.map(place)))
-}
-
-/// The colours of an image.
+/// The colours of an image, without what tells how opaque they are.
 fn without_alpha(image: Image<u8>) -> Image<u8> {
-    if image.components != 4 {
-        return image;
-    }
     let data = image.data.chunks_exact(4).flat_map(|texel| [texel[0], texel[1], texel[2]]).collect();
     Image { components: 3, data, ..image }
 }
@@ -87,14 +53,15 @@ fn without_alpha(image: Image<u8>) -> Image<u8> {
 pub type Page = Vec<(Layer, Image<u8>)>;
 
 impl PagedMesh {
-    /// Packs the images of the nodes into pages of at most `side` texels along each side, unless one image is larger.
+    /// Packs what the images of nodes show into pages of at most `side` texels along each side: see [`decode::PagedMesh::new`].
     pub fn new(textured: &TexturedMesh, look: &Look, side: u32) -> Self {
         let paged = decode::PagedMesh::new(textured, side);
         let mut pages: Vec<Page> = vec![vec![]; paged.page_sizes.len()];
-        let drawings = by_page(&look.drawings(textured), textured, &paged);
-        let drawn: Vec<Vec<bool>> = match look.layers.is_empty() {
+        let drawings = look.drawings(textured);
+        let of_page = |numbers: &Vec<u32>| numbers.iter().map(|&number| drawings[number as usize]).collect();
+        let drawings: Vec<Vec<Drawing>> = match drawings.is_empty() {
             true => vec![],
-            false => (0..paged.page_sizes.len()).into_par_iter().map(|page| drawn_on(&paged, page)).collect(),
+            false => paged.triangle_numbers.iter().map(of_page).collect(),
         };
         for &layer in &look.layers {
             let images: Vec<Option<Image<u8>>> =
@@ -102,11 +69,12 @@ impl PagedMesh {
             let images: Vec<Option<&Image<u8>>> = images.iter().map(Option::as_ref).collect();
             let [red, green, blue] = layer.blank();
             let filled = paged.filled(&images, 3, &[red, green, blue, 255]);
-            for (number, (page, mut image)) in pages.iter_mut().zip(filled).enumerate() {
-                extrude(&mut image, &drawn[number]);
+            for (number, (page, image)) in pages.iter_mut().zip(filled).enumerate() {
                 let is_opaque =
                     drawings.get(number).is_some_and(|all| all.iter().all(|one| one.alpha == AlphaMode::Opaque));
-                page.push((layer, if is_opaque { without_alpha(image) } else { image }));
+                let shows_all = || image.data.iter().skip(3).step_by(4).all(|&alpha| alpha == u8::MAX);
+                let is_plain = image.components == 4 && (is_opaque || shows_all());
+                page.push((layer, if is_plain { without_alpha(image) } else { image }));
             }
         }
         let frame_of = |&(triangle, corner): &(u32, u8)| {

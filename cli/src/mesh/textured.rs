@@ -1,29 +1,14 @@
 //! Writes meshes with what they look like: PLY with colours of vertices, OBJ with a material file and pages of colours. GLB is next door.
 
-use std::io::{self, BufWriter, Cursor, Write};
+use std::io::{self, BufWriter, Write};
 
-use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-use lodpack::decode::texels::Image;
-use lodpack::decode::{AlphaMode, Drawing, TexturedMesh};
+use lodpack::decode::TexturedMesh;
 use lodpack::index::{ChannelInfo, ChannelKind};
 use serde_json::{Value, json};
 
 use super::export::{Column, normal_columns};
 use super::layers::Layer;
 use super::pages::PagedMesh;
-
-/// An image as PNG.
-///
-/// # Errors
-/// If it is too large for the format.
-pub fn png(image: &Image<u8>) -> io::Result<Vec<u8>> {
-    let kind = if image.components == 4 { ExtendedColorType::Rgba8 } else { ExtendedColorType::Rgb8 };
-    let mut bytes = Cursor::new(vec![]);
-    PngEncoder::new(&mut bytes)
-        .write_image(&image.data, image.size[0], image.size[1], kind)
-        .map_err(io::Error::other)?;
-    Ok(bytes.into_inner())
-}
 
 /// Writes binary PLY: each vertex has the mean of what the triangles around it show there, and the label of one of them. `colour` and
 /// `numbers` are places among the channels that the mesh has; `normals` are of its vertices, or there are none.
@@ -117,67 +102,16 @@ pub fn write_textured_obj(out: impl Write, mesh: &PagedMesh, material_file: &str
     out.flush()
 }
 
-/// The material file of an OBJ. `page_file` names the images.
-pub fn material_file(mesh: &PagedMesh, page_file: impl Fn(usize) -> String) -> String {
+/// The material file of an OBJ, given the images of pages: their numbers, and the names of the files.
+pub fn material_file(mesh: &PagedMesh, images: &[(usize, &str)]) -> String {
     let mut text = String::from("newmtl bare\nKd 1 1 1\n");
-    for page in 0..mesh.pages.len() {
-        let file = page_file(page);
+    for &(page, file) in images {
         text += &format!("newmtl page{page}\nKd 1 1 1\nmap_Kd {file}\n");
         if mesh.image(page, Layer::Colour).is_some_and(|image| image.components == 4) {
             text += &format!("map_d {file}\n");
         }
     }
     text
-}
-
-/// The extension of materials that are shown without light.
-pub(crate) const UNLIT: &str = "KHR_materials_unlit";
-
-/// Has a material drawn in this way.
-pub(crate) fn draw(material: &mut Value, drawing: Drawing) {
-    if let Some(known) = material.as_object_mut() {
-        ["alphaMode", "alphaCutoff", "doubleSided"].iter().for_each(|&name| drop(known.remove(name)));
-    }
-    match drawing.alpha {
-        AlphaMode::Opaque => {}
-        AlphaMode::Mask(cutoff) => {
-            (material["alphaMode"], material["alphaCutoff"]) = ("MASK".into(), cutoff.into());
-        }
-        AlphaMode::Blend => material["alphaMode"] = "BLEND".into(),
-    }
-    if drawing.is_double_sided {
-        material["doubleSided"] = true.into();
-    }
-    if drawing.is_unlit {
-        material["extensions"] = json!({UNLIT: {}});
-    }
-}
-
-/// The material of a page, given the texture of each layer, and whether it has alpha.
-pub(crate) fn material(layers: &[(Layer, usize, bool)]) -> Value {
-    let mut material = json!({"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}});
-    for &(layer, texture, has_alpha) in layers {
-        let texture = json!({"index": texture});
-        match layer {
-            Layer::Colour => {
-                material["pbrMetallicRoughness"]["baseColorTexture"] = texture;
-                if has_alpha {
-                    material["alphaMode"] = "BLEND".into();
-                }
-            }
-            Layer::Normal => material["normalTexture"] = texture,
-            Layer::Emissive => {
-                material["emissiveTexture"] = texture;
-                material["emissiveFactor"] = json!([1.0, 1.0, 1.0]);
-            }
-            Layer::Factors => {
-                material["pbrMetallicRoughness"]["metallicFactor"] = 1.0.into();
-                material["pbrMetallicRoughness"]["metallicRoughnessTexture"] = texture.clone();
-                material["occlusionTexture"] = texture;
-            }
-        }
-    }
-    material
 }
 
 /// The binary part of a GLB.

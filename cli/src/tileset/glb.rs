@@ -5,9 +5,10 @@
 //! the same in all of them to the bit. No tile has a transform of its own: with 16-bit integers (KHR_mesh_quantization) each would need
 //! one, in which renderers round, and pixels of the background show between tiles.
 
-use super::material::{Encoded, Paint, plain};
+use super::material::{Paint, plain};
+use crate::mesh::encoded::Encoded;
+use crate::mesh::material::UNLIT;
 use crate::mesh::shaded::{Shading, linear};
-use crate::mesh::textured::UNLIT;
 use lodpack::{Lattice, LatticePoint};
 use serde_json::{Value, json};
 use std::io;
@@ -232,8 +233,8 @@ struct Glb {
 impl Glb {
     /// Adds what points look like, which stand in this order.
     fn add(&mut self, paint: &Paint, order: &[usize]) -> io::Result<()> {
+        (self.images, self.materials) = paint.encode()?;
         if !paint.has_images() {
-            (_, self.materials) = paint.encode()?;
             return Ok(());
         }
         // Shares of 65535 of the image: a sixteenth of a texel in one of 4096.
@@ -253,7 +254,6 @@ impl Glb {
                 "VEC4",
             );
         }
-        (self.images, self.materials) = paint.encode()?;
         Ok(())
     }
 

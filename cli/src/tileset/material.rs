@@ -1,8 +1,5 @@
 //! What a tile's surface looks like: grey where a file has no channels, else the images of the tile's own block.
 
-use image::ExtendedColorType;
-use image::codecs::jpeg::JpegEncoder;
-use lodpack::decode::texels::Image;
 use lodpack::decode::{Drawing, TexturedMesh};
 use lodpack::{LatticePoint, Mesh};
 use serde_json::{Value, json};
@@ -11,13 +8,14 @@ use std::io;
 
 use super::glb::{Positions, in_order_of_use};
 use super::light::BorderNormals;
+use crate::mesh::encoded::{Encoded, Lossy, encoded};
 use crate::mesh::layers::{Layer, Look};
+use crate::mesh::material::{draw, material};
 use crate::mesh::pages::{Page, PagedMesh};
 use crate::mesh::shaded::Shading;
-use crate::mesh::textured;
 
-/// The quality of images, of 100: they are coded once more.
-const QUALITY: u8 = 90;
+/// What is JPEG where it is opaque. Directions lose little, too; factors would be blurred into each other.
+const LOSSY: Lossy = &[Layer::Colour, Layer::Normal, Layer::Emissive];
 
 /// The surface of a tile.
 #[derive(Default)]
@@ -31,9 +29,6 @@ pub struct Surface {
     /// Its normals, where images have none; none without light.
     pub shading: Option<Shading>,
 }
-
-/// An encoded image, and its media type.
-pub type Encoded = (Vec<u8>, &'static str);
 
 /// What the points of a tile show.
 pub struct Paint {
@@ -135,35 +130,20 @@ impl Paint {
     /// If an image is too large for its format.
     pub fn encode(&self) -> io::Result<(Vec<Encoded>, Vec<Value>)> {
         let mut images = vec![];
-        let mut layers = vec![];
-        for (layer, image) in &self.page {
-            layers.push((*layer, images.len(), image.components == 4));
-            images.push(encoded(*layer, image)?);
-        }
-        let mut material = if layers.is_empty() { plain() } else { textured::material(&layers) };
+        let texture = |layer, image: &_| {
+            images.push(encoded(layer, image, LOSSY)?);
+            Ok(images.len() - 1)
+        };
+        let mut material = if self.has_images() { material(&self.page, texture)? } else { plain() };
         // Surfaces with boundaries are seen from behind, too, unless the file says that they are not.
         material["doubleSided"] = true.into();
         let of_part = |&(drawing, _): &(Option<Drawing>, usize)| {
             let mut own = material.clone();
-            drawing.into_iter().for_each(|drawing| textured::draw(&mut own, drawing));
+            drawing.into_iter().for_each(|drawing| draw(&mut own, drawing));
             own
         };
         Ok((images, self.parts.iter().map(of_part).collect()))
     }
-}
-
-/// JPEG has no alpha, and blurs factors into each other.
-fn encoded(layer: Layer, image: &Image<u8>) -> io::Result<Encoded> {
-    let longest = u32::from(u16::MAX);
-    if image.components != 3 || layer == Layer::Factors || image.size.iter().any(|&length| length > longest) {
-        return Ok((textured::png(image)?, "image/png"));
-    }
-    let mut bytes = vec![];
-    let [width, height] = image.size;
-    JpegEncoder::new_with_quality(&mut bytes, QUALITY)
-        .encode(&image.data, width, height, ExtendedColorType::Rgb8)
-        .map_err(io::Error::other)?;
-    Ok((bytes, "image/jpeg"))
 }
 
 /// The material of tiles without images: matt and light grey.

@@ -8,6 +8,7 @@
 mod binary;
 mod colours;
 mod exact;
+mod extrude;
 #[cfg(feature = "write")]
 mod form;
 mod image;

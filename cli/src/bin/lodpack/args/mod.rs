@@ -15,7 +15,7 @@ pub use build::{AtlasArgs, BuildArgs, ModelArgs, RunArgs};
 pub use export::{ExportArgs, ExportFormat};
 pub use job::{AddArgs, JobArgs, MergeArgs, PlanArgs, StatusArgs, SubmitArgs, WorkArgs};
 pub use measure::{ReportArgs, SelftestArgs, VerifyArgs};
-pub use read::{ExtractArgs, GroundChoice, InfoArgs, NormalsChoice, OutputFormat, ViewArgs};
+pub use read::{ExtractArgs, GroundChoice, ImagesChoice, InfoArgs, NormalsChoice, OutputFormat, ViewArgs};
 pub use serve::ServeArgs;
 pub use shell::{CompletionsArgs, ManArgs};
 pub use values::{BoundingBox, PartRange, ProgressStyle, UpAxis};

@@ -53,6 +53,15 @@ pub enum NormalsChoice {
     None,
 }
 
+/// Formats of images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ImagesChoice {
+    /// Exact.
+    Png,
+    /// Opaque colours and emitted light as JPEG of quality 90, the rest as PNG.
+    Jpeg,
+}
+
 /// Arguments of `extract`.
 #[derive(Args, Clone, Debug)]
 pub struct ExtractArgs {
@@ -92,11 +101,15 @@ pub struct ExtractArgs {
     /// room for them. Heights keep their own.
     #[arg(long, value_enum, value_name = "smooth|none")]
     pub normals: Option<NormalsChoice>,
-    /// Most texels along each side of the images of a GLB or OBJ, into which those of nodes are packed. A node's image that is larger has one of its
-    /// own.
+    /// Most texels along each side of the images of a GLB or OBJ, into which what the nodes show is packed by its shape. What belongs together and is larger
+    /// has an image of its own.
     #[arg(long, value_name = "N", default_value_t = lodpack::decode::PagedMesh::SIDE,
         value_parser = clap::value_parser!(u32).range(64..=16384))]
     pub page_size: u32,
+    /// Images of a GLB or OBJ: png, which is exact, or jpeg, which codes opaque colours and emitted light once more at quality 90. Normals and
+    /// factors are always PNG, and colours with opacity, too.
+    #[arg(long, value_enum, default_value_t = ImagesChoice::Png, value_name = "png|jpeg", hide_possible_values = true)]
+    pub images: ImagesChoice,
     /// Only roots that touch this box, in input units. Of a file of heights on a globe: degrees of longitude and latitude, and a number that has
     /// no meaning; 170 to 190 crosses the date line.
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]

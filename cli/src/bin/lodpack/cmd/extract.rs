@@ -3,7 +3,7 @@
 use super::heights;
 use super::open::{Opened, Source, in_file, open_any, open_ground, tolerance_in, tolerance_in_heights};
 use super::print_json;
-use crate::args::{ExtractArgs, GroundChoice, NormalsChoice, OutputFormat};
+use crate::args::{ExtractArgs, GroundChoice, ImagesChoice, NormalsChoice, OutputFormat};
 use crate::interrupt;
 use crate::messages;
 use crate::output::{PendingFile, bytes, count, length, say};
@@ -11,6 +11,7 @@ use anyhow::{Context, Result, bail};
 use lodpack::decode::TexturedMesh;
 use lodpack::index::{ChannelInfo, ChannelKind};
 use lodpack::{Cut, Lattice, Limiter, Outside, Query};
+use lodpack_cli::mesh::encoded::{EXACT, LIGHT, encoded};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh_with_normals};
 use lodpack_cli::mesh::glb::write_textured_glb;
 use lodpack_cli::mesh::glb_nodes::write_joined_glb;
@@ -18,7 +19,7 @@ use lodpack_cli::mesh::layers::{Layer, Look};
 use lodpack_cli::mesh::pages::PagedMesh;
 use lodpack_cli::mesh::shaded::{Shading, write_shaded_mesh};
 use lodpack_cli::mesh::smooth::{Creases, Fans};
-use lodpack_cli::mesh::textured::{material_file, png, write_textured_obj, write_textured_ply};
+use lodpack_cli::mesh::textured::{material_file, write_textured_obj, write_textured_ply};
 use lodpack_cli::pipeline::{CutPainter, Topology, cut_to_finish, finish, is_nearer};
 use serde::Serialize;
 use std::fs::File;
@@ -468,6 +469,7 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: 
         let paged = PagedMesh::new(textured, look, args.page_size);
         if creases.is_some() { paged.smooth(&textured.mesh) } else { Ok(paged) }
     };
+    let lossy = if args.images == ImagesChoice::Jpeg { LIGHT } else { EXACT };
     match format {
         MeshFormat::Ply | MeshFormat::Stl => {
             let numbers: Vec<(usize, &ChannelInfo)> =
@@ -476,17 +478,23 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: 
             let normals = fans.as_ref().map(|fans| fans.normals.as_slice());
             write_textured_ply(out, textured, look.colour(), &numbers, normals)?;
         }
-        MeshFormat::Glb => write_textured_glb(out, &paged()?)?,
+        MeshFormat::Glb => write_textured_glb(out, &paged()?, lossy)?,
         MeshFormat::Obj => {
             let paged = paged()?;
             let name = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            let page_name = |page: usize| format!("{name}-{page}.png");
-            let material_name = format!("{name}.mtl");
-            write_textured_obj(out, &paged, &material_name)?;
-            write_beside(args, &material_name, material_file(&paged, page_name).as_bytes())?;
+            let mut files = vec![];
             for page in 0..paged.pages.len() {
                 let Some(image) = paged.image(page, Layer::Colour) else { continue };
-                write_beside(args, &page_name(page), &png(image)?)?;
+                let (bytes, media_type) = encoded(Layer::Colour, image, lossy)?;
+                let extension = if media_type == "image/png" { "png" } else { "jpg" };
+                files.push((page, format!("{name}-{page}.{extension}"), bytes));
+            }
+            let material_name = format!("{name}.mtl");
+            write_textured_obj(out, &paged, &material_name)?;
+            let names: Vec<(usize, &str)> = files.iter().map(|(page, name, _)| (*page, name.as_str())).collect();
+            write_beside(args, &material_name, material_file(&paged, &names).as_bytes())?;
+            for (_, name, bytes) in &files {
+                write_beside(args, name, bytes)?;
             }
         }
     }
