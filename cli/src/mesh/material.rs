@@ -134,7 +134,7 @@ mod tests {
             added.push(layer);
             Ok(added.len() + 6)
         };
-        (material(&page.to_vec(), texture).unwrap(), added)
+        (material(page, texture).unwrap(), added)
     }
 
     fn even(texel: &[u8]) -> Image<u8> {

@@ -162,7 +162,7 @@ fn copy<T: Copy>(image: &Image<T>, from: usize, page: &mut Image<T>, to: usize, 
 /// The islands of all nodes, and the number of that of each triangle; [`NONE`] for triangles without texels.
 fn islands(textured: &TexturedMesh) -> (Vec<Island>, Vec<u32>) {
     let mesh = &textured.mesh;
-    let mut of_nodes: Vec<(Vec<u32>, Vec<[[f32; 2]; 3]>)> = vec![Default::default(); textured.textures.len()];
+    let mut of_nodes = vec![(vec![], vec![]); textured.textures.len()];
     for ((number, &node), &places) in (0..mesh.triangles.len() as u32).zip(&mesh.triangle_nodes).zip(&textured.places) {
         if let Some((numbers, all_places)) = of_nodes.get_mut(node as usize) {
             numbers.push(number);
