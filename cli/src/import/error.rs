@@ -74,6 +74,15 @@ pub enum ImportError {
         path: PathBuf,
     },
 
+    /// A folder has images of an atlas, but not the list of them.
+    #[error("{}: this is an image of an atlas, but {manifest}, which says how its images meet, is not beside it; copy the whole atlas, or write it again", path.display())]
+    AtlasWithoutManifest {
+        /// The image.
+        path: PathBuf,
+        /// The name of the list.
+        manifest: String,
+    },
+
     /// A pattern stands for no files.
     #[error("{}: {problem}; name files or folders, or change the pattern", pattern.display())]
     Pattern {

@@ -26,7 +26,7 @@ pub fn find_inputs(typed: &[PathBuf], marker: &str, progress: &dyn Progress) -> 
     let mut found = vec![];
     for path in typed {
         let files = if path.is_dir() && !path.join(marker).exists() {
-            files_in(path)?
+            files_in(path, marker)?
         } else if !path.exists() && is_pattern(path) {
             matching(path)?
         } else {
@@ -50,9 +50,12 @@ fn matching(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
     if files.is_empty() { Err(wrong("no file matches".into())) } else { Ok(files) }
 }
 
-fn files_in(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
+fn files_in(folder: &Path, marker: &str) -> Result<Vec<PathBuf>, ImportError> {
     let mut by_kind = KINDS.map(|_| vec![]);
     for file in Walk::below(folder).files()? {
+        if is_image_of_positions(&file) && file.parent().is_none_or(|folder| !folder.join(marker).exists()) {
+            return Err(ImportError::AtlasWithoutManifest { path: file, manifest: marker.to_owned() });
+        }
         let extension = extension_of(&file);
         if let Some(kind) = KINDS.iter().position(|kind| kind.contains(&extension.as_str())) {
             by_kind[kind].push(file);
@@ -60,6 +63,12 @@ fn files_in(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
     }
     let files = by_kind.into_iter().find(|files| !files.is_empty());
     files.ok_or_else(|| ImportError::EmptyFolder { path: folder.to_owned() })
+}
+
+/// Whether a file has the name of an image of positions of an atlas. Of an atlas whose list is lost, only patches would be read.
+fn is_image_of_positions(file: &Path) -> bool {
+    let number = file.file_name().and_then(|name| name.to_str()?.strip_prefix("root_")?.strip_suffix(".exr"));
+    number.is_some_and(|number| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit() || byte == b'_'))
 }
 
 fn extension_of(file: &Path) -> String {
@@ -118,6 +127,9 @@ mod tests {
         }
         // What is no pattern and does not exist is for the import to refuse, and an atlas is one input.
         assert_eq!(found(&[tiles("none.ply")]).unwrap(), ["none.ply"]);
+        fs::write(tiles("root_00007_6.exr"), "x").unwrap();
+        let lost = found(&[tiles("")]);
+        assert!(matches!(lost, Err(ImportError::AtlasWithoutManifest { .. })), "{lost:?}");
         fs::write(tiles("atlas.json"), "{}").unwrap();
         assert_eq!(found(&[dir.path().join("tiles")]).unwrap(), ["tiles"]);
     }

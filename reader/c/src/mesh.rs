@@ -19,7 +19,7 @@ pub enum Mesh {
     Bare(lodpack::Mesh),
     Heights(Lit),
     Textured(Arc<Textured>),
-    Paged(Paged),
+    Paged(Box<Paged>),
 }
 
 /// Triangles of heights.
@@ -82,7 +82,7 @@ impl Mesh {
     /// Of a mesh in pages, for each vertex the one that it is in the mesh without.
     pub fn source_vertices(&self) -> Option<impl ExactSizeIterator<Item = usize> + '_> {
         match self {
-            Self::Paged(Paged { sources, .. }) => Some(sources.iter().map(|&vertex| vertex as usize)),
+            Self::Paged(paged) => Some(paged.sources.iter().map(|&vertex| vertex as usize)),
             _ => None,
         }
     }

@@ -148,7 +148,7 @@ pub extern "C" fn lodpack_make_pages(mesh: *const Mesh, most_texels: u32, pages:
     guard(|| {
         write(pages, std::ptr::null_mut(), "pages")?;
         match borrow(mesh, "mesh")? {
-            Mesh::Textured(textured) => give(pages, Mesh::Paged(Paged::new(textured, most_texels))),
+            Mesh::Textured(textured) => give(pages, Mesh::Paged(Box::new(Paged::new(textured, most_texels)))),
             Mesh::Paged(_) => Err(Failure::argument("the mesh has pages already".into())),
             mesh => mesh.textured().map(drop),
         }

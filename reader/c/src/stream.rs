@@ -296,7 +296,7 @@ fn mesh_of(drawn: &DrawnRoot, stream: &Stream) -> Mesh {
     let places = positions.iter().zip(&pieces).map(place).collect();
     let pages = vec![Page { width, height, first_triangle: 0, triangle_count: triangles.len() }];
     let images = Images::Drawn(Arc::clone(texture) as Arc<DrawnTexture>, Arc::clone(&stream.channels));
-    Mesh::Paged(Paged { positions, triangles, sources: vec![], places, pages, images })
+    Mesh::Paged(Box::new(Paged { positions, triangles, sources: vec![], places, pages, images }))
 }
 
 fn bare(drawn: &DrawnRoot) -> Mesh {

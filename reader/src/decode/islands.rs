@@ -48,6 +48,7 @@ pub(super) fn find_islands(node: u32, size: [u32; 2], triangles: &[[[f32; 2]; 3]
             }
         });
     }
+    groups.flatten();
     let mut island_of = vec![NONE; triangles.len()];
     let mut islands: Vec<Island> = vec![];
     for (row, owners) in (0..).zip(owners.chunks_exact(width.max(1))) {
@@ -80,22 +81,36 @@ pub(super) fn find_islands(node: u32, size: [u32; 2], triangles: &[[[f32; 2]; 3]
     (islands, of_triangles)
 }
 
-/// Triangles that belong together: each names an earlier one of its group, or itself.
+/// Triangles that belong together: each names an earlier one of its group, or itself if it is the first.
 struct Groups(Vec<u32>);
 
 impl Groups {
-    /// The first triangle of a group.
-    fn first(&self, mut triangle: u32) -> u32 {
+    fn join(&mut self, a: u32, b: u32) {
+        let [a, b] = [self.find(a), self.find(b)];
+        let (first, other) = (a.min(b), a.max(b));
+        self.0[other as usize] = first;
+    }
+
+    /// The first triangle of a group, to which the way is shorter afterwards.
+    fn find(&mut self, mut triangle: u32) -> u32 {
         while self.0[triangle as usize] != triangle {
-            triangle = self.0[triangle as usize];
+            let next = self.0[triangle as usize];
+            self.0[triangle as usize] = self.0[next as usize];
+            triangle = next;
         }
         triangle
     }
 
-    fn join(&mut self, a: u32, b: u32) {
-        let [a, b] = [self.first(a), self.first(b)];
-        let (first, other) = (a.min(b), a.max(b));
-        self.0[other as usize] = first;
+    /// Has all name the first triangle of their group. No more groups can be joined after that.
+    fn flatten(&mut self) {
+        for triangle in 0..self.0.len() {
+            self.0[triangle] = self.0[self.0[triangle] as usize];
+        }
+    }
+
+    /// The first triangle of a group, once all is flat.
+    fn first(&self, triangle: u32) -> u32 {
+        self.0[triangle as usize]
     }
 }
 
