@@ -383,6 +383,17 @@ fn images_are_jpeg_where_somebody_asks_for_it_and_factors_where_all_texels_are_t
         images.iter().map(|image| image["mimeType"].as_str().unwrap_or_default().to_owned()).collect::<Vec<_>>()
     };
     assert_eq!([kinds("exact.glb"), kinds("lossy.glb")], [["image/png"], ["image/jpeg"]]);
+    folder.run("extract two.lodpack -o small.glb --images webp");
+    assert_eq!(kinds("small.glb"), ["image/webp"]);
+    let small = document(&folder.path("small.glb"));
+    assert_eq!(small["textures"][0]["extensions"]["EXT_texture_webp"]["source"], 0);
+    assert!(small["extensionsUsed"] == small["extensionsRequired"] && small["textures"][0]["source"].is_null());
+    // It is read back as what it was.
+    let [exact, back] = ["exact", "small"].map(|name| {
+        folder.run(&format!("build {name}.glb -o {name}.again.lodpack"));
+        folder.read(&format!("{name}.again.lodpack"))
+    });
+    assert!(exact == back && folder.read("small.glb").len() < folder.read("exact.glb").len());
     folder.run("extract two.lodpack -o lossy.obj --images jpeg");
     let library = String::from_utf8(folder.read("lossy.mtl")).expect("text");
     assert!(library.contains("map_Kd lossy-0.jpg") && folder.path("lossy-0.jpg").is_file(), "{library}");

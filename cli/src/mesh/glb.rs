@@ -5,12 +5,14 @@ use std::io::{self, Write};
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use super::encoded::{EXACT, Lossy, encoded};
+use super::encoded::{Formats, WEBP, encoded};
 use super::material::{UNLIT, draw, material, plain};
 use super::pages::{PagedMesh, Part};
 use super::smooth::COMPUTED;
 use super::textured::Binary;
 
+/// The extension of textures whose image is WebP.
+const OF_WEBP: &str = "EXT_texture_webp";
 const ARRAY_BUFFER: Option<u32> = Some(34962);
 const ELEMENT_ARRAY_BUFFER: Option<u32> = Some(34963);
 /// Pixels of the picture for which levels are chosen, and error in pixels up to which a level is shown.
@@ -48,14 +50,14 @@ struct Scene {
     images: Vec<Value>,
 }
 
-/// Writes GLB with the pages inside, which may lose something in some layers. Coordinates are relative to a node translation.
+/// Writes GLB with the pages inside, in one of these formats. Coordinates are relative to a node translation.
 ///
 /// # Errors
 /// Any error of the writer; [`io::ErrorKind::InvalidInput`] beyond 4 GiB.
-pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh, lossy: Lossy) -> io::Result<()> {
+pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh, formats: Formats) -> io::Result<()> {
     let mut scene = Scene::default();
     let centre = super::export::glb_origin(&mesh.positions);
-    scene.add(mesh, centre, lossy)?;
+    scene.add(mesh, centre, formats)?;
     scene.write(out, &[json!({"mesh": 0, "translation": centre})], None)
 }
 
@@ -71,7 +73,7 @@ pub fn write_levels_glb(out: impl Write, levels: &[GlbLevel], upright: Upright) 
     let mut scene = Scene::default();
     let centre = super::export::glb_origin(&finest.mesh.positions);
     for level in levels {
-        scene.add(&level.mesh, centre, EXACT)?;
+        scene.add(&level.mesh, centre, Formats::PNG)?;
     }
     let [x, y, z] = centre.map(|c| c * upright.unit);
     let mut nodes: Vec<Value> = levels
@@ -115,7 +117,7 @@ pub fn screen_coverages(levels: &[GlbLevel]) -> Vec<f64> {
 
 impl Scene {
     /// Adds a mesh, relative to an origin.
-    fn add(&mut self, mesh: &PagedMesh, origin: [f64; 3], lossy: Lossy) -> io::Result<()> {
+    fn add(&mut self, mesh: &PagedMesh, origin: [f64; 3], formats: Formats) -> io::Result<()> {
         let [low, high] = if mesh.positions.is_empty() { [origin; 2] } else { super::export::bounds(&mesh.positions) };
         let local = |p: &[f64; 3]| [0, 1, 2].map(|k| (p[k] - origin[k]) as f32);
         let count = mesh.positions.len();
@@ -136,10 +138,14 @@ impl Scene {
         let (known, mut of_pages) = (self.textures.len(), vec![]);
         for page in &mesh.pages {
             of_pages.push(material(page, |layer, image| {
-                let (bytes, media_type) = encoded(layer, image, lossy)?;
+                let (bytes, media_type) = encoded(layer, image, formats)?;
                 let view = self.binary.add(bytes.into_iter(), None);
                 self.images.push(json!({"bufferView": view, "mimeType": media_type}));
-                self.textures.push(json!({"sampler": 0, "source": self.images.len() - 1}));
+                let source = json!({"source": self.images.len() - 1});
+                self.textures.push(match media_type {
+                    WEBP => json!({"sampler": 0, "extensions": {OF_WEBP: source}}),
+                    _ => json!({"sampler": 0, "source": source["source"]}),
+                });
                 Ok(self.textures.len() - 1)
             })?);
         }
@@ -211,6 +217,11 @@ impl Scene {
                 extensions.push(UNLIT);
             }
             document["materials"] = self.materials.into();
+        }
+        if self.images.iter().any(|image| image["mimeType"] == WEBP) {
+            extensions.push(OF_WEBP);
+            // There are no other images for those who do not know it.
+            document["extensionsRequired"] = json!([OF_WEBP]);
         }
         if !self.images.is_empty() {
             document["textures"] = self.textures.into();

@@ -5,8 +5,18 @@ use std::io::{self, ErrorKind, Write};
 use serde_json::{Value, json};
 
 /// Lists of a document whose places other parts of it name.
-const LISTS: [&str; 9] =
-    ["nodes", "meshes", "accessors", "bufferViews", "materials", "textures", "images", "samplers", "extensionsUsed"];
+const LISTS: [&str; 10] = [
+    "nodes",
+    "meshes",
+    "accessors",
+    "bufferViews",
+    "materials",
+    "textures",
+    "images",
+    "samplers",
+    "extensionsUsed",
+    "extensionsRequired",
+];
 /// Under these names stand places in a list; the names of attributes are all that also stand for one.
 const PLACES: [(&str, usize); 6] =
     [("mesh", 1), ("indices", 2), ("bufferView", 3), ("material", 4), ("index", 5), ("source", 6)];
@@ -37,7 +47,7 @@ pub fn write_joined_glb(out: impl Write, models: &[(&str, Vec<u8>)]) -> io::Resu
             }
             let Some(all) = joined[list].as_array_mut() else { continue };
             // Names of extensions stand there once.
-            items.retain(|item| list != "extensionsUsed" || !all[..count].contains(item));
+            items.retain(|item| !list.starts_with("extensions") || !all[..count].contains(item));
             all.extend(items);
         }
         binary.extend_from_slice(chunk);

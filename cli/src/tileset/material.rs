@@ -8,14 +8,14 @@ use std::io;
 
 use super::glb::{Positions, in_order_of_use};
 use super::light::BorderNormals;
-use crate::mesh::encoded::{Encoded, Lossy, encoded};
+use crate::mesh::encoded::{Encoded, Formats, encoded};
 use crate::mesh::layers::{Layer, Look};
 use crate::mesh::material::{draw, material};
 use crate::mesh::pages::{Page, PagedMesh};
 use crate::mesh::shaded::Shading;
 
 /// What is JPEG where it is opaque. Directions lose little, too; factors would be blurred into each other.
-const LOSSY: Lossy = &[Layer::Colour, Layer::Normal, Layer::Emissive];
+const FORMATS: Formats = Formats { lossy: &[Layer::Colour, Layer::Normal, Layer::Emissive], has_webp: false };
 
 /// The surface of a tile.
 #[derive(Default)]
@@ -131,7 +131,7 @@ impl Paint {
     pub fn encode(&self) -> io::Result<(Vec<Encoded>, Vec<Value>)> {
         let mut images = vec![];
         let texture = |layer, image: &_| {
-            images.push(encoded(layer, image, LOSSY)?);
+            images.push(encoded(layer, image, FORMATS)?);
             Ok(images.len() - 1)
         };
         let mut material = if self.has_images() { material(&self.page, texture)? } else { plain() };

@@ -60,6 +60,8 @@ pub enum ImagesChoice {
     Png,
     /// Opaque colours and emitted light as JPEG of quality 90, the rest as PNG.
     Jpeg,
+    /// Everything as WebP without loss, or as PNG where that is smaller.
+    Webp,
 }
 
 /// Arguments of `extract`.
@@ -106,9 +108,9 @@ pub struct ExtractArgs {
     #[arg(long, value_name = "N", default_value_t = lodpack::decode::PagedMesh::SIDE,
         value_parser = clap::value_parser!(u32).range(64..=16384))]
     pub page_size: u32,
-    /// Images of a GLB or OBJ: png, which is exact, or jpeg, which codes opaque colours and emitted light once more at quality 90. Normals and
-    /// factors are always PNG, and colours with opacity, too.
-    #[arg(long, value_enum, default_value_t = ImagesChoice::Png, value_name = "png|jpeg", hide_possible_values = true)]
+    /// Images of a GLB or OBJ: png, which is exact; jpeg, which codes opaque colours and emitted light once more at quality 90 (normals,
+    /// factors, and colours with opacity stay PNG); or webp, of GLB alone, which is exact, too, and smaller, for programs that know EXT_texture_webp.
+    #[arg(long, value_enum, default_value_t = ImagesChoice::Png, value_name = "png|jpeg|webp", hide_possible_values = true)]
     pub images: ImagesChoice,
     /// Only roots that touch this box, in input units. Of a file of heights on a globe: degrees of longitude and latitude, and a number that has
     /// no meaning; 170 to 190 crosses the date line.

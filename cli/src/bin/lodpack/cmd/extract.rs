@@ -11,7 +11,7 @@ use anyhow::{Context, Result, bail};
 use lodpack::decode::TexturedMesh;
 use lodpack::index::{ChannelInfo, ChannelKind};
 use lodpack::{Cut, Lattice, Limiter, Outside, Query};
-use lodpack_cli::mesh::encoded::{EXACT, LIGHT, encoded};
+use lodpack_cli::mesh::encoded::{Formats, encoded};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh_with_normals};
 use lodpack_cli::mesh::glb::write_textured_glb;
 use lodpack_cli::mesh::glb_nodes::write_joined_glb;
@@ -354,6 +354,9 @@ fn format_of(args: &ExtractArgs) -> Result<MeshFormat> {
         Some(MeshFormat::Stl) if args.normals == Some(NormalsChoice::Smooth) => {
             bail!("STL has no room for normals of vertices; omit --normals, or write GLB, OBJ or PLY")
         }
+        Some(MeshFormat::Obj) if args.images == ImagesChoice::Webp => {
+            bail!("programs that read OBJ know no WebP; write GLB, or --images png or jpeg")
+        }
         Some(format) => Ok(format),
         None if is_stdout(&args.output) => bail!("-o - needs --format: ply, obj, stl or glb"),
         None => bail!(
@@ -469,7 +472,11 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: 
         let paged = PagedMesh::new(textured, look, args.page_size);
         if creases.is_some() { paged.smooth(&textured.mesh) } else { Ok(paged) }
     };
-    let lossy = if args.images == ImagesChoice::Jpeg { LIGHT } else { EXACT };
+    let formats = match args.images {
+        ImagesChoice::Png => Formats::PNG,
+        ImagesChoice::Jpeg => Formats::JPEG,
+        ImagesChoice::Webp => Formats::WEBP,
+    };
     match format {
         MeshFormat::Ply | MeshFormat::Stl => {
             let numbers: Vec<(usize, &ChannelInfo)> =
@@ -478,14 +485,14 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: 
             let normals = fans.as_ref().map(|fans| fans.normals.as_slice());
             write_textured_ply(out, textured, look.colour(), &numbers, normals)?;
         }
-        MeshFormat::Glb => write_textured_glb(out, &paged()?, lossy)?,
+        MeshFormat::Glb => write_textured_glb(out, &paged()?, formats)?,
         MeshFormat::Obj => {
             let paged = paged()?;
             let name = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let mut files = vec![];
             for page in 0..paged.pages.len() {
                 let Some(image) = paged.image(page, Layer::Colour) else { continue };
-                let (bytes, media_type) = encoded(Layer::Colour, image, lossy)?;
+                let (bytes, media_type) = encoded(Layer::Colour, image, formats)?;
                 let extension = if media_type == "image/png" { "png" } else { "jpg" };
                 files.push((page, format!("{name}-{page}.{extension}"), bytes));
             }
