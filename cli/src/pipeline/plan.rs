@@ -252,8 +252,8 @@ pub(crate) struct ChartCutter {
 }
 
 impl ChartCutter {
-    /// Cuts a region into charts unless it has `labels` already, or the input has brought charts, which stay as they are. Returns the labels, the number of charts and, where there are other
-    /// regions, what the charts do at the region's boundary.
+    /// Cuts a region into charts unless it has `labels` already, or the input has brought charts, which stay as they are. Returns the labels,
+    /// the number of charts and, where there are other regions, what the charts do at the region's boundary.
     pub fn cut(
         &self,
         Region { mesh, adjacency, attributes, .. }: &Region,

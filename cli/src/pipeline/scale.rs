@@ -72,8 +72,12 @@ const MAX_LEVELS: usize = 16;
 /// that are made here, as a chart may have that is made here.
 pub(super) fn largest_chart(texels_each: u64) -> u32 {
     let [_, most] = Effort::Best.chart_size();
-    let textured = CHART_TEXELS.checked_div(texels_each).unwrap_or(u64::MAX).max(FEWEST_TEXTURED);
-    2 * textured.min(most as u64) as u32
+    2 * textured_chart(texels_each).unwrap_or(u64::MAX).min(most as u64) as u32
+}
+
+/// The most triangles of a chart whose images have so many texels for each triangle; none without texels.
+fn textured_chart(texels_each: u64) -> Option<u64> {
+    CHART_TEXELS.checked_div(texels_each).map(|triangles| triangles.max(FEWEST_TEXTURED))
 }
 
 impl Effort {
@@ -318,8 +322,8 @@ impl Scale {
         let [_, most] = Effort::Best.chart_size();
         // The conversion saturates.
         let mut wanted = (at_automatic * growth).min(most.max(at_automatic));
-        if let (None, Some(textured)) = (chart_triangles, CHART_TEXELS.checked_div(texels_each)) {
-            wanted = wanted.min(textured.max(FEWEST_TEXTURED) as f64);
+        if let (None, Some(textured)) = (chart_triangles, textured_chart(texels_each)) {
+            wanted = wanted.min(textured as f64);
         }
         let chart_triangles = if extensible { power_of_two_near(wanted, 1.0) } else { wanted } as u32;
         // The coarsest level leaves a few triangles of a chart of average size.

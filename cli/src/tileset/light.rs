@@ -2,12 +2,12 @@
 //!
 //! The fans of a vertex inside a tile are the tile's own. Those of a vertex on a border have triangles in several tiles, of levels that nobody
 //! knows in advance, but every tile draws its borders with the same points. So there the normals are those of the finest cut, whatever
-//! is drawn beside it, and light does not change along a border either.
+//! is drawn beside it, and light does not change along a border either, but where a crease ends of which a coarse tile lacks a side.
 
 use std::collections::{HashMap, HashSet};
 use std::io;
 
-use lodpack::{Cut, File, LatticePoint, Node, ReadAt};
+use lodpack::{File, LatticePoint, ReadAt};
 use rayon::prelude::*;
 
 use super::glb::Positions;
@@ -95,9 +95,7 @@ impl BorderNormals {
         progress.begin("borders", numbers.len() as u64);
         let batches = batches_of(tree, numbers);
         let of_batch = |batch: &Vec<usize>| {
-            let node = |&number: &usize| Node { root: tree.tiles[number].root, level: tree.tiles[number].level };
-            let cut = Cut { nodes: batch.iter().map(node).collect(), ..Cut::default() };
-            let mesh = file.extract_with_borders(&cut, tree.border_level)?;
+            let mesh = file.extract_with_borders(&tree.cut(batch), tree.border_level)?;
             progress.advance(batch.len() as u64);
             let tiles = mesh.triangle_nodes.chunk_by(|a, b| a == b);
             let mut rest = mesh.triangles.as_slice();

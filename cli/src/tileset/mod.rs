@@ -29,7 +29,7 @@ use crate::progress::Progress;
 use glb::{Content, Positions};
 use light::BorderNormals;
 use lodpack::decode::TexturedMesh;
-use lodpack::{Cut, File, Lattice, LatticePoint, Node, ReadAt};
+use lodpack::{File, Lattice, LatticePoint, ReadAt};
 use material::Surface;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -198,8 +198,7 @@ impl<S: ReadAt> Writer<'_, S> {
     /// Reads, decodes and writes tiles of one level, by ascending root.
     fn write(&self, numbers: &[usize], progress: &dyn Progress) -> Result<Vec<Written>, TilesetError> {
         let Self { file, folder, tree, .. } = *self;
-        let node = |&number: &usize| Node { root: tree.tiles[number].root, level: tree.tiles[number].level };
-        let cut = Cut { nodes: numbers.iter().map(node).collect(), ..Cut::default() };
+        let cut = tree.cut(numbers);
         let (look, channels) = self.look;
         let textured = if channels.is_empty() {
             TexturedMesh { mesh: file.extract_with_borders(&cut, tree.border_level)?, ..TexturedMesh::default() }

@@ -1,6 +1,6 @@
 //! The tiles of a file: its roots at each of their levels, as a tree.
 
-use lodpack::{File, LatticePoint, ReadAt, Result};
+use lodpack::{Cut, File, LatticePoint, Node, ReadAt, Result};
 
 /// A root at one of its levels.
 #[derive(Clone, Debug)]
@@ -104,6 +104,12 @@ impl Tree {
             }
         }
         Ok(tree)
+    }
+
+    /// The cut of some tiles, in this order.
+    pub fn cut(&self, numbers: &[usize]) -> Cut {
+        let node = |&number: &usize| Node { root: self.tiles[number].root, level: self.tiles[number].level };
+        Cut { nodes: numbers.iter().map(node).collect(), ..Cut::default() }
     }
 
     /// The largest coordinate of a point relative to the origin, rounded up; both are in lattice steps.
