@@ -59,7 +59,7 @@ pub use crate::codec::{
     },
     texels::{
         PieceShape, Seen, SeenPoint, encode_exact_image, encode_exact_normals, encode_image, encode_map,
-        encode_normals, encode_seen_image, encode_values, texel_size,
+        encode_normals, encode_seen_image, encode_values, lost_squares, texel_size,
     },
 };
 pub use crate::format::{

@@ -1,8 +1,11 @@
 //! The images of a map, as they are stored: from what texels show to bytes.
 
+use std::ops::RangeInclusive;
+
 use lodpack::decode::texels::{Image, Map};
 use lodpack::write::{
     Seen, encode_exact_image, encode_exact_normals, encode_image, encode_normals, encode_seen_image, encode_values,
+    lost_squares,
 };
 
 use super::values::{Storage, Stored};
@@ -27,13 +30,13 @@ impl Storage {
             streams.push(match channel {
                 Stored::Colour { step, .. } if self.is_plain() => {
                     let image = plain_colours(values, map.size, std::mem::take(memory));
-                    let bytes = coded(&image, is_used, Some(seen), steps.of_opaque_colours(step));
+                    let bytes = coded(&image, is_used, Some(seen), steps.of_opaque_colours(step, &image, is_used));
                     *memory = image.data;
                     bytes
                 }
                 Stored::Colour { components: 3, step } => {
                     let image = colours(texels, map.size, 3);
-                    coded(&image, is_used, Some(seen), steps.of_opaque_colours(step))
+                    coded(&image, is_used, Some(seen), steps.of_opaque_colours(step, &image, is_used))
                 }
                 Stored::Colour { components, step } => {
                     coded(&colours(texels, map.size, components), is_used, None, steps.of_others(step))
@@ -74,18 +77,27 @@ fn coded(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, step: u8)
     }
 }
 
+/// What quantisation loses of images with much grain, in squares of the step. A twelfth of the brightness is lost where all frequencies have more
+/// than the step; .07 of a photograph, and at most .04 of drawings and letters on what is even. Where colours are noise, .26 is lost, and finer
+/// steps are not worth their bytes: a city's tile would have .09 dB more for 5.8 % more of them.
+const GRAIN: RangeInclusive<f32> = 0.062..=0.15;
+
 /// By what the steps of quantisation of some images are larger than usual.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Steps {
     /// Those of colours without opacity.
     pub opaque_colours: f64,
+    /// Those of colours without opacity that have much [`GRAIN`].
+    pub grainy_colours: f64,
     /// All others.
     pub others: f64,
 }
 
 impl Steps {
-    fn of_opaque_colours(self, step: u8) -> u8 {
-        larger(step, self.opaque_colours)
+    fn of_opaque_colours(self, step: u8, image: &Image<u8>, is_used: &[bool]) -> u8 {
+        let usual = larger(step, self.opaque_colours);
+        let finer = larger(step, self.grainy_colours);
+        if finer < usual && GRAIN.contains(&lost_squares(image, is_used, usual)) { finer } else { usual }
     }
 
     fn of_others(self, step: u8) -> u8 {
@@ -154,7 +166,7 @@ mod tests {
             let values: Vec<f32> = (0..count * storage.stride()).map(value).collect();
             let used: Vec<bool> = (0..count).map(|k| k % 5 != 2).collect();
             let seen = Seen::new(&used, map.size, []);
-            let steps = Steps { opaque_colours: 3.0, others: 2.0 };
+            let steps = Steps { opaque_colours: 3.0, grainy_colours: 2.0, others: 2.0 };
             let streams = storage.encode(&map, &values, &used, &seen, steps, &mut vec![]);
             let mut first = 0;
             for (&channel, stream) in storage.channels().iter().zip(&streams) {

@@ -366,7 +366,7 @@ fn encode_others(
 
 /// Brightness and differences of a block, about zero. Texels that are not used get values that cost little; none if no texel is used.
 #[cfg(feature = "write")]
-fn planes(image: &Image<u8>, is_used: &[bool], [left, top]: [usize; 2]) -> Option<[[f32; AREA]; 4]> {
+pub(super) fn planes(image: &Image<u8>, is_used: &[bool], [left, top]: [usize; 2]) -> Option<[[f32; AREA]; 4]> {
     let [width, height] = image.size.map(|length| length as usize);
     let count = usize::from(image.components);
     let mut planes = [[0.0; AREA]; 4];

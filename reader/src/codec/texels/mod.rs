@@ -26,6 +26,8 @@ pub use exact::encode_exact_image;
 pub use image::Image;
 #[cfg(feature = "write")]
 pub use image::{encode_image, encode_seen_image};
+#[cfg(feature = "write")]
+pub use loss::lost_squares;
 pub use map::{Map, Piece};
 #[cfg(feature = "write")]
 pub use map::{PieceShape, encode_map, texel_size};
