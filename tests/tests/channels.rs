@@ -512,6 +512,53 @@ fn colours_of_materials_without_textures_are_kept() {
     }
 }
 
+#[test]
+fn parts_on_a_large_ground_have_the_colour_of_their_material_alone() {
+    let folder = Folder::empty();
+    // Numbers that lie between two bytes.
+    let colours = [[0.5, 0.7, 0.3], [0.9, 0.1, 0.1], [0.1, 0.3, 0.9], [0.9, 0.9, 0.7]];
+    let (mut text, mut materials) = (String::from("mtllib yard.mtl\nusemtl c0\n"), String::new());
+    for (number, [red, green, blue]) in colours.iter().enumerate() {
+        materials += &format!("newmtl c{number}\nKd {red} {green} {blue}\n");
+    }
+    fs::write(folder.path("yard.mtl"), materials).expect("writable");
+    text += "v -50 -50 0\nv 50 -50 0\nv 50 50 0\nv -50 50 0\nf 1 2 3\nf 1 3 4\n";
+    // Boxes in a row, so near to the ground and to one another that a texel of the ground would lie across all of them.
+    for (number, material) in [1, 2, 3, 1, 2].into_iter().enumerate() {
+        let low = [3.0 * number as f64 - 7.0, -1.0, 0.25];
+        text += &format!("usemtl c{material}\n");
+        for corner in 0..8 {
+            let [x, y, z] = [0, 1, 2].map(|axis| low[axis] + 2.0 * f64::from(corner >> axis & 1));
+            text += &format!("v {x} {y} {z}\n");
+        }
+        let first = 5 + 8 * number;
+        for side in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
+            let [a, b, c, d] = side.map(|corner| first + corner);
+            text += &format!("f {a} {b} {c}\nf {a} {c} {d}\n");
+        }
+    }
+    fs::write(folder.path("yard.obj"), text).expect("writable");
+    folder.run("build yard.obj -o yard.lodpack");
+    let bytes = folder.read("yard.lodpack");
+    let file = open(&bytes);
+    assert!(file.channels()[0].is_exact);
+    let cut = file.select(&Query { tolerance: Some(0.0), ..Query::default() }).expect("a cut");
+    let shown = file.extract_textured(&cut, &[0]).expect("sound");
+    for (number, places) in shown.places.iter().enumerate() {
+        let texture = &shown.textures[shown.mesh.triangle_nodes[number] as usize];
+        let Some(ChannelImage::Colours(image)) = &texture.images[0] else { panic!("a node has no texels") };
+        let middle = shown.mesh.triangles[number].map(|v| shown.mesh.positions[v as usize]);
+        let middle = [0, 2].map(|axis| middle.iter().map(|corner| corner[axis]).sum::<f64>() / 3.0);
+        let material = if middle[1] < 0.1 { 0 } else { [1, 2, 3, 1, 2][((middle[0] + 7.0) / 3.0) as usize] };
+        let wanted = colours[material].map(|share| share * 255.0);
+        for weights in [[0.98, 0.01, 0.01], [0.01, 0.98, 0.01], [0.01, 0.01, 0.98], [0.34, 0.33, 0.33]] {
+            let place = [0, 1].map(|k| (0..3).map(|i| weights[i] * f64::from(places[i][k])).sum());
+            let got = image.interpolated(place);
+            assert!((0..3).all(|k| (got[k] - wanted[k]).abs() <= 0.51), "{got:?} for {wanted:?} at {middle:?}");
+        }
+    }
+}
+
 /// What `decode.py --texels` prints of a file, and what the reader makes of it.
 pub(crate) fn texels_of_both_decoders(path: &Path) -> [String; 2] {
     let decoder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../format-spec/decode.py");

@@ -258,6 +258,9 @@ impl AttributeSink {
         appearance.has_colour = has_colour && self.channels.wants(COLOUR);
         appearance.has_alpha |= is_transparent;
         appearance.maps = maps;
+        if appearance.is_even() {
+            appearance.materials.iter_mut().for_each(Material::round);
+        }
         if appearance.is_empty() {
             return (Attributes { charts: self.collected.charts, ..Attributes::default() }, Appearance::default());
         }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::attributes::AttributeLayout;
 use super::images::ImageSource;
+use super::srgb::{LINEAR_OF_BYTE, share_byte, srgb_byte};
 
 /// The name of the colour channel.
 pub const COLOUR: &str = "colour";
@@ -130,6 +131,12 @@ impl Appearance {
     /// Whether there is something that only materials have: maps, or drawings.
     pub fn has_materials(&self) -> bool {
         self.maps != MaterialMaps::default() || self.has_drawings
+    }
+
+    /// Whether it only changes from one material to another: none has an image, and vertices have no colours or normals.
+    pub fn is_even(&self) -> bool {
+        let varies = self.layout.colour.is_some() || self.maps.normal || !self.images.is_empty();
+        (self.has_colour || self.has_materials()) && !varies
     }
 
     /// Texels of images for each of so many triangles: a power of two, or 0, so that it changes rarely when more is added.
@@ -369,6 +376,17 @@ impl Material {
     /// The images that it names, some of them perhaps twice.
     pub fn images(&self) -> impl Iterator<Item = u32> {
         self.textures().map(|texture| texture.image)
+    }
+
+    /// Makes its numbers those that are stored. A mean of many that lie between two stored ones is sometimes one and sometimes the other.
+    pub fn round(&mut self) {
+        let Self { base_colour: [red, green, blue, alpha], emissive, metallic, roughness, .. } = self;
+        for light in [red, green, blue].into_iter().chain(emissive) {
+            *light = LINEAR_OF_BYTE[usize::from(srgb_byte(*light))];
+        }
+        for share in [alpha, metallic, roughness] {
+            *share = f32::from(share_byte(*share)) / 255.0;
+        }
     }
 
     /// Whether it says that it is drawn in another way than files are drawn that do not say how.

@@ -228,8 +228,8 @@ impl Whole {
             regions: stats.len() as u32,
             coarse_triangles: coarse_triangles(stats.len() as u64, options.extensible),
             extensible: options.extensible,
+            colour_step: options.colour_quality.step_of(&found.appearance),
             appearance: found.appearance,
-            colour_step: options.colour_quality.step(),
         };
         (plan, sizes.collect())
     }

@@ -81,14 +81,16 @@ fn coded(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, step: u8)
 /// than the step; .07 of a photograph, and at most .04 of drawings and letters on what is even. Where colours are noise, .26 is lost, and finer
 /// steps are not worth their bytes: a city's tile would have .09 dB more for 5.8 % more of them.
 const GRAIN: RangeInclusive<f32> = 0.062..=0.15;
+/// How large steps are there. A photograph with much grain has 38.2 dB in place of 37.9, for 4.4 % more bytes.
+const FINER_IN_GRAIN: f64 = 8.0 / 9.0;
 
 /// By what the steps of quantisation of some images are larger than usual.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Steps {
     /// Those of colours without opacity.
     pub opaque_colours: f64,
-    /// Those of colours without opacity that have much [`GRAIN`].
-    pub grainy_colours: f64,
+    /// Whether those of colours without opacity are finer where there is much [`GRAIN`].
+    pub are_finer_in_grain: bool,
     /// All others.
     pub others: f64,
 }
@@ -96,8 +98,9 @@ pub(super) struct Steps {
 impl Steps {
     fn of_opaque_colours(self, step: u8, image: &Image<u8>, is_used: &[bool]) -> u8 {
         let usual = larger(step, self.opaque_colours);
-        let finer = larger(step, self.grainy_colours);
-        if finer < usual && GRAIN.contains(&lost_squares(image, is_used, usual)) { finer } else { usual }
+        let finer = larger(usual, FINER_IN_GRAIN);
+        let is_finer = self.are_finer_in_grain && finer < usual && GRAIN.contains(&lost_squares(image, is_used, usual));
+        if is_finer { finer } else { usual }
     }
 
     fn of_others(self, step: u8) -> u8 {
@@ -166,7 +169,7 @@ mod tests {
             let values: Vec<f32> = (0..count * storage.stride()).map(value).collect();
             let used: Vec<bool> = (0..count).map(|k| k % 5 != 2).collect();
             let seen = Seen::new(&used, map.size, []);
-            let steps = Steps { opaque_colours: 3.0, grainy_colours: 2.0, others: 2.0 };
+            let steps = Steps { opaque_colours: 3.0, are_finer_in_grain: true, others: 2.0 };
             let streams = storage.encode(&map, &values, &used, &seen, steps, &mut vec![]);
             let mut first = 0;
             for (&channel, stream) in storage.channels().iter().zip(&streams) {

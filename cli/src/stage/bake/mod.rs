@@ -74,8 +74,6 @@ const NUMBER_BYTES: usize = 4;
 /// How much larger steps of quantisation are where texels are [`sharpen`]ed. As many bytes show more then: a city's tile has 3.36 MB and 32.2 dB in
 /// place of 3.37 MB and 29.9 dB, a bunny with a photograph 326 kB and 40.8 dB in place of 365 kB and 40.5 dB.
 const STEPS_WHERE_SHARP: f64 = 9.0 / 7.0;
-/// The same where images have grain. A photograph with much of it has 38.2 dB in place of 37.9, for 4.4 % more bytes.
-const STEPS_OF_GRAIN: f64 = 8.0 / 7.0;
 /// How often a patch is divided further because pieces overlap themselves.
 const MAX_ROUNDS: usize = 3;
 
@@ -339,11 +337,10 @@ impl<'s> Baker<'s> {
         let Self { storage, drawn, kept: Kept { sums: values, .. }, scratch, image } = self;
         let mut streams = vec![bytes];
         let others = texel_size(patch.finer);
-        let mut steps = Steps { opaque_colours: others, grainy_colours: others, others };
+        let mut steps = Steps { opaque_colours: others, are_finer_in_grain: patch.is_sharp, others };
         if patch.is_sharp {
             sharpen(&map, &drawn.is_covered, values, storage);
             steps.opaque_colours *= STEPS_WHERE_SHARP;
-            steps.grainy_colours *= STEPS_OF_GRAIN;
         }
         let is_covered = drawn.is_covered.as_slice();
         let mut rim = Rim::default();

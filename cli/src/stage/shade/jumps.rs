@@ -4,6 +4,9 @@
 //! Triangles that continue each other form an *area*. Between two areas colours jump if, over all edges at which they meet, what one side
 //! shows differs from what the other one does by more than quantisation hides. An image that lies across such an edge blurs it
 //! over a texel.
+//!
+//! Materials without images look alike everywhere, and are areas as a whole: parts of a building or a machine often share no edge, and texels that
+//! are larger than a part would show what lies near it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -21,6 +24,8 @@ const STEPS: f64 = 4.0;
 /// Areas with fewer texels of the input are left out: a piece of a map takes more for itself. With 16, the textured bunny of pymeshlab's
 /// tests had 31.1 instead of 33.7 dB; with less than 2, each square of a mesh with a colour per face would be one.
 const FEWEST_TEXELS: f64 = 2.0;
+/// Of more materials than this only those that meet are told apart.
+const MOST_MATERIALS: usize = 1000;
 /// Places along an edge at which colours are compared.
 const PLACES: [f32; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 
@@ -31,7 +36,8 @@ impl Painter<'_> {
             return None;
         }
         let borders: Vec<u32> = self.borders(adjacency);
-        if borders.is_empty() {
+        let even = self.even_materials(mesh.triangles.len() as u32);
+        if borders.is_empty() && even.len() < 2 {
             return None;
         }
         let mut sets: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
@@ -39,6 +45,11 @@ impl Painter<'_> {
         for (half_edge, &opposite) in (0..).zip(&adjacency.opposite) {
             if next.next_if(|&&border| border == half_edge).is_none() && opposite != NONE && half_edge < opposite {
                 unite(&mut sets, half_edge / 3, opposite / 3);
+            }
+        }
+        for triangle in 0..mesh.triangles.len() {
+            if let Some(&first) = even.get(&self.region.material(triangle)) {
+                unite(&mut sets, first, triangle as u32);
             }
         }
         let mut differences = Differences::default();
@@ -50,6 +61,7 @@ impl Painter<'_> {
                 differences.add(pair, square, length);
             }
         }
+        self.compare(even.values(), mesh, &mut sets, &mut differences);
         let (lines, _) = differences.divided(STEPS * f64::from(step));
         // Areas that are too small for a piece are left out.
         let wanted: BTreeSet<u32> = lines.iter().flatten().copied().collect();
@@ -69,6 +81,52 @@ impl Painter<'_> {
         let is_large = |area: &u32| texels.get(area).is_some_and(|&texels| texels >= FEWEST_TEXELS);
         let pairs: Vec<[u32; 2]> = lines.into_iter().filter(|pair| pair.iter().all(is_large)).collect();
         (!pairs.is_empty()).then(|| ColourAreas::of_sets(&mut sets, pairs))
+    }
+
+    /// The first triangle of each material without images, where vertices have no colours.
+    fn even_materials(&self, triangle_count: u32) -> BTreeMap<u16, u32> {
+        let mut firsts = BTreeMap::new();
+        if self.appearance.layout.colour.is_some() {
+            return firsts;
+        }
+        for triangle in 0..triangle_count {
+            firsts.entry(self.region.material(triangle as usize)).or_insert(triangle);
+        }
+        firsts.retain(|&material, _| {
+            self.appearance
+                .materials
+                .get(usize::from(material))
+                .is_none_or(|material| material.images().next().is_none())
+        });
+        firsts
+    }
+
+    /// Adds the differences of areas that are whole materials, whose first triangles are given, as if any two of them met.
+    fn compare<'a>(
+        &mut self,
+        firsts: impl ExactSizeIterator<Item = &'a u32>,
+        mesh: &Mesh,
+        sets: &mut [u32],
+        differences: &mut Differences,
+    ) {
+        if firsts.len() > MOST_MATERIALS {
+            return;
+        }
+        let mut looks = vec![];
+        for &triangle in firsts {
+            let colour = self.face(triangle as usize, mesh.corners(triangle)).base_colour([1.0, 0.0, 0.0], 0.0);
+            looks.push((
+                find(sets, triangle),
+                self.drawing(3 * triangle),
+                [0, 1, 2].map(|k| f64::from(srgb_byte(colour[k]))),
+            ));
+        }
+        for (number, (one, drawing, colour)) in looks.iter().enumerate() {
+            for (other, other_drawing, other_colour) in &looks[..number] {
+                let square = if drawing == other_drawing { mean_square(colour, other_colour) } else { OF_DRAWINGS };
+                differences.add([*one, *other], square, 1.0);
+            }
+        }
     }
 
     /// Half-edges beyond which something else than the triangle's own continues, each edge once, ascending.
@@ -107,7 +165,7 @@ impl Painter<'_> {
     fn jump(&mut self, mesh: &Mesh, half_edge: u32, opposite: u32) -> (f64, f64) {
         let square = if self.drawing(half_edge) == self.drawing(opposite) {
             let [one, other] = [half_edge, opposite].map(|h| self.colour_along(mesh, h));
-            (0..3).map(|k| (one[k] - other[k]) * (one[k] - other[k])).sum::<f64>() / 3.0
+            mean_square(&one, &other)
         } else {
             OF_DRAWINGS
         };
@@ -145,4 +203,9 @@ impl Painter<'_> {
         }
         sum.map(|sum| sum / PLACES.len() as f64)
     }
+}
+
+/// The mean over the components of squares of differences.
+fn mean_square(one: &[f64; 3], other: &[f64; 3]) -> f64 {
+    (0..3).map(|k| (one[k] - other[k]) * (one[k] - other[k])).sum::<f64>() / 3.0
 }
