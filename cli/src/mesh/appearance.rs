@@ -135,8 +135,9 @@ impl Appearance {
 
     /// Whether it only changes from one material to another: none has an image, and vertices have no colours or normals.
     pub fn is_even(&self) -> bool {
-        let varies = self.layout.colour.is_some() || self.maps.normal || !self.images.is_empty();
-        (self.has_colour || self.has_materials()) && !varies
+        let varies = self.layout.colour.is_some() || self.maps.normal;
+        let has_images = self.materials.iter().any(|material| material.images().next().is_some());
+        (self.has_colour || self.has_materials()) && !varies && !has_images
     }
 
     /// Texels of images for each of so many triangles: a power of two, or 0, so that it changes rarely when more is added.

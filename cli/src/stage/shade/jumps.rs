@@ -78,7 +78,10 @@ impl Painter<'_> {
                 *texels.entry(set).or_default() += area * density * density;
             }
         }
-        let is_large = |area: &u32| texels.get(area).is_some_and(|&texels| texels >= FEWEST_TEXELS);
+        // A whole material may be two triangles, as the ground beneath a building.
+        let materials: BTreeSet<u32> = even.values().map(|&first| find(&mut sets, first)).collect();
+        let is_large =
+            |area: &u32| materials.contains(area) || texels.get(area).is_some_and(|&texels| texels >= FEWEST_TEXELS);
         let pairs: Vec<[u32; 2]> = lines.into_iter().filter(|pair| pair.iter().all(is_large)).collect();
         (!pairs.is_empty()).then(|| ColourAreas::of_sets(&mut sets, pairs))
     }
