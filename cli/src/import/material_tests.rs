@@ -1,5 +1,8 @@
 //! Normals and the maps of materials of input files.
 
+use std::io::Cursor;
+
+use image::ImageFormat;
 use serde_json::json;
 
 use super::attribute_tests::{Folder, glb, gltf, ply};
@@ -56,10 +59,94 @@ fn obj_faces_take_the_normals_of_their_corners() {
 #[test]
 fn images_of_mtl_that_are_not_read_are_named() {
     let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
-    let library = "newmtl m\nKd 1 0 0\nmap_Ka a.png\nmap_Bump b.png\nmap_Ks c.png\nbump b.png\nmap_Bump b.png\n";
+    let library = "newmtl m\nKd 1 0 0\nmap_Ka a.png\nmap_Ks c.png\ndisp b.png\nmap_Ks b.png\n";
     let folder = Folder::new(&[("a.obj", obj.as_bytes()), ("a.mtl", library.as_bytes())]);
     let (_, _, notes) = folder.sound(&["a.obj"]);
-    assert!(notes.contains("images of materials are left out: bump, map_bump, map_ks; those of map_Kd"), "{notes}");
+    assert!(notes.contains("images of materials are left out: disp, map_ks; those of map_Kd"), "{notes}");
+}
+
+/// An image of 90 x 130 texels in some format.
+fn encoded(format: ImageFormat, texel: impl Fn(u32, u32) -> [u8; 3]) -> Vec<u8> {
+    let image = image::RgbImage::from_fn(90, 130, |x, y| image::Rgb(texel(x, y)));
+    let mut bytes = Cursor::new(vec![]);
+    image.write_to(&mut bytes, format).unwrap();
+    bytes.into_inner()
+}
+
+/// Those of waves along a diagonal.
+fn waves(x: u32, y: u32) -> [u8; 3] {
+    let slope = f64::from((x + y) % 40) / 40.0 - 0.5;
+    let normal = glam::DVec3::new(-slope, -slope, 1.0).normalize();
+    normal.to_array().map(|value| (127.5 + 127.5 * value).round() as u8)
+}
+
+/// What a library of one material gives, among images of several kinds: its image of normals with what that is multiplied by, and the notes.
+fn with_bump(library: &str) -> (Option<(String, f32)>, String) {
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n";
+    let grey = |x: u32, y: u32| [((x * y) % 256) as u8; 3];
+    let sky = |_: u32, _: u32| [135, 206, 235];
+    let mut large = vec![];
+    let mut encoder = png::Encoder::new(&mut large, 1 << 15, 1 << 14);
+    encoder.set_depth(png::BitDepth::One);
+    encoder.write_header().unwrap().write_chunk(png::chunk::IDAT, &[]).unwrap();
+    let folder = Folder::new(&[
+        ("a.obj", obj.as_bytes()),
+        ("a.mtl", library.as_bytes()),
+        ("waves.png", &encoded(ImageFormat::Png, waves)),
+        ("waves.jpg", &encoded(ImageFormat::Jpeg, waves)),
+        ("cut.png", &encoded(ImageFormat::Png, waves)[..3000]),
+        ("cut.jpg", &encoded(ImageFormat::Jpeg, waves)[..2000]),
+        ("grey.png", &encoded(ImageFormat::Png, grey)),
+        ("grey.jpg", &encoded(ImageFormat::Jpeg, grey)),
+        ("sky.png", &encoded(ImageFormat::Png, sky)),
+        ("large.png", &large),
+    ]);
+    let (imported, notes) = folder.import(&["a.obj"], "auto");
+    let (surface, _) = imported.unwrap_or_else(|error| panic!("{library}: {error}"));
+    let Appearance { materials, images, maps, .. } = surface.appearance;
+    let normals = materials.get(1).and_then(|material| material.normal_texture.clone());
+    assert_eq!(normals.is_some(), maps.normal);
+    let name = |image: u32| images[image as usize].name().rsplit('/').next().unwrap_or_default().to_owned();
+    (normals.map(|(texture, scale)| (name(texture.image), scale)), notes)
+}
+
+#[test]
+fn what_stands_behind_map_bump_is_read_if_it_holds_normals() {
+    let of = |name: &str, scale: f32| Some((name.to_owned(), scale));
+    for (library, expected) in [
+        ("map_Bump waves.png", of("waves.png", 1.0)),
+        ("bump -bm 0.5 -clamp on waves.jpg", of("waves.jpg", 0.5)),
+        ("map_bump -bm x waves.png", of("waves.png", 1.0)),
+        ("norm -bm 2 waves.png", of("waves.png", 2.0)),
+        // `norm` wins wherever it stands, and nothing is said of what is not needed.
+        ("norm waves.jpg\nmap_Bump -bm 3 grey.png", of("waves.jpg", 1.0)),
+        ("map_Bump none.png\nnorm waves.jpg", of("waves.jpg", 1.0)),
+        ("bump", None),
+    ] {
+        let (found, notes) = with_bump(&format!("newmtl m\nKd 1 0 0\n{library}\n"));
+        assert_eq!(found, expected, "{library}: {notes}");
+        assert!(!notes.contains("the image "), "{library}: {notes}");
+    }
+}
+
+#[test]
+fn what_holds_no_normals_is_noted_once_with_its_name() {
+    for (name, note) in [
+        ("grey.png", "of map_Bump holds heights, which are not read: it is left out"),
+        ("grey.jpg", "of map_Bump holds heights, which are not read: it is left out"),
+        ("sky.png", "of map_Bump holds neither normals nor heights: it is left out"),
+        ("none.png", "cannot be used: there is no such file"),
+        ("cut.png", "cannot be used: it is damaged"),
+        ("cut.jpg", "cannot be used: it is damaged"),
+        ("large.png", "cannot be used: it has 32768 x 16384 texels, more than 268435456: make it smaller"),
+    ] {
+        let (found, notes) = with_bump(&format!("newmtl m\nKd 1 0 0\nmap_Bump {name}\nnewmtl n\nbump {name}\n"));
+        assert_eq!(found, None, "{notes}");
+        assert_eq!((notes.matches(name).count(), notes.matches(note).count()), (1, 1), "{name}: {notes}");
+    }
+    // Where the image of `norm` cannot be used, the other one can.
+    let (found, notes) = with_bump("newmtl m\nnorm none.png\nmap_Bump waves.png\n");
+    assert!(found.is_some_and(|(name, _)| name == "waves.png") && notes.contains("none.png"), "{notes}");
 }
 
 #[test]

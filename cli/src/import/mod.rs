@@ -22,6 +22,7 @@ mod ply;
 mod polygon;
 mod ranged;
 pub mod raster;
+mod relief;
 mod scan;
 mod sink;
 mod source;
