@@ -185,6 +185,7 @@ impl AttributeSink {
         let mut layout = of_vertex;
         layout.colour = layout.colour.or(of_corner.colour.map(|place| place + behind));
         layout.normal = layout.normal.or(of_corner.normal.map(|place| place + behind));
+        layout.tangent = layout.tangent.or(of_corner.tangent.map(|place| place + behind));
         layout.uv.extend(of_corner.uv.iter().map(|place| place + behind));
         layout.scalars.extend(of_corner.scalars.iter().map(|(name, place)| (name.clone(), place + behind)));
         layout.stride += of_corner.stride;

@@ -216,3 +216,49 @@ fn gltf_materials_have_all_their_maps_and_normals_turn_with_their_node() {
     let (appearance, ..) = file(&document, "auto");
     assert_eq!(appearance.maps, MaterialMaps::default());
 }
+
+#[test]
+fn gltf_tangents_are_read_where_an_image_of_normals_is_relative_to_them() {
+    let directions: [[f32; 3]; 3] = [[0.0, 0.0, 1.0]; 3];
+    let tangents: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 1.0], [0.0, 2.0, 0.0, -1.0], [0.0; 4]];
+    let numbers = directions.as_flattened().iter().chain(tangents.as_flattened());
+    let bytes: Vec<u8> = numbers.flat_map(|value| value.to_le_bytes()).collect();
+    let read = |attributes: serde_json::Value, material: serde_json::Value, of_tangents: &str| {
+        let document = gltf(
+            json!([{"attributes": attributes, "material": 0}]),
+            json!({
+                "materials": [material],
+                "textures": [{"source": 0}],
+                "images": [{"uri": "a.png"}],
+                "nodes": [{"mesh": 0, "scale": [-1.0, 2.0, 1.0]}],
+                "accessors": [
+                    {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC3"},
+                    {"bufferView": 1, "byteOffset": 36, "componentType": 5126, "count": 3, "type": of_tangents},
+                    {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"}]
+            }),
+            &bytes,
+        );
+        let folder = Folder::new(&[("a.glb", &glb(&document)), ("a.png", &super::attribute_tests::png(2, 2))]);
+        let (imported, notes) = folder.import(&["a.glb"], "auto");
+        let (surface, attributes) = imported.unwrap_or_else(|error| panic!("{error}"));
+        let layout = surface.appearance.layout;
+        let records = attributes.records_of(0, layout.stride).map(<[f32]>::to_vec);
+        let tangents = layout.tangent.map(|place| records.map(|record| record[place..place + 4].to_vec()));
+        (tangents, notes)
+    };
+    let all = || json!({"POSITION": 0, "NORMAL": 1, "TANGENT": 2, "TEXCOORD_0": 3});
+    let with_image = || json!({"normalTexture": {"index": 0}});
+    let (tangents, notes) = read(all(), with_image(), "VEC4");
+    // A node that mirrors turns its triangles, and swaps the sides of tangents.
+    let [a, b, c] = tangents.expect("there are tangents");
+    assert_eq!([a, c], [vec![-1.0, 0.0, 0.0, -1.0], vec![0.0, 1.0, 0.0, 1.0]], "{notes}");
+    assert!(b[0].is_nan(), "{b:?}");
+    // Without normals they do not count, and without an image they are not needed.
+    let without = json!({"POSITION": 0, "TANGENT": 2, "TEXCOORD_0": 3});
+    assert_eq!(read(without, with_image(), "VEC4").0, None);
+    assert_eq!(read(all(), json!({"occlusionTexture": {"index": 0}}), "VEC4").0, None);
+    // Damaged ones are left out, and the surface is there without them.
+    let (tangents, notes) = read(all(), with_image(), "VEC3");
+    assert!(tangents.is_some_and(|of| of.concat().iter().all(|value| value.is_nan())), "{notes}");
+    assert!(notes.contains("tangents must have four components"), "{notes}");
+}
