@@ -172,6 +172,31 @@ fn factors_of_mtl_have_images_of_their_own() {
 }
 
 #[test]
+fn images_of_more_than_8_bits_are_noted_together() {
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n";
+    let library = "newmtl m\nmap_Kd colour.png\nnorm fine.png\nmap_Ke fine.tif\nmap_Pr plain.png\n";
+    let fine = |format: ImageFormat| {
+        let image = image::ImageBuffer::from_fn(4, 4, |x, y| image::Rgb([x as u16 * 4097, y as u16 * 4097, 60_000u16]));
+        let mut bytes = Cursor::new(vec![]);
+        image::DynamicImage::ImageRgb16(image).write_to(&mut bytes, format).unwrap();
+        bytes.into_inner()
+    };
+    let folder = Folder::new(&[
+        ("a.obj", obj.as_bytes()),
+        ("a.mtl", library.as_bytes()),
+        ("colour.png", &fine(ImageFormat::Png)),
+        ("fine.png", &fine(ImageFormat::Png)),
+        ("fine.tif", &fine(ImageFormat::Tiff)),
+        ("plain.png", &super::attribute_tests::png(2, 2)),
+    ]);
+    let (_, _, notes) = folder.sound(&["a.obj"]);
+    let note = notes.lines().find(|line| line.contains("more than 8 bits for each number; texels of the file have 8"));
+    let note = note.unwrap_or_else(|| panic!("{notes}"));
+    assert!(["colour.png", "fine.png", "fine.tif"].iter().all(|name| note.contains(name)), "{notes}");
+    assert!(!notes.contains("plain.png") && notes.matches("8 bits").count() == 1, "{notes}");
+}
+
+#[test]
 fn gltf_materials_have_all_their_maps_and_normals_turn_with_their_node() {
     let directions: [[f32; 3]; 3] = [[0., 0., 1.], [0., 1., 0.], [1., 0., 0.]];
     let bytes: Vec<u8> = directions.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();

@@ -145,6 +145,16 @@ pub fn image_size(mut encoded: impl EncodedImage) -> Result<[u32; 2], String> {
     Ok([width, height])
 }
 
+/// Whether the numbers of an image have more than 8 bits.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn is_finer_than_bytes(encoded: impl EncodedImage) -> Result<bool, String> {
+    let reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
+    let colours = reader.into_decoder().map_err(|error| undecodable(&error))?.color_type();
+    Ok(colours.bytes_per_pixel() > colours.channel_count())
+}
+
 /// Texels of a block of a JPEG.
 const JPEG_BLOCK: u64 = 64;
 
