@@ -57,7 +57,7 @@ pub(super) fn relief_of(image: &ImageSource, memory: u64) -> Result<Relief, Stri
     } else {
         let image = decode_image(open()?)?;
         for row in (0..height).step_by(step) {
-            let row = image.crop_imm(0, row, width, 1).into_rgba8();
+            let row = image.crop_imm(0, row, width, 1).into_rgb8();
             row.pixels().for_each(|texel| seen.add(texel.0));
         }
     }
@@ -67,7 +67,7 @@ pub(super) fn relief_of(image: &ImageSource, memory: u64) -> Result<Relief, Stri
 /// What texels were seen.
 #[derive(Default)]
 struct Seen {
-    /// All but those that are black or transparent: nothing need be there.
+    /// All but those that are black: nothing need be there.
     texels: u64,
     grey: u64,
     /// As long as normals, and outwards.
@@ -88,8 +88,7 @@ impl Seen {
                     // The first byte of a sample counts most.
                     let sample = |k: usize| texel.get(k * bytes).copied().unwrap_or(u8::MAX);
                     let colour = |k: usize| sample(if count < 3 { 0 } else { k });
-                    let alpha = if count.is_multiple_of(2) { sample(count - 1) } else { u8::MAX };
-                    self.add([colour(0), colour(1), colour(2), alpha]);
+                    self.add([0, 1, 2].map(colour));
                 }
             }
             number += 1;
@@ -97,9 +96,9 @@ impl Seen {
         Ok(())
     }
 
-    fn add(&mut self, [red, green, blue, alpha]: [u8; 4]) {
+    fn add(&mut self, [red, green, blue]: [u8; 3]) {
         let (least, most) = (red.min(green).min(blue), red.max(green).max(blue));
-        if alpha == 0 || most == 0 {
+        if most == 0 {
             return;
         }
         self.texels += 1;
