@@ -197,6 +197,8 @@ export interface Channel {
   bound: number;
   /** Bytes of all its images in the file. */
   imageBytes: number;
+  /** Whether colours, normals or factors are stored without loss; false for other kinds. */
+  lossless: boolean;
 }
 
 /** Images of one size: four bytes a texel, row after row, the first one at v = 0. */

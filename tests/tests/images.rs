@@ -77,6 +77,28 @@ fn an_image_that_is_decoded_as_a_whole_takes_no_more_than_is_allowed() {
     assert!(folder.read("out.lodpack") == folder.read("rows.lodpack"));
 }
 
+#[test]
+fn normals_behind_map_bump_are_as_those_of_norm_and_heights_are_noted() {
+    let folder = Folder::empty();
+    let texel = |x: u32, y: u32| Rgb([100 + (x % 64) as u8, 100 + (y % 64) as u8, 245]);
+    ImageBuffer::from_fn(128, 128, texel).save(folder.path("waves.png")).expect("writable");
+    ImageBuffer::from_fn(128, 128, |x, y| Luma([(x * y) as u8])).save(folder.path("heights.png")).expect("writable");
+    let built = |material: &str| {
+        save_sphere(&folder, 12, material);
+        let (code, message) = said(&folder, "build ball.obj -o out.lodpack --force");
+        assert_eq!(code, Some(0), "{message}");
+        (folder.read("out.lodpack"), message)
+    };
+    let (norm, _) = built("Kd 1 0 0\nnorm waves.png");
+    assert!(open(&norm).channels().iter().any(|channel| channel.name == "normal"));
+    assert!(built("Kd 1 0 0\nmap_Bump -bm 1 waves.png").0 == norm);
+    assert!(built("Kd 1 0 0\nbump heights.png\nnorm waves.png").0 == norm);
+    assert!(built("Kd 1 0 0\nmap_Bump -bm 0.2 waves.png").0 != norm);
+    let (bare, _) = built("Kd 1 0 0");
+    let (left_out, message) = built("Kd 1 0 0\nmap_Bump -bm 0.1 heights.png");
+    assert!(left_out == bare && message.contains("heights.png of map_Bump holds heights"), "{message}");
+}
+
 /// The share of the surface whose opacity is not what it should be, by where a triangle's corners lie in the images.
 fn share_of_wrong_opacity(bytes: &[u8], wanted: impl Fn(f64) -> Option<f64>) -> f64 {
     let file = open(bytes);

@@ -10,7 +10,7 @@ use super::read::read_surface;
 use super::surface::AtlasSurface;
 use crate::import::{ImportError, ImportOptions, Imported, MeshSink, Room, import_with};
 use crate::mesh::appearance::{
-    AlphaMode, COLOUR, Channels, DRAWING, EMISSIVE, METALLIC, Material, NORMAL, OCCLUSION, ROUGHNESS, TextureUse, Wrap,
+    AlphaMode, COLOUR, DRAWING, EMISSIVE, METALLIC, Material, NORMAL, OCCLUSION, ROUGHNESS, TextureUse, Wrap,
 };
 use crate::mesh::attributes::AttributeLayout;
 use crate::mesh::images::ImageSource;
@@ -28,7 +28,7 @@ pub fn import_atlas(
     options: &ImportOptions,
     progress: &dyn Progress,
 ) -> Result<Imported, AtlasError> {
-    let mut atlas = read_surface(dir, options.channels != Channels::None)?;
+    let mut atlas = read_surface(dir, &options.channels)?;
     progress.note("errors of the file are to the images, not to what these were made of");
     Ok(import_with(dir, room, options, progress, |sink| push(&mut atlas, !options.new_charts, sink))?)
 }

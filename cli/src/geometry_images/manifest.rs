@@ -216,6 +216,15 @@ impl Manifest {
         self.check_patches()
     }
 
+    /// The number of roots and patches, each of which has a material where there are images with texels, or something that says how it is
+    /// drawn; otherwise 0.
+    pub fn material_count(&self) -> usize {
+        let mut drawings = self.roots.iter().map(|root| root.drawing).chain(self.patches.iter().map(|of| of.drawing));
+        let are_needed =
+            self.channels.iter().any(|channel| channel.kind.has_texels()) || drawings.any(|drawing| drawing != 0);
+        if are_needed { self.roots.len() + self.patches.len() } else { 0 }
+    }
+
     fn check_drawings(&self) -> Result<(), String> {
         let drawings = self.roots.iter().map(|root| (&root.file, root.drawing));
         let drawings = drawings.chain(self.patches.iter().map(|patch| (&patch.file, patch.drawing)));

@@ -113,6 +113,20 @@ pub enum AtlasError {
         /// The root and the rule.
         what: String,
     },
+    /// There are more roots and patches than can have images.
+    #[error(
+        "{}: {count} roots and patches with images or drawings are more than the {most} of one build; pass --channels none to build the shape \
+         alone, or write the surface as several atlases",
+        path.display()
+    )]
+    Pieces {
+        /// `atlas.json`.
+        path: PathBuf,
+        /// Their number.
+        count: usize,
+        /// The limit.
+        most: usize,
+    },
     /// A geometry image is missing or is not an EXR image with the channels R, G and B.
     #[error("{} is not an EXR image with the channels R, G and B; convert it", path.display())]
     Image {

@@ -12,7 +12,7 @@ use super::surface::{AtlasSurface, PatchValues};
 use super::triangulate::triangulate;
 use super::weld::Points;
 use super::{AtlasError, MANIFEST_NAME};
-use crate::import::{ImportOptions, Imported, Room, import_large_meshes, size_of_file};
+use crate::import::{ImportOptions, Imported, MAX_MATERIALS, Room, import_large_meshes, size_of_file};
 use crate::mesh::Mesh;
 use crate::mesh::appearance::Channels;
 use crate::mesh::images::{ImageSource, image_size};
@@ -28,14 +28,14 @@ use crate::progress::Silent;
 /// [`AtlasError`] if a file is missing or unreadable, `atlas.json` is inconsistent, an image has the wrong size or a sample that is
 /// not finite, or two neighbours hold different samples along a common edge.
 pub fn read_atlas(dir: &Path) -> Result<Mesh, AtlasError> {
-    Ok(read_surface(dir, false)?.mesh)
+    Ok(read_surface(dir, &Channels::None)?.mesh)
 }
 
-/// As [`read_atlas`], with what the surface carries if that is wanted.
+/// As [`read_atlas`], with what of the surface is wanted beside its shape.
 ///
 /// # Errors
-/// Those of [`read_atlas`], and images of channels that are missing or have the wrong size.
-pub(super) fn read_surface(dir: &Path, has_channels: bool) -> Result<AtlasSurface, AtlasError> {
+/// Those of [`read_atlas`], images of channels that are missing or have the wrong size, and more of them than a build takes.
+pub(super) fn read_surface(dir: &Path, channels: &Channels) -> Result<AtlasSurface, AtlasError> {
     let path = dir.join(MANIFEST_NAME);
     if dir.is_dir() && !path.exists() {
         return Err(AtlasError::NoAtlas { folder: dir.to_owned(), meshes: dir.join(pattern_of_meshes(dir)) });
@@ -43,8 +43,13 @@ pub(super) fn read_surface(dir: &Path, has_channels: bool) -> Result<AtlasSurfac
     let text = std::fs::read(regular(path.clone())?).map_err(|source| AtlasError::Io { path: path.clone(), source })?;
     let mut manifest: Manifest =
         serde_json::from_slice(&text).map_err(|source| AtlasError::Manifest { path: path.clone(), source })?;
-    manifest.check().map_err(|what| AtlasError::Format { path, what })?;
-    if !has_channels {
+    manifest.check().map_err(|what| AtlasError::Format { path: path.clone(), what })?;
+    // Before any image is read. Material 0 is that of triangles without one.
+    let (count, most) = (manifest.material_count(), MAX_MATERIALS - 1);
+    if count > most && channels.wants_materials() {
+        return Err(AtlasError::Pieces { path, count, most });
+    }
+    if *channels == Channels::None {
         manifest.channels.clear();
     }
 

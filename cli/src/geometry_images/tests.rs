@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::image::GeometryImage;
 use super::*;
+use crate::mesh::appearance::Channels;
 use crate::mesh::{Adjacency, NONE};
 use crate::progress::Silent;
 use crate::stage::arcs::HalfArc;
@@ -237,6 +238,27 @@ fn inconsistent_manifests_are_refused() {
         folder.edit(from, to);
         let message = refusal(&folder.0);
         assert!(message.contains(expected), "{from}: {message}");
+    }
+}
+
+#[test]
+fn more_roots_than_materials_are_refused_before_an_image_is_read() {
+    let folder = Folder::new("many");
+    fs::create_dir_all(&folder.0).unwrap();
+    let refusal = |count: usize, channels: Channels| {
+        let root = r#"{"file": "none.exr", "resolution": 0, "drawing": 1}"#;
+        let roots = vec![root; count].join(",");
+        let manifest =
+            format!(r#"{{"format": "lodpack-atlas", "version": 1, "origin": [0, 0, 0], "roots": [{roots}]}}"#);
+        fs::write(folder.0.join(MANIFEST_NAME), manifest).unwrap();
+        super::read::read_surface(&folder.0, &channels).err().map_or(String::new(), |error| error.to_string())
+    };
+    let message = refusal(65_535, Channels::Auto);
+    assert!(message.contains("65535 roots and patches") && message.contains("--channels none"), "{message}");
+    // What needs no materials, and what has enough of them, gets as far as the images.
+    for (count, channels) in [(65_534, Channels::Auto), (65_535, Channels::None)] {
+        let message = refusal(count, channels);
+        assert!(message.contains("none.exr cannot be read"), "{message}");
     }
 }
 

@@ -167,6 +167,18 @@ fn vertex_colours_of_ply_come_in_all_types() {
 }
 
 #[test]
+fn each_image_has_one_number() {
+    let mut sink = super::attributes::AttributeSink::new(&Channels::Auto);
+    let file = |path: &str, range| ImageSource::File { path: path.into(), range };
+    let inline = |bytes: &[u8]| ImageSource::Inline { name: "a".into(), bytes: bytes.to_vec() };
+    let images = [file("a", None), file("a", Some(0..3)), file("a", Some(3..6)), inline(b"a"), inline(b"b")];
+    for _ in 0..2 {
+        let numbers: Vec<u32> = images.iter().map(|image| sink.add_image(image.clone())).collect();
+        assert_eq!(numbers, [0, 1, 2, 3, 4]);
+    }
+}
+
+#[test]
 fn alpha_counts_only_where_some_of_it_is_not_opaque() {
     let properties = format!("{BYTES}property uchar alpha\n");
     for (last, expected) in [("9 9 9 255", false), ("9 9 9 51", true)] {

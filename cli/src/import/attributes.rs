@@ -1,6 +1,7 @@
 //! Where importers put what vertices, corners and triangles carry beside the shape.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
+use std::hash::{DefaultHasher, Hash, Hasher};
 
 use crate::mesh::appearance::{
     AlphaMode, Appearance, COLOUR, Channels, DRAWING, EMISSIVE, METALLIC, Material, MaterialMaps, NORMAL, OCCLUSION,
@@ -15,7 +16,7 @@ use super::one_colour::{UsedParts, fold_images};
 use super::used_part::UvBounds;
 
 /// The most materials of an input: triangles name them with 16 bits.
-pub(super) const MAX_MATERIALS: usize = u16::MAX as usize;
+pub(crate) const MAX_MATERIALS: usize = u16::MAX as usize;
 
 /// Collects the attributes of one file after the other.
 #[derive(Default)]
@@ -24,6 +25,8 @@ pub(crate) struct AttributeSink {
     /// What is not yet written to temporary files.
     collected: Attributes,
     appearance: Appearance,
+    /// The numbers of its images by their hash: models can name tens of thousands, each of which is looked for among the others.
+    image_numbers: HashMap<u64, Vec<u32>>,
     /// How many values were written, of vertices and of corners.
     written: [u64; 2],
     /// The current file, whose layout is complete only at its end.
@@ -67,7 +70,7 @@ impl AttributeSink {
 
     /// Whether something of materials is wanted, so that they are worth reading.
     pub(crate) fn wants_materials(&self) -> bool {
-        [COLOUR, NORMAL, EMISSIVE, OCCLUSION, METALLIC, ROUGHNESS, DRAWING].iter().any(|name| self.channels.wants(name))
+        self.channels.wants_materials()
     }
 
     /// Whether normals of vertices are wanted: `is_mapped` says that some material has a map of them.
@@ -137,11 +140,18 @@ impl AttributeSink {
 
     /// Adds an image, or finds it; returns its number.
     pub(crate) fn add_image(&mut self, image: ImageSource) -> u32 {
-        let known = self.appearance.images.iter().position(|known| *known == image);
-        known.unwrap_or_else(|| {
-            self.appearance.images.push(image);
-            self.appearance.images.len() - 1
-        }) as u32
+        // Images in memory are large: they are not kept a second time for being found.
+        let mut hasher = DefaultHasher::new();
+        image.hash(&mut hasher);
+        let numbers = self.image_numbers.entry(hasher.finish()).or_default();
+        let images = &mut self.appearance.images;
+        if let Some(known) = numbers.iter().find(|&&number| images.get(number as usize) == Some(&image)) {
+            return *known;
+        }
+        let number = images.len() as u32;
+        images.push(image);
+        numbers.push(number);
+        number
     }
 
     /// Sets the material of the triangles from a number on.
@@ -185,6 +195,7 @@ impl AttributeSink {
         let mut layout = of_vertex;
         layout.colour = layout.colour.or(of_corner.colour.map(|place| place + behind));
         layout.normal = layout.normal.or(of_corner.normal.map(|place| place + behind));
+        layout.tangent = layout.tangent.or(of_corner.tangent.map(|place| place + behind));
         layout.uv.extend(of_corner.uv.iter().map(|place| place + behind));
         layout.scalars.extend(of_corner.scalars.iter().map(|(name, place)| (name.clone(), place + behind)));
         layout.stride += of_corner.stride;

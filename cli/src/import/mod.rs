@@ -22,6 +22,7 @@ mod ply;
 mod polygon;
 mod ranged;
 pub mod raster;
+mod relief;
 mod scan;
 mod sink;
 mod source;
@@ -39,6 +40,7 @@ use crate::mesh::Mesh;
 use crate::mesh::appearance::{COLOUR, Channels};
 use crate::progress::{Progress, Silent};
 
+pub(crate) use attributes::MAX_MATERIALS;
 use error::Parsed;
 pub use error::{ImportError, Location};
 pub use inputs::find_inputs;

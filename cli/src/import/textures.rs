@@ -13,7 +13,9 @@ pub(super) use causes::Causes;
 
 use super::ImportError;
 use crate::mesh::appearance::{Appearance, Material};
-use crate::mesh::images::{ImageSource, MAX_IMAGE_TEXELS, decoding_bytes, image_size, texels_of, unreadable};
+use crate::mesh::images::{
+    ImageSource, MAX_IMAGE_TEXELS, decoding_bytes, image_size, is_finer_than_bytes, texels_of, unreadable,
+};
 use crate::progress::Progress;
 use crate::storage::memory::least_for_decoding;
 use crate::storage::{WorkDirectory, WorkError};
@@ -23,7 +25,7 @@ fn named_images(appearance: &Appearance) -> BTreeSet<usize> {
     appearance.materials.iter().flat_map(Material::images).map(|number| number as usize).collect()
 }
 
-/// Looks at all images that materials use. One that cannot be read is noted, and its materials keep their factor alone; the image that is
+/// Looks at all images that materials use. One that is finer than texels are stored is noted. One that cannot be read is noted, and its materials keep their factor alone; the image that is
 /// too large is an error, and so is one whose decoding takes more than its share of `memory`.
 pub(super) fn check_images(
     appearance: &mut Appearance,
@@ -39,10 +41,10 @@ pub(super) fn check_images(
             let open = || image.open(None).map_err(|error| unreadable(&error));
             let size = image_size(open()?)?;
             let is_allowed = texels_of(size) <= MAX_IMAGE_TEXELS;
-            Ok((size, if is_allowed { decoding_bytes(open()?)? } else { 0 }))
+            Ok((size, if is_allowed { decoding_bytes(open()?)? } else { 0 }, is_finer_than_bytes(open()?)?))
         };
         match look() {
-            Ok(([width, height], bytes)) => {
+            Ok(([width, height], bytes, is_finer)) => {
                 let texels = texels_of([width, height]);
                 if texels > MAX_IMAGE_TEXELS {
                     return Err(ImportError::Image { name, width, height, limit: MAX_IMAGE_TEXELS });
@@ -55,6 +57,11 @@ pub(super) fn check_images(
                         remedy: "save it as a PNG without interlacing, which is decoded row by row",
                         least,
                         memory,
+                    });
+                }
+                if is_finer {
+                    causes.add("finer", &name, |name| {
+                        format!("the image {name} has more than 8 bits for each number; texels of the file have 8")
                     });
                 }
                 appearance.texels += texels;

@@ -1,44 +1,62 @@
 //! Whether images that inputs name can be used, before anything depends on it: where they cannot, materials show what they would show
 //! without them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::SeekFrom;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::attributes::AttributeSink;
+use super::relief::{Relief, relief_of};
 use super::source::{Source, size_of_file};
 use crate::mesh::images::{
     EncodedImage, ImageSource, MAX_IMAGE_TEXELS, decode_image, decoding_bytes, image_size, refuse_cut_jpeg,
     rows_of_png, texels_of, unreadable,
 };
 
-/// The images that a file names, each looked at once, with their numbers in the sink if they can be used.
+/// The images that a file names, each looked at once.
 #[derive(Default)]
-pub(super) struct NamedImages(BTreeMap<PathBuf, Option<u32>>);
+pub(super) struct NamedImages {
+    /// Their numbers in the sink, if they can be used.
+    numbers: BTreeMap<PathBuf, Option<u32>>,
+    /// What images of relief hold, if they can be used.
+    reliefs: BTreeMap<PathBuf, Option<Relief>>,
+}
 
 impl NamedImages {
     /// The number of an image; none, with a note, if it cannot be used.
     pub fn number(&mut self, path: PathBuf, source: &Source, sink: &mut AttributeSink) -> Option<u32> {
-        if let Some(known) = self.0.get(&path) {
+        if let Some(known) = self.numbers.get(&path) {
             return *known;
         }
         let image = ImageSource::File { path: path.clone(), range: None };
-        let number = match check(&image) {
-            Ok(()) => Some(sink.add_image(image)),
-            Err(problem) => {
-                let name = path.display();
-                source.note(&format!("the image {name} cannot be used: {problem}; its material has no texture"));
-                None
-            }
-        };
-        self.0.insert(path, number);
+        let number = noted(check(&image), &image, source).map(|()| sink.add_image(image));
+        self.numbers.insert(path, number);
         number
     }
 
-    /// All images, whether they can be used or not.
-    pub fn into_paths(self) -> impl Iterator<Item = PathBuf> {
-        self.0.into_keys()
+    /// What an image of relief holds, as [`relief_of`] says it; none, with a note, if it cannot be used.
+    pub fn relief(&mut self, path: &Path, source: &Source, memory: u64) -> Option<Relief> {
+        if let Some(known) = self.reliefs.get(path) {
+            return *known;
+        }
+        let image = ImageSource::File { path: path.to_owned(), range: None };
+        let relief = noted(check(&image).and_then(|()| relief_of(&image, memory)), &image, source);
+        self.reliefs.insert(path.to_owned(), relief);
+        relief
     }
+
+    /// All images, whether they can be used or not.
+    pub fn into_paths(self) -> BTreeSet<PathBuf> {
+        self.numbers.into_keys().chain(self.reliefs.into_keys()).collect()
+    }
+}
+
+/// What was found out about an image; none, with a note, if it cannot be used.
+fn noted<T>(found: Result<T, String>, image: &ImageSource, source: &Source) -> Option<T> {
+    let note = |problem: &String| {
+        source.note(&format!("the image {} cannot be used: {problem}; its material has no texture", image.name()));
+    };
+    found.inspect_err(note).ok()
 }
 
 /// Says why an image cannot be used. One that is too large is refused later, with an error.

@@ -49,6 +49,11 @@ impl Channels {
         }
     }
 
+    /// Whether something of materials is kept.
+    pub fn wants_materials(&self) -> bool {
+        [COLOUR, NORMAL, EMISSIVE, OCCLUSION, METALLIC, ROUGHNESS, DRAWING].iter().any(|name| self.wants(name))
+    }
+
     /// Whether a channel is kept if the input has it.
     pub fn wants(&self, name: &str) -> bool {
         match self {

@@ -32,6 +32,10 @@ pub struct AttributeLayout {
     pub colour: Option<usize>,
     /// Place of the three coordinates of the normal. NaN where a corner has none.
     pub normal: Option<usize>,
+    /// Place of the three coordinates of the tangent, along which images of normals have their right, and of the side on which they have
+    /// their top: that of the cross product of normal and tangent if it is positive, the other one if it is negative. NaN where a corner has
+    /// none.
+    pub tangent: Option<usize>,
     /// Places of the two coordinates of each set. NaN where a corner has none.
     pub uv: Vec<usize>,
     /// Name and place of each scalar. NaN where a corner has none.
@@ -52,6 +56,13 @@ impl AttributeLayout {
     pub fn add_normal(&mut self) {
         if self.normal.is_none() {
             self.normal = Some(self.grow(3));
+        }
+    }
+
+    /// Adds a tangent, unless there is one.
+    pub fn add_tangent(&mut self) {
+        if self.tangent.is_none() {
+            self.tangent = Some(self.grow(4));
         }
     }
 
@@ -84,6 +95,9 @@ impl AttributeLayout {
         if other.normal.is_some() {
             self.add_normal();
         }
+        if other.tangent.is_some() {
+            self.add_tangent();
+        }
         self.add_uv(other.uv.len());
         other.scalars.iter().for_each(|(name, _)| self.add_scalar(name));
     }
@@ -108,6 +122,9 @@ impl AttributeLayout {
         }
         if let (Some(to), Some(from)) = (self.normal, other.normal) {
             copy(to, from, 3);
+        }
+        if let (Some(to), Some(from)) = (self.tangent, other.tangent) {
+            copy(to, from, 4);
         }
         self.uv.iter().zip(&other.uv).for_each(|(&to, &from)| copy(to, from, 2));
         for (name, to) in &self.scalars {

@@ -17,7 +17,7 @@ use problem::{damaged, undecodable};
 pub(crate) use problem::{shown_name, unreadable};
 
 /// Where the bytes of an encoded image are.
-#[derive(Clone, Debug, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum ImageSource {
     /// In a file, or in a range of one.
     File {
@@ -44,26 +44,6 @@ pub enum ImageSource {
         /// XXH3 hash of its content.
         xxh3: u64,
     },
-}
-
-/// Models can name tens of thousands of images, each of which is looked for among the others. So paths are compared as bytes, after what
-/// differs more often: component by component, as paths compare themselves, takes twenty times as long.
-impl PartialEq for ImageSource {
-    fn eq(&self, other: &Self) -> bool {
-        match (self, other) {
-            (Self::File { path, range }, Self::File { path: other, range: others }) => {
-                range == others && path.as_os_str() == other.as_os_str()
-            }
-            (Self::Inline { name, bytes }, Self::Inline { name: other, bytes: others }) => {
-                bytes == others && name == other
-            }
-            (
-                Self::Kept { file, name, bytes, xxh3 },
-                Self::Kept { file: other_file, name: other_name, bytes: other_bytes, xxh3: other_xxh3 },
-            ) => (file, name, bytes, xxh3) == (other_file, other_name, other_bytes, other_xxh3),
-            _ => false,
-        }
-    }
 }
 
 impl ImageSource {
@@ -163,6 +143,16 @@ pub fn image_size(mut encoded: impl EncodedImage) -> Result<[u32; 2], String> {
         return Err(damaged(&format!("its {bytes} bytes cannot hold {width} x {height} texels")));
     }
     Ok([width, height])
+}
+
+/// Whether the numbers of an image have more than 8 bits.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn is_finer_than_bytes(encoded: impl EncodedImage) -> Result<bool, String> {
+    let reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
+    let colours = reader.into_decoder().map_err(|error| undecodable(&error))?.color_type();
+    Ok(colours.bytes_per_pixel() > colours.channel_count())
 }
 
 /// Texels of a block of a JPEG.

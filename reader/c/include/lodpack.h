@@ -144,6 +144,8 @@ typedef struct {
   double step;
   // Stated bound on the error of a value; 0 where none is stated.
   double bound;
+  // 1 if colours, normals or factors are stored without loss; 0 if not, and for other meanings.
+  int32_t is_lossless;
 } lodpack_channel;
 
 // A file that the caller reads, such as one in an archive of assets.

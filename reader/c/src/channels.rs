@@ -54,6 +54,8 @@ pub struct Channel {
     pub step: f64,
     /// Stated bound on the error of a value; 0 where none is stated.
     pub bound: f64,
+    /// 1 if colours, normals or factors are stored without loss; 0 if not, and for other meanings.
+    pub is_lossless: i32,
 }
 
 /// Texts of a file as C reads them.
@@ -109,6 +111,7 @@ pub extern "C" fn lodpack_get_channel(file: *const File, number: u32, channel: *
             low: info.low,
             step: info.step,
             bound: info.bound,
+            is_lossless: info.is_exact.into(),
         };
         write(channel, value, "channel")
     })

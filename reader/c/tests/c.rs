@@ -122,6 +122,10 @@ fn a_program_reads_sound_files_and_survives_all_others_without_a_leak() {
         // Three channels, in each of the three ways to open the file; and what a flight shows.
         let said = succeeds(Command::new(program).arg("sound").arg(painted()));
         assert_eq!((number(&said, "channels"), number(&said, "frames")), (9, 6), "{said}");
+        assert_eq!(number(&said, "lossless"), 0, "{said}");
+        // All four of this one are stored without loss.
+        let said = succeeds(Command::new(program).arg("sound").arg(vectors().join("exact_colours.lodpack")));
+        assert_eq!((number(&said, "channels"), number(&said, "lossless")), (12, 12), "{said}");
         // Its ground in each of these ways, each with a flight, and one of the mesh.
         let said = succeeds(Command::new(program).arg("sound").arg(vectors().join("ground.lodpack")));
         assert_eq!((number(&said, "grounds"), number(&said, "frames")), (3, 24), "{said}");

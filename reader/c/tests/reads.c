@@ -14,7 +14,7 @@ typedef enum { SOUND, INVALID, HOSTILE } nature;
 
 static int failures = 0;
 static const char *current = "";
-static int opened = 0, drawn = 0, channels = 0, frames = 0, grounds = 0;
+static int opened = 0, drawn = 0, channels = 0, lossless = 0, frames = 0, grounds = 0;
 
 #define EXPECT(condition)                                                                                     \
     do {                                                                                                      \
@@ -160,7 +160,9 @@ static void look_at_channels(const lodpack_file *file, uint32_t count, int is_so
             look_at_vertices(mesh, number, &about);
             look_at_vertices(pages, number, &about);
             look_at_pages(pages, number, &about);
+            EXPECT(about.is_lossless == 0 || (about.is_lossless == 1 && about.number_bytes == 1));
             channels++;
+            lossless += about.is_lossless;
         }
         /* Pages stay when what they were made from is freed. */
         lodpack_free_mesh(mesh);
@@ -575,7 +577,7 @@ int main(int argc, char **argv) {
     for (int i = 2; i < argc; i++) {
         read_file(argv[i], kind);
     }
-    printf("%d files, %s; %d opened, %d meshes, %d channels, %d frames, %d grounds\n", argc - 2,
-           failures ? "some not as expected" : "all as expected", opened, drawn, channels, frames, grounds);
+    printf("%d files, %s; %d opened, %d meshes, %d channels, %d lossless, %d frames, %d grounds\n", argc - 2,
+           failures ? "some not as expected" : "all as expected", opened, drawn, channels, lossless, frames, grounds);
     return failures != 0;
 }

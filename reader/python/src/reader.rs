@@ -243,6 +243,7 @@ impl Reader {
             let entry = PyDict::new(py);
             entry.set_item("name", &channel.name)?;
             entry.set_item("kind", channel.kind.name())?;
+            entry.set_item("lossless", channel.is_exact)?;
             entry.set_item("components", channel.components)?;
             entry.set_item("low", channel.low)?;
             entry.set_item("step", channel.step)?;

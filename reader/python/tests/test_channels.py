@@ -8,7 +8,7 @@ import unittest
 import lodpack
 import numpy as np
 
-from .served import SCAN
+from .served import SCAN, VECTORS
 
 
 def colour(points):
@@ -68,6 +68,9 @@ class Channels(unittest.TestCase):
         self.assertEqual([(channel["name"], channel["kind"]) for channel in file.channels], [("colour", "colour"), ("height", "scalar")])
         self.assertEqual(file.info()["channels"], file.channels)
         self.assertEqual(lodpack.open(SCAN).channels, [])
+        self.assertEqual([channel["lossless"] for channel in file.channels], [False, False])
+        exact = lodpack.open(VECTORS / "exact_colours.lodpack")
+        self.assertEqual([channel["lossless"] for channel in exact.channels], [True] * 4)
 
     def test_vertices_have_the_colours_and_numbers_of_the_input(self):
         mesh = lodpack.open(self.bytes).extract(channels="all")

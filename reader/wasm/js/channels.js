@@ -8,12 +8,12 @@ export const isOfBytes = (kind) => ['colour', 'normal', 'factor'].includes(kind)
 /** The number of no channel. */
 export const NO_CHANNEL = 0xffff_ffff;
 
-/** Reads what src/channels.rs packs: six numbers for each channel, and their names. */
+/** Reads what src/channels.rs packs: seven numbers for each channel, and their names. */
 export function unpackChannels(numbers, names) {
   const lines = names.split('\n');
-  return Array.from({ length: numbers.length / 6 }, (_, k) => {
-    const [kind, components, low, step, bound, imageBytes] = numbers.subarray(6 * k);
-    return { name: lines[k], kind: KINDS[kind] ?? 'unknown', components, low, step, bound, imageBytes };
+  return Array.from({ length: numbers.length / 7 }, (_, k) => {
+    const [kind, components, low, step, bound, imageBytes, lossless] = numbers.subarray(7 * k);
+    return { name: lines[k], kind: KINDS[kind] ?? 'unknown', components, low, step, bound, imageBytes, lossless: lossless === 1 };
   });
 }
 

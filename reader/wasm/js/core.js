@@ -44,7 +44,7 @@ export class Core {
     this.#isOfHeights = this.call('info') === 1;
     const info = { kind: this.#isOfHeights ? 'heights' : 'mesh', ...this.#info(), heights: this.#isOfHeights ? this.#heights() : null };
     const count = this.call('channels');
-    this.#channels = unpackChannels(this.floats(0, 6 * count), this.text(48 * count));
+    this.#channels = unpackChannels(this.floats(0, 7 * count), this.text(56 * count));
     return { ...info, channels: this.#channels };
   }
 

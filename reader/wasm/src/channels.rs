@@ -19,19 +19,19 @@ use crate::{
 };
 
 impl State {
-    /// Six numbers (f64) for each channel, and their names, each followed by the end of a line: `js/channels.js` reads it.
+    /// Seven numbers (f64) for each channel, and their names, each followed by the end of a line: `js/channels.js` reads it.
     pub fn channels(&mut self) -> Answer {
         if let Ok(index) = self.heights_index() {
             let colour = "colour\n".bytes();
             let Some(_) = index.ramp() else { return Ok(0) };
-            self.output.put_floats([1.0, 3.0, 0.0, 1.0, 0.0, 0.0]);
+            self.output.put_floats([1.0, 3.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
             self.output.extend(colour);
             return Ok(1);
         }
         let Ok(index) = self.index().cloned() else { return Ok(0) };
         let image_bytes = index.texel_bytes().iter().skip(1);
         for (channel, &bytes) in index.channels().iter().zip(image_bytes) {
-            let ChannelInfo { kind, low, step, bound, .. } = channel;
+            let ChannelInfo { kind, is_exact, low, step, bound, .. } = channel;
             let kind = match kind {
                 ChannelKind::Colour => 1,
                 ChannelKind::Scalar => 2,
@@ -41,7 +41,8 @@ impl State {
                 ChannelKind::Drawing => 6,
                 _ => 0,
             };
-            self.output.put_floats([kind.into(), channel.value_count() as f64, *low, *step, *bound, bytes as f64]);
+            let (count, lossless) = (channel.value_count() as f64, f64::from(u8::from(*is_exact)));
+            self.output.put_floats([kind.into(), count, *low, *step, *bound, bytes as f64, lossless]);
         }
         // Names have no control characters.
         let names = index.channels().iter().flat_map(|channel| [channel.name.as_bytes(), b"\n"]);

@@ -57,6 +57,9 @@ describe('channels', { skip }, () => {
     const file = await open(await painted());
     assert.deepEqual(file.channels.map(({ name, kind, components }) => [name, kind, components]), [['colour', 'colour', 3], ['height', 'scalar', 1]]);
     assert.ok(file.channels.every(({ imageBytes, step }) => imageBytes > 1000 && step > 0));
+    assert.ok(file.channels.every(({ lossless }) => lossless === false));
+    const exact = await open(await readFile(new URL('../../../format-spec/vectors/exact_colours.lodpack', import.meta.url)));
+    assert.deepEqual(exact.channels.map(({ lossless }) => lossless), [true, true, true, true]);
     const [low, high] = await file.channelRange('height');
     // The sphere reaches from about -1 to 1, and height is ten times that.
     assert.ok(low < -8 && low > -12 && high > 8 && high < 12, `${low} to ${high}`);

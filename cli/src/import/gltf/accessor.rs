@@ -74,6 +74,21 @@ pub(super) fn read_normals<'b>(
     read_items(source, buffers, accessor, [0.0; 3], normal)
 }
 
+/// The directions of a `TANGENT` accessor, each with its side.
+pub(super) fn read_tangents<'b>(
+    source: &Source,
+    buffers: &'b Buffers<'b>,
+    accessor: &Accessor,
+) -> Parsed<impl ExactSizeIterator<Item = [f32; 4]> + use<'b>> {
+    if accessor.dimensions() != Dimensions::Vec4 {
+        return Err(source.syntax(location_of(accessor), "tangents must have four components"));
+    }
+    let data_type = accessor.data_type();
+    let tangent =
+        move |bytes: &[u8]| [0, 1, 2, 3].map(|k| component(&bytes[k * data_type.size()..], data_type, true) as f32);
+    read_items(source, buffers, accessor, [0.0; 4], tangent)
+}
+
 /// The coordinates of a `TEXCOORD_n` accessor.
 pub(super) fn read_uvs<'b>(
     source: &Source,

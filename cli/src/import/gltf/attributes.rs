@@ -5,7 +5,7 @@ use glam::{DMat3, DMat4, DVec3};
 use ::gltf::mesh::Mode;
 use ::gltf::{Accessor, Document, Primitive, Semantic};
 
-use super::accessor::{read_colours, read_normals, read_uvs};
+use super::accessor::{read_colours, read_normals, read_tangents, read_uvs};
 use super::buffers::Buffers;
 use super::materials::Materials;
 use super::smooth::are_smooth;
@@ -56,12 +56,17 @@ impl SceneAttributes {
         let are_given = normals().any(|accessor| accessor.name() != Some(COMPUTED));
         let is_smooth = are_given && sink.attributes.wants_normals(true) && are_smooth(source, buffers, primitives());
         // A map of normals is relative to those of vertices.
-        if has_normals && sink.attributes.wants_normals(materials.has_normals || is_smooth) {
+        if has_normals && sink.attributes.wants_normals(materials.has_normals() || is_smooth) {
             if is_smooth {
                 sink.attributes.keep_smooth_normals();
             }
             sink.attributes.finds(NORMAL, "normals");
             layout.add_normal();
+            // They belong to normals, and count only there (glTF 2.0, section 3.7.2.1).
+            let uses_tangents = |primitive: &Primitive| tangents_of(primitive, &materials).is_some();
+            if primitives().any(|primitive| uses_tangents(&primitive)) {
+                layout.add_tangent();
+            }
         } else if are_given {
             sink.leave_out("normals");
         }
@@ -121,6 +126,11 @@ impl SceneAttributes {
             let normals = sound(source, read_normals(source, buffers, &accessor))?;
             Some((place, Box::new(normals) as Directions<'b>))
         });
+        let tangents = self.layout.tangent.and_then(|place| {
+            let accessor = tangents_of(primitive, &self.materials).filter(fits)?;
+            let tangents = sound(source, read_tangents(source, buffers, &accessor))?;
+            Some((place, Box::new(tangents) as Tangents<'b>))
+        });
         let sets = self.materials.uv_sets.iter().zip(&self.layout.uv).filter_map(|(&set, &place)| {
             let accessor = primitive.get(&Semantic::TexCoords(set)).filter(fits)?;
             let uvs = sound(source, read_uvs(source, buffers, &accessor))?;
@@ -128,14 +138,23 @@ impl SceneAttributes {
         });
         // Normals turn with the cofactors of the matrix, and stay on their side where it mirrors.
         let [x, y, z] = [transform.x_axis, transform.y_axis, transform.z_axis].map(|axis| axis.truncate());
-        let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * x.cross(y).dot(z).signum();
-        Some(PrimitiveRecords { sets: sets.collect(), colours, normals, cofactors, record: blank, clamped_count: 0 })
+        let side = x.cross(y).dot(z).signum();
+        let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * side;
+        let turn = Turn { cofactors, matrix: DMat3::from_cols(x, y, z), side };
+        let sets = sets.collect();
+        Some(PrimitiveRecords { sets, colours, normals, tangents, turn, record: blank, clamped_count: 0 })
     }
 
     /// Notes for the user what was odd.
     pub(super) fn note(&self, source: &Source) {
         source.note_skipped(self.clamped_count, "vertices have colours outside of 0 to 1: they were clamped");
     }
+}
+
+/// The tangents of a primitive whose material has an image of normals, which are relative to them.
+fn tangents_of<'a>(primitive: &Primitive<'a>, materials: &Materials) -> Option<Accessor<'a>> {
+    primitive.get(&Semantic::Normals)?;
+    primitive.get(&Semantic::Tangents).filter(|_| materials.has_normals_of(&primitive.material()))
 }
 
 /// Whether a primitive has triangles.
@@ -170,13 +189,25 @@ fn sound<T>(source: &Source, read: Parsed<T>) -> Option<T> {
 
 type Colours<'b> = Box<dyn Iterator<Item = [f32; 4]> + 'b>;
 type Directions<'b> = Box<dyn Iterator<Item = [f32; 3]> + 'b>;
+type Tangents<'b> = Box<dyn Iterator<Item = [f32; 4]> + 'b>;
 type Coordinates<'b> = Box<dyn Iterator<Item = [f32; 2]> + 'b>;
+
+/// How directions turn with a node.
+struct Turn {
+    /// Of normals.
+    cofactors: DMat3,
+    /// Of tangents.
+    matrix: DMat3,
+    /// -1 where it mirrors: then what was on the left of a tangent is on its right.
+    side: f64,
+}
 
 /// The records of a primitive's vertices, one after the other.
 pub(super) struct PrimitiveRecords<'b> {
     colours: Option<(usize, Colours<'b>)>,
     normals: Option<(usize, Directions<'b>)>,
-    cofactors: DMat3,
+    tangents: Option<(usize, Tangents<'b>)>,
+    turn: Turn,
     sets: Vec<(usize, Coordinates<'b>)>,
     record: Vec<f32>,
     pub(super) clamped_count: u64,
@@ -197,8 +228,15 @@ impl PrimitiveRecords<'_> {
         if let Some((place, normals)) = &mut self.normals
             && let Some(normal) = normals.next()
         {
-            let normal = (self.cofactors * DVec3::from(normal.map(f64::from))).normalize_or(DVec3::NAN);
+            let normal = (self.turn.cofactors * DVec3::from(normal.map(f64::from))).normalize_or(DVec3::NAN);
             self.record[*place..*place + 3].copy_from_slice(&normal.as_vec3().to_array());
+        }
+        if let Some((place, tangents)) = &mut self.tangents
+            && let Some([x, y, z, side]) = tangents.next()
+        {
+            let tangent = self.turn.matrix * DVec3::from([x, y, z].map(f64::from));
+            let [x, y, z] = tangent.normalize_or(DVec3::NAN).as_vec3().to_array();
+            self.record[*place..*place + 4].copy_from_slice(&[x, y, z, side * self.turn.side as f32]);
         }
         for (place, uvs) in &mut self.sets {
             let uv = uvs.next().filter(|uv| uv.iter().all(|value| value.is_finite()));

@@ -23,8 +23,8 @@ pub(super) struct Materials {
     first: Option<usize>,
     /// The sets of texture coordinates that they use, ascending.
     pub(super) uv_sets: Vec<u32>,
-    /// Whether one of them has an image of normals.
-    pub(super) has_normals: bool,
+    /// Whether each has an image of normals.
+    with_normals: Vec<bool>,
     /// The sets of texture coordinates that the textures of each need.
     needed_sets: Vec<BTreeSet<u32>>,
 }
@@ -57,15 +57,25 @@ impl Materials {
         };
         let materials: Vec<Material> = document.materials().map(|material| reader.material(&material)).collect();
         reader.causes.sentences().for_each(|sentence| source.note(&sentence));
-        let has_normals = materials.iter().any(|material| material.normal_texture.is_some());
+        let with_normals = materials.iter().map(|material| material.normal_texture.is_some()).collect();
         let sets_of = |material: &Material| material.textures().map(|of| uv_sets[usize::from(of.uv_set)]).collect();
         let needed_sets = materials.iter().map(sets_of).collect();
-        Ok(Self { first: Some(sink.add_materials(materials)?), uv_sets, has_normals, needed_sets })
+        Ok(Self { first: Some(sink.add_materials(materials)?), uv_sets, with_normals, needed_sets })
+    }
+
+    /// Whether one of them has an image of normals.
+    pub(super) fn has_normals(&self) -> bool {
+        self.with_normals.contains(&true)
     }
 
     /// The sets of texture coordinates that the textures of a material need.
     pub(super) fn sets_needed_by(&self, material: &GltfMaterial) -> impl Iterator<Item = u32> {
         material.index().and_then(|index| self.needed_sets.get(index)).into_iter().flatten().copied()
+    }
+
+    /// Whether a material has an image of normals.
+    pub(super) fn has_normals_of(&self, material: &GltfMaterial) -> bool {
+        material.index().and_then(|index| self.with_normals.get(index)).copied().unwrap_or(false)
     }
 
     /// The number of a primitive's material; 0 where it has none.

@@ -30,6 +30,8 @@ pub(super) struct ObjAttributes {
     by_name: HashMap<Vec<u8>, usize>,
     libraries: HashSet<PathBuf>,
     images: NamedImages,
+    /// How much decoding one of them may take.
+    memory: u64,
     /// Whether the libraries of the rest of the file have been read already.
     has_read_ahead: bool,
     /// The place of the current material, if it has textures.
@@ -61,7 +63,7 @@ enum Plain {
 impl ObjAttributes {
     pub(super) fn new(sink: &MeshSink) -> Self {
         let with_normals = sink.attributes.wants_normals(false);
-        Self { is_on: sink.attributes.wants_materials(), with_normals, ..Self::default() }
+        Self { is_on: sink.attributes.wants_materials(), with_normals, memory: sink.room().memory, ..Self::default() }
     }
 
     /// The numbers of vertices, texture coordinates and normals so far.
@@ -105,7 +107,8 @@ impl ObjAttributes {
             }
         };
         let beside = Beside::library(source, &path);
-        let mut reader = LibraryReader { source, images: &mut self.images, sink: &mut sink.attributes, beside };
+        let (images, memory) = (&mut self.images, self.memory);
+        let mut reader = LibraryReader { source, images, sink: &mut sink.attributes, beside, memory };
         let materials = reader.read(&text);
         if materials.is_empty() {
             source.note(&format!("the library {} has no materials: check that it is an MTL file", path.display()));

@@ -63,7 +63,8 @@ pub(in crate::import) fn files_beside(source: &Source) -> Vec<PathBuf> {
     let (mut images, mut sink) = (NamedImages::default(), AttributeSink::new(&Channels::Auto));
     for library in &files {
         let beside = Beside::library(source, library);
-        let mut reader = LibraryReader { source, images: &mut images, sink: &mut sink, beside };
+        // Nothing has to be decoded to know which images there are.
+        let mut reader = LibraryReader { source, images: &mut images, sink: &mut sink, beside, memory: 0 };
         reader.read(&read_library(library).unwrap_or_default());
     }
     files.extend(images.into_paths());

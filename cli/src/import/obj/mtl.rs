@@ -1,12 +1,15 @@
 //! MTL, the materials of OBJ files: `Kd`, `d`, `Tr`, `map_Kd` and `map_d` with their options, `Ke` and `map_Ke`, `norm`, `Pm`, `Pr`,
-//! `map_Pm` and `map_Pr`.
+//! `map_Pm` and `map_Pr`; `map_Bump` where it holds normals.
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 
 use crate::import::attributes::AttributeSink;
 use crate::import::beside::Beside;
+use crate::import::relief::Relief;
 use crate::import::scan::{Scanner, parse_float};
 use crate::import::source::Source;
+use crate::import::textures::Causes;
 use crate::import::usable_image::NamedImages;
 use crate::mesh::appearance::{AlphaMode, Material, TextureUse, Wrap};
 use crate::mesh::srgb::linear_from_srgb;
@@ -19,6 +22,8 @@ pub(super) struct LibraryMaterial {
     pub textured: Material,
     /// The same with its numbers alone, for faces without coordinates.
     pub plain: Material,
+    /// What stands behind `map_Bump` or `bump`.
+    bump: Option<Vec<u8>>,
     /// Whether `d` gave its opacity.
     has_d: bool,
     /// Whether `Pm` said how much it is of metal.
@@ -40,6 +45,8 @@ pub(super) struct LibraryReader<'a> {
     pub sink: &'a mut AttributeSink,
     /// Where the images of the current library are.
     pub beside: Beside<'a>,
+    /// How much decoding one may take.
+    pub memory: u64,
 }
 
 impl LibraryReader<'_> {
@@ -62,13 +69,14 @@ impl LibraryReader<'_> {
                 b"map_kd" => textured.base_texture = self.texture(rest),
                 b"map_d" => textured.opacity_texture = self.texture(rest),
                 b"map_ke" => textured.emissive_texture = self.texture(rest),
-                // Images of heights have these keywords, too, and cannot be told apart; `norm` is always an image of normals.
-                b"norm" => textured.normal_texture = self.texture(rest).map(|texture| (texture, 1.0)),
+                b"norm" => textured.normal_texture = self.normal_texture(rest),
+                // Only the image says whether these are normals; where there is a `norm`, it need not be looked at.
+                b"map_bump" | b"bump" => material.bump = Some(rest.to_owned()),
                 b"map_pm" => textured.metallic_texture = self.texture(rest),
                 b"map_pr" => textured.roughness_texture = self.texture(rest),
                 // What has the light of the surroundings is the image of colours once more.
                 b"map_ka" => {}
-                b"bump" | b"disp" | b"refl" => drop(unread.insert(readable(&keyword))),
+                b"disp" | b"refl" => drop(unread.insert(readable(&keyword))),
                 _ if keyword.starts_with(b"map_") => drop(unread.insert(readable(&keyword))),
                 _ => {}
             }
@@ -76,16 +84,78 @@ impl LibraryReader<'_> {
         if !unread.is_empty() {
             let names = unread.into_iter().collect::<Vec<_>>().join(", ");
             self.source.note(&format!(
-                "images of materials are left out: {names}; those of map_Kd, map_d, map_Ke, map_Pm, map_Pr and norm are read"
+                "images of materials are left out: {names}; those of map_Kd, map_d, map_Ke, map_Pm, map_Pr and norm are \
+                 read, and those of map_Bump that hold normals"
             ));
         }
+        self.read_bumps(&mut materials);
         materials.iter_mut().for_each(LibraryMaterial::join);
         materials
     }
 
+    /// Has materials without a `norm` use their `map_Bump` in its place, where that holds normals.
+    fn read_bumps(&mut self, materials: &mut [LibraryMaterial]) {
+        let (mut causes, mut left_out) = (Causes::default(), BTreeSet::new());
+        for material in materials.iter_mut().filter(|material| material.textured.normal_texture.is_none()) {
+            let Some(bump) = material.bump.take() else { continue };
+            let Some(path) = self.path(NamedImage::new(&bump).name) else { continue };
+            let what = match self.images.relief(&path, self.source, self.memory) {
+                None => continue,
+                Some(Relief::Normals) => {
+                    material.textured.normal_texture = self.normal_texture(&bump);
+                    continue;
+                }
+                Some(Relief::Heights) => "heights, which are not read",
+                Some(Relief::Colours) => "neither normals nor heights",
+            };
+            if left_out.insert(path.clone()) {
+                causes.add(what, &path.display().to_string(), |name| {
+                    format!(
+                        "the image {name} of map_Bump holds {what}: it is left out; to have its relief, make it an image of normals"
+                    )
+                });
+            }
+        }
+        causes.sentences().for_each(|sentence| self.source.note(&sentence));
+    }
+
+    /// An image of normals, and what their slopes are multiplied by.
+    fn normal_texture(&mut self, text: &[u8]) -> Option<(TextureUse, f32)> {
+        Some((self.texture(text)?, NamedImage::new(text).multiplier))
+    }
+
     /// An image with options, such as `-clamp on -s 2 2 1 wood.png`.
     fn texture(&mut self, text: &[u8]) -> Option<TextureUse> {
-        let ([mut offset, mut scale], mut wrap) = ([[0.0f32, 0.0], [1.0, 1.0]], Wrap::Repeat);
+        let NamedImage { name, offset, scale, wrap, .. } = NamedImage::new(text);
+        let path = self.path(name)?;
+        let image = self.images.number(path, self.source, self.sink)?;
+        // Rows count from above here and from below there.
+        let [[x, y], [width, height]] = [offset, scale];
+        let is_plain = (offset, scale) == ([0.0, 0.0], [1.0, 1.0]);
+        let transform = (!is_plain).then_some([width, 0.0, x, 0.0, height, 1.0 - height - y]);
+        Some(TextureUse { image, uv_set: 0, wrap: [wrap; 2], transform })
+    }
+
+    /// Where an image is; none, with a note, if that is outside of the input's folder.
+    fn path(&self, name: &[u8]) -> Option<PathBuf> {
+        if name.is_empty() { None } else { self.beside.find("image", name) }
+    }
+}
+
+/// An image as a library names it.
+struct NamedImage<'a> {
+    name: &'a [u8],
+    offset: [f32; 2],
+    scale: [f32; 2],
+    wrap: Wrap,
+    /// What slopes are multiplied by: `-bm`.
+    multiplier: f32,
+}
+
+impl<'a> NamedImage<'a> {
+    fn new(text: &'a [u8]) -> Self {
+        let ([mut offset, mut scale], mut wrap, mut multiplier) = ([[0.0f32, 0.0], [1.0, 1.0]], Wrap::Repeat, 1.0);
+        let number = |word: &[u8]| parse_float(word).map(|value| value as f32).filter(|value| value.is_finite());
         let mut words = Scanner::new(text, 0);
         let name = loop {
             words.skip_space();
@@ -100,8 +170,8 @@ impl LibraryReader<'_> {
                     let mut values = vec![];
                     while values.len() < 3 {
                         let mut ahead = words.clone();
-                        let Some(value) = parse_float(ahead.word()).filter(|value| value.is_finite()) else { break };
-                        values.push(value as f32);
+                        let Some(value) = number(ahead.word()) else { break };
+                        values.push(value);
                         words = ahead;
                     }
                     let target = if option == b"-o" { &mut offset } else { &mut scale };
@@ -114,21 +184,15 @@ impl LibraryReader<'_> {
                     words.word();
                 }
                 b"-clamp" => wrap = if words.word() == b"on" { Wrap::Clamp } else { Wrap::Repeat },
-                b"-blendu" | b"-blendv" | b"-boost" | b"-bm" | b"-cc" | b"-imfchan" | b"-texres" | b"-type" => {
+                b"-bm" => multiplier = number(words.word()).unwrap_or(1.0),
+                b"-blendu" | b"-blendv" | b"-boost" | b"-cc" | b"-imfchan" | b"-texres" | b"-type" => {
                     words.word();
                 }
                 // A file whose name begins with a hyphen.
                 _ => break name,
             }
         };
-        let path =
-            Some(name.trim_ascii()).filter(|name| !name.is_empty()).and_then(|name| self.beside.find("image", name))?;
-        let image = self.images.number(path, self.source, self.sink)?;
-        // Rows count from above here and from below there.
-        let [[x, y], [width, height]] = [offset, scale];
-        let is_plain = (offset, scale) == ([0.0, 0.0], [1.0, 1.0]);
-        let transform = (!is_plain).then_some([width, 0.0, x, 0.0, height, 1.0 - height - y]);
-        Some(TextureUse { image, uv_set: 0, wrap: [wrap; 2], transform })
+        Self { name: name.trim_ascii(), offset, scale, wrap, multiplier }
     }
 }
 
@@ -140,7 +204,7 @@ impl LibraryMaterial {
     fn new(name: &[u8]) -> Self {
         // Colours of vertices without a texture are multiplied by Kd; alpha counts only where the library mentions it.
         let plain = Material { name: readable(name), alpha: AlphaMode::Opaque, ..Material::default() };
-        Self { name: name.to_owned(), textured: Material::default(), plain, has_d: false, has_pm: false }
+        Self { name: name.to_owned(), textured: Material::default(), plain, bump: None, has_d: false, has_pm: false }
     }
 
     /// Reads a statement that gives numbers.

@@ -49,6 +49,25 @@ fn images_of_one_colour_are_found_in_every_format() {
     }
 }
 
+#[test]
+fn images_of_more_than_8_bits_are_told_by_their_header() {
+    let image = DynamicImage::ImageRgb8(image::ImageBuffer::from_pixel(4, 3, image::Rgb([1, 2, 3])));
+    let is_finer = |image: DynamicImage, format: ImageFormat| {
+        let mut bytes = Cursor::new(vec![]);
+        image.write_to(&mut bytes, format).unwrap();
+        bytes.rewind().unwrap();
+        is_finer_than_bytes(bytes)
+    };
+    for format in [ImageFormat::Png, ImageFormat::Tiff, ImageFormat::Jpeg, ImageFormat::WebP] {
+        assert_eq!(is_finer(image.clone(), format), Ok(false));
+    }
+    for format in [ImageFormat::Png, ImageFormat::Tiff] {
+        assert_eq!(is_finer(image.to_rgb16().into(), format), Ok(true));
+        assert_eq!(is_finer(image.to_luma16().into(), format), Ok(true));
+    }
+    assert_eq!(is_finer(image.to_rgb32f().into(), ImageFormat::OpenExr), Ok(true));
+}
+
 /// Something that has many colours.
 fn encoded(format: ImageFormat) -> Vec<u8> {
     let texel = |x: u32, y: u32| image::Rgb([(x * x * 7 + y * 13) as u8, (x * 9 + y * y) as u8, 9]);

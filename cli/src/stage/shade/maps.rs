@@ -2,7 +2,20 @@
 
 use glam::DVec3;
 
-use super::{Face, Use};
+use super::{Face, TexturedFace, Use};
+
+/// The tangents of a triangle: where the first coordinate of its image grows, and where the second one, which counts from above, becomes
+/// smaller.
+fn tangents_of(face: &TexturedFace, [a, b, c]: &[DVec3; 3], smooth: DVec3) -> Option<[DVec3; 2]> {
+    let side = |i: usize| [face.uv[i][0] - face.uv[0][0], face.uv[i][1] - face.uv[0][1]];
+    let ([x, y], [z, w]) = (side(1), side(2));
+    let turn = (x * w - y * z).signum();
+    let right = ((b - a) * w - (c - a) * y) * turn;
+    let up = ((b - a) * z - (c - a) * x) * turn;
+    let right = (right - smooth * right.dot(smooth)).try_normalize()?;
+    let up = (up - smooth * up.dot(smooth) - right * up.dot(right)).try_normalize()?;
+    Some([right, up])
+}
 
 impl Face<'_> {
     /// The direction of the normal: that of the triangle, or of the input's own normals, turned by the material's image of them.
@@ -17,19 +30,25 @@ impl Face<'_> {
             if has_object_normals {
                 return DVec3::new(first, second, third).try_normalize();
             }
-            let [a, b, c] = self.corners;
-            let side = |i: usize| [face.uv[i][0] - face.uv[0][0], face.uv[i][1] - face.uv[0][1]];
-            let ([x, y], [z, w]) = (side(1), side(2));
-            let turn = (x * w - y * z).signum();
-            // Where the first coordinate grows, and where the second one, which counts from above, becomes smaller.
-            let right = ((b - a) * w - (c - a) * y) * turn;
-            let up = ((b - a) * z - (c - a) * x) * turn;
-            let right = (right - smooth * right.dot(smooth)).try_normalize()?;
-            let up = (up - smooth * up.dot(smooth) - right * up.dot(right)).try_normalize()?;
+            let [right, up] =
+                self.own_tangents(smooth, weights).or_else(|| tangents_of(face, &self.corners, smooth))?;
             let scale = f64::from(scale);
             (right * (first * scale) + up * (second * scale) + smooth * third).try_normalize()
         });
         turned.unwrap_or(smooth).as_vec3().to_array()
+    }
+
+    /// The input's own tangents: to the right of the image of normals, and to its top.
+    fn own_tangents(&self, smooth: DVec3, weights: [f32; 3]) -> Option<[DVec3; 2]> {
+        let place = self.appearance.layout.tangent?;
+        let (mut right, mut side) = (DVec3::ZERO, 0.0);
+        for (record, weight) in self.records.iter().zip(weights) {
+            let [x, y, z, of_corner] = *record.get(place..place + 4)? else { return None };
+            right += f64::from(weight) * DVec3::new(x.into(), y.into(), z.into());
+            side += weight * of_corner;
+        }
+        let right = (right - smooth * right.dot(smooth)).try_normalize()?;
+        if side == 0.0 || side.is_nan() { None } else { Some([right, smooth.cross(right) * f64::from(side.signum())]) }
     }
 
     /// The input's own normal, or that of the triangle.

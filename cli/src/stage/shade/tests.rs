@@ -267,6 +267,40 @@ fn normals_are_turned_by_their_image_towards_where_its_rows_begin() {
 }
 
 #[test]
+fn tangents_of_the_input_come_before_those_of_texture_coordinates() {
+    let of_image = |texel: [u8; 3]| {
+        let image = ImageBuffer::from_pixel(1, 1, image::Rgb(texel));
+        encoded(&DynamicImage::ImageRgb8(image), ImageFormat::Png)
+    };
+    // Coordinates say that right is along x. Tangents are those of the corners, to which normals along z belong.
+    let normal = |texel: [u8; 3], tangents: [[f32; 4]; 3]| {
+        let (mut appearance, mut region) = textured(of_image(texel), [[0.0, 1.0], [1.0, 1.0], [0.0, 0.0]]);
+        let texture = appearance.materials[0].base_texture.take().unwrap();
+        appearance.materials[0].normal_texture = Some((texture, 1.0));
+        (appearance.has_colour, appearance.maps.normal) = (false, true);
+        appearance.layout.add_tangent();
+        let uvs = region.records.as_chunks::<2>().0.to_vec();
+        region.records = uvs.iter().zip(&tangents).flat_map(|(uv, tangent)| [&uv[..], tangent].concat()).collect();
+        let shader = Shader::new(&appearance, None, &std::env::temp_dir(), 1 << 20, &|_| ());
+        shader.painter(&region).face(0, CORNERS).normal([0.25, 0.25, 0.5], 0.0)
+    };
+    let along = |found: [f32; 3], wanted: [f32; 3]| found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 0.01);
+    let ([right, up], y) = ([[255, 128, 128], [128, 255, 128]], [0.0, 1.0, 0.0, 1.0]);
+    assert!(along(normal(right, [y; 3]), [0.0, 1.0, 0.0]));
+    assert!(along(normal(up, [y; 3]), [-1.0, 0.0, 0.0]));
+    assert!(along(normal(up, [[0.0, 1.0, 0.0, -1.0]; 3]), [1.0, 0.0, 0.0]));
+    // Between corners they are interpolated, and what of them points outwards does not count.
+    let half = 0.5f32.sqrt();
+    assert!(along(normal(right, [[1.0, 0.0, 0.5, 1.0], [1.0, 0.0, 0.0, 1.0], y]), [half, half, 0.0]));
+    // Coordinates say it where a corner has no tangent, or one without a length or a side.
+    let none = [f32::NAN; 4];
+    for tangents in [[y, y, none], [[0.0, 0.0, 0.0, 1.0]; 3], [[0.0, 0.0, 3.0, 1.0]; 3], [[0.0, 1.0, 0.0, 0.0]; 3]] {
+        assert!(along(normal(right, tangents), [1.0, 0.0, 0.0]), "{tangents:?}");
+        assert!(along(normal(up, tangents), [0.0, 1.0, 0.0]), "{tangents:?}");
+    }
+}
+
+#[test]
 fn factors_of_materials_come_from_their_components() {
     let image = ImageBuffer::from_pixel(1, 1, image::Rgb([51u8, 102, 204]));
     let (mut appearance, region) =

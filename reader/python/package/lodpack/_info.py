@@ -36,6 +36,8 @@ class Channel(TypedDict):
     kind: str
     """``colour`` (sRGB), ``scalar`` (measured numbers), ``normal``, ``label`` (numbers of classes), ``factor`` (from 0
     to 1), ``drawing`` (how the surface is drawn: SPEC.md, 21.6), or ``unknown``."""
+    lossless: bool
+    """Whether colours, normals or factors are stored without loss; False for other kinds."""
     components: int
     """Numbers of a value, 1 to 4."""
     low: float
