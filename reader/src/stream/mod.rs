@@ -49,17 +49,21 @@ mod cache;
 mod content;
 mod counters;
 mod drawn_surface;
+mod fans;
 mod follower;
 mod frame;
 mod heights;
 mod history;
 mod index_reads;
 mod job;
+mod light;
+mod lit;
 mod loader;
 #[cfg(feature = "threads")]
 mod loaders;
 mod loading;
 mod motion;
+mod octahedral;
 mod picture;
 mod prefetch;
 mod queue;
@@ -87,11 +91,13 @@ pub use frame::{Frame, Shows};
 pub use heights::HeightsStreamer;
 pub use heights::{HeightsSession, TileImages};
 pub use job::Read;
+pub use lit::{Light, Lit};
 pub use loader::Problem;
 #[cfg(feature = "threads")]
 pub use loaders::Loaders;
 pub use loading::{Decoded, Decoding, Job};
 pub use motion::{Expecter, Motion, Pose};
+pub use octahedral::direction;
 pub use picture::{Changes, DrawnRoot, Picture};
 pub use queue::Class;
 pub use simulation::Simulation;
@@ -144,6 +150,9 @@ pub struct Options {
     /// Of heights: in a view, tiles whose samples take more pixels than this give way to their quarters for the sake of light and colours, even
     /// where their triangles are near enough. Infinite by default: then geometry alone decides.
     pub sample_px: f64,
+    /// Whether roots of a mesh get normals for smooth light, alike on both sides of every border ([`DrawnRoot::lit`]; SPEC.md, 14.5). For files that
+    /// store no normals. False by default: then nothing is computed, and takes no memory.
+    pub light: bool,
 }
 
 impl Default for Options {
@@ -161,6 +170,7 @@ impl Default for Options {
             retry_delay: Duration::from_millis(100),
             may_stay_finer: true,
             sample_px: f64::INFINITY,
+            light: false,
         }
     }
 }
