@@ -212,7 +212,8 @@ impl DrawnSurface {
             for k in (0..3).filter(|&k| triangle.on_border[k]) {
                 let sides = self.sides_of_edge(triangle.corners[k]);
                 let next = (k + 1) % 3;
-                let end = |k: usize, side| End { fan: corners.fans[3 * number + k], side, normal: corners.normal(number) };
+                let end =
+                    |k: usize, side| End { fan: corners.fans[3 * number + k], side, normal: corners.normal(number) };
                 fans.ends[triangle.corners[k] as usize][0] = end(k, sides.start);
                 fans.ends[triangle.corners[next] as usize][1] = end(next, sides.end - 1);
             }

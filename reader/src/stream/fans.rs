@@ -102,6 +102,10 @@ struct Sum {
 impl Sum {
     const NONE: Self = Self { first: UP, sum: [0.0; 3], weight: 0.0 };
 
+    fn add(&mut self, &Face { normal, area }: &Face) {
+        (self.sum, self.weight) = (add(self.sum, scale(normal, area)), self.weight + area);
+    }
+
     fn normal(&self) -> Octahedral {
         let length = dot(self.sum, self.sum).sqrt();
         octahedral(if length > TINY * self.weight { scale(self.sum, 1.0 / length) } else { self.first })
@@ -123,31 +127,15 @@ impl Fans {
         let mut further_sums = Vec::new();
         for vertex in 0..points.len() {
             let own = &own[start[vertex] as usize..start[vertex + 1] as usize];
-            around.join(own, triangles, &faces);
-            around.sums.clear();
-            for (place, &corner) in own.iter().enumerate() {
-                let Face { normal, area } = faces[corner as usize / 3];
-                let first = around.first_of(place);
-                let number = if area == 0.0 {
-                    // Nobody sees this triangle: the first fan will do.
-                    0
-                } else if first == place {
-                    around.sums.push(Sum { first: normal, ..Sum::NONE });
-                    around.sums.len() - 1
-                } else {
-                    around.numbers[first]
-                };
-                around.numbers[place] = number;
-                if area > 0.0 {
-                    let sum = &mut around.sums[number];
-                    (sum.sum, sum.weight) = (add(sum.sum, scale(normal, area)), sum.weight + area);
-                }
-                fan_of[corner as usize] = match number {
+            around.sum(own, triangles, &faces);
+            for (&corner, &number) in own.iter().zip(&around.numbers) {
+                let fan = match number {
                     0 => vertex as u32,
-                    _ => (points.len() + fans.further.len() + number - 1) as u32,
+                    _ => (points.len() + fans.further.len()) as u32 + number - 1,
                 };
+                fan_of[corner as usize] = fan;
                 if number > 0 {
-                    fans.corners.push([corner, fan_of[corner as usize]]);
+                    fans.corners.push([corner, fan]);
                 }
             }
             let is_border = vertex < border_count;
@@ -223,54 +211,109 @@ struct Around {
     edges: Vec<u64>,
     /// Another corner of the same fan, or itself.
     joined: Vec<u32>,
-    /// The fan of each corner, and the sums of fans.
-    numbers: Vec<usize>,
+    /// The fan of each corner, from 0 on in the order of their first corners.
+    numbers: Vec<u32>,
+    /// The sums of these fans.
     sums: Vec<Sum>,
 }
 
 /// Of an edge: whether the border runs to the vertex.
 const RUNS_HERE: u64 = 1 << 31;
+/// So many corners are compared with each other. More are sorted: their number may be any.
+const FEW: usize = 8;
 
 impl Around {
-    /// Joins corners by edges that are no creases.
-    fn join(&mut self, own: &[u32], triangles: &[[u32; 3]], faces: &[Face]) {
-        self.edges.clear();
-        for (place, &corner) in (0..).zip(own) {
+    /// Finds the fans of corners, and sums them.
+    fn sum(&mut self, own: &[u32], triangles: &[[u32; 3]], faces: &[Face]) {
+        self.joined.clear();
+        self.joined.extend(0..own.len() as u32);
+        let join_count =
+            if own.len() <= FEW { self.join_few(own, triangles, faces) } else { self.join(own, triangles, faces) };
+        self.numbers.clear();
+        self.numbers.resize(own.len(), 0);
+        self.sums.clear();
+        // Nearly all vertices have a single fan.
+        if join_count + 1 == own.len() {
+            let mut sum = Sum { first: faces[own[0] as usize / 3].normal, ..Sum::NONE };
+            own.iter().for_each(|&corner| sum.add(&faces[corner as usize / 3]));
+            self.sums.push(sum);
+            return;
+        }
+        for (place, &corner) in own.iter().enumerate() {
+            let face = &faces[corner as usize / 3];
+            // Nobody sees a triangle without a normal: the first fan will do.
+            if face.area > 0.0 {
+                let first = first(&mut self.joined, place as u32) as usize;
+                if first == place {
+                    self.numbers[place] = self.sums.len() as u32;
+                    self.sums.push(Sum { first: face.normal, ..Sum::NONE });
+                }
+                self.numbers[place] = self.numbers[first];
+                self.sums[self.numbers[first] as usize].add(face);
+            }
+        }
+    }
+
+    /// Joins two corners unless the edge between them is a crease. Returns whether they were apart.
+    #[inline]
+    fn join_by_edge(&mut self, [a, b]: [usize; 2], own: &[u32], faces: &[Face]) -> bool {
+        let [one, other] = [a, b].map(|place| faces[own[place] as usize / 3].normal);
+        dot(one, other) > CREASE && join(&mut self.joined, a as u32, b as u32)
+    }
+
+    /// Joins corners by edges that are no creases, by comparing all with all. Returns how many sets have become part of others.
+    fn join_few(&mut self, own: &[u32], triangles: &[[u32; 3]], faces: &[Face]) -> usize {
+        const NONE: u32 = u32::MAX;
+        let (mut next, mut previous) = ([NONE; FEW], [NONE; FEW]);
+        for (place, &corner) in own.iter().enumerate() {
             let (triangle, k) = (corner as usize / 3, corner as usize % 3);
             // What has no normal takes no part.
             if faces[triangle].area > 0.0 {
-                let [next, previous] = [1, 2].map(|step| u64::from(triangles[triangle][(k + step) % 3]) << 32);
-                self.edges.extend([next | place, previous | RUNS_HERE | place]);
+                [next[place], previous[place]] = [1, 2].map(|step| triangles[triangle][(k + step) % 3]);
             }
         }
-        self.edges.sort_unstable();
-        self.joined.clear();
-        self.joined.extend(0..own.len() as u32);
-        self.numbers.clear();
-        self.numbers.resize(own.len(), 0);
-        for edge in self.edges.chunk_by(|a, b| a >> 32 == b >> 32) {
-            let &[from_here, to_here] = edge else { continue };
-            if from_here & RUNS_HERE != 0 || to_here & RUNS_HERE == 0 {
-                continue;
-            }
-            let [a, b] = [from_here, to_here].map(|edge| (edge & (RUNS_HERE - 1)) as u32);
-            let [one, other] = [a, b].map(|place| faces[own[place as usize] as usize / 3].normal);
-            if dot(one, other) > CREASE {
-                join(&mut self.joined, a, b);
+        let hits = |ends: &[u32; FEW], end: u32| (0..FEW).map(|k| u32::from(ends[k] == end) << k).sum::<u32>();
+        let mut join_count = 0;
+        for (place, &end) in next[..own.len()].iter().enumerate().filter(|(_, end)| **end != NONE) {
+            let [from_here, to_here] = [hits(&next, end), hits(&previous, end)];
+            if from_here.is_power_of_two() && to_here.is_power_of_two() {
+                let other = to_here.trailing_zeros() as usize;
+                join_count += usize::from(self.join_by_edge([place, other], own, faces));
             }
         }
+        join_count
     }
 
-    /// The first corner of a corner's fan.
-    fn first_of(&mut self, place: usize) -> usize {
-        first(&mut self.joined, place as u32) as usize
+    /// The same for any number of corners.
+    fn join(&mut self, own: &[u32], triangles: &[[u32; 3]], faces: &[Face]) -> usize {
+        let mut edges = std::mem::take(&mut self.edges);
+        edges.clear();
+        for (place, &corner) in (0..).zip(own) {
+            let (triangle, k) = (corner as usize / 3, corner as usize % 3);
+            if faces[triangle].area > 0.0 {
+                let [next, previous] = [1, 2].map(|step| u64::from(triangles[triangle][(k + step) % 3]) << 32);
+                edges.extend([next | place, previous | RUNS_HERE | place]);
+            }
+        }
+        edges.sort_unstable();
+        let mut join_count = 0;
+        for edge in edges.chunk_by(|a, b| a >> 32 == b >> 32) {
+            let &[from_here, to_here] = edge else { continue };
+            if from_here & RUNS_HERE == 0 && to_here & RUNS_HERE != 0 {
+                let places = [from_here, to_here].map(|edge| (edge & (RUNS_HERE - 1)) as usize);
+                join_count += usize::from(self.join_by_edge(places, own, faces));
+            }
+        }
+        self.edges = edges;
+        join_count
     }
 }
 
-/// Makes two sets one. Each of these has the number of its least element.
-pub(super) fn join(sets: &mut [u32], a: u32, b: u32) {
+/// Makes two sets one; a set has the number of its least element. Returns whether they were two.
+pub(super) fn join(sets: &mut [u32], a: u32, b: u32) -> bool {
     let [a, b] = [a, b].map(|element| first(sets, element));
     sets[a.max(b) as usize] = a.min(b);
+    a != b
 }
 
 /// The least element of an element's set.
@@ -280,4 +323,68 @@ pub(super) fn first(sets: &mut [u32], mut element: u32) -> u32 {
         element = sets[element as usize];
     }
     element
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stream::octahedral::direction;
+
+    const CUBE: [[u32; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+
+    fn fans(points: &[Vec3], triangles: &[[u32; 3]]) -> (Fans, Vec<u32>) {
+        let (fans, corners) = Fans::new(points, 0, triangles).unwrap();
+        assert_eq!(fans.normals.len(), points.len() + fans.further.len());
+        for (&fan, &vertex) in corners.fans.iter().zip(triangles.as_flattened()) {
+            let further = (fan as usize).checked_sub(points.len());
+            assert_eq!(further.map_or(fan, |further| fans.further[further]), vertex);
+            assert!(fans.of_vertex(vertex, points.len()).any(|other| other == fan));
+        }
+        (fans, corners.fans)
+    }
+
+    #[test]
+    fn a_cube_keeps_three_normals_a_corner_and_what_has_no_area_changes_nothing() {
+        let mut points: Vec<Vec3> =
+            (0..8).map(|bits| [0, 1, 2].map(|axis| f64::from(bits >> axis & 1) * 2000.0 - 1000.0)).collect();
+        let mut triangles: Vec<[u32; 3]> = CUBE.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        for round in 0..2 {
+            let (cube, corners) = fans(&points, &triangles);
+            assert_eq!(cube.further.len(), 16);
+            for (number, triangle) in corners[..36].chunks_exact(3).enumerate() {
+                let normal =
+                    triangle.iter().map(|&fan| direction(cube.normals[fan as usize]).map(|x| x.round() as i64));
+                let face = CUBE[number / 2].map(|vertex| points[vertex as usize]);
+                let of_face = cross(sub(face[1], face[0]), sub(face[2], face[0])).map(|x| (x / 4e6).round() as i64);
+                assert!(normal.into_iter().all(|normal| normal == of_face), "round {round}, triangle {number}");
+            }
+            // On an edge, in a point, on a line in space, and a vertex of no triangle.
+            points.extend([[-1000.0, -1000.0, 0.0], [9e3, 0.0, 0.0], [9e3, 1e3, 0.0], [9e3, 2e3, 0.0], [7e3; 3]]);
+            triangles.extend([[0, 8, 4], [3, 3, 3], [5, 5, 7], [9, 10, 11]]);
+        }
+    }
+
+    #[test]
+    fn many_corners_around_a_vertex_are_joined_as_few_are() {
+        for count in [3, FEW - 1, FEW, FEW + 1, 40] {
+            // A disc, and a roof of two sides.
+            for crease in [false, true] {
+                let at = |k: usize| {
+                    let turn = (k as f64 * 2.0 + 1.0) / count as f64 * std::f64::consts::PI;
+                    let [x, y] = [turn.cos() * 1e4, turn.sin() * 1e4];
+                    [x, y, if crease { -y.abs() } else { 0.0 }]
+                };
+                let points: Vec<Vec3> = [[0.0; 3]].into_iter().chain((0..count).map(at)).collect();
+                let triangles: Vec<[u32; 3]> =
+                    (0..count as u32).map(|k| [0, 1 + k, 1 + (k + 1) % count as u32]).collect();
+                let (disc, _) = fans(&points, &triangles);
+                let around = disc.of_vertex(0, points.len()).count();
+                let at_most = if crease { 2..=4 } else { 1..=1 };
+                assert!(at_most.contains(&around), "{count}, {crease}: {around}");
+                // The same with a triangle that is there twice: its edges are creases.
+                let (doubled, _) = fans(&points, &[&triangles[..], &triangles[..1]].concat());
+                assert!(doubled.of_vertex(0, points.len()).count() > around.min(2), "{count}, {crease}");
+            }
+        }
+    }
 }

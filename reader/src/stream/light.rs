@@ -262,7 +262,9 @@ impl Picture {
             let own = fans.ends[edge as usize][0].normal;
             let mut nearest = (f64::NEG_INFINITY, own);
             let mut look = |drawn: &DrawnRoot, vertex: u32, arcs: [u32; 2]| {
-                let (surface, Some(fans), Some(light)) = (&drawn.surface, &drawn.surface.fans, &drawn.light) else { return };
+                let (surface, Some(fans), Some(light)) = (&drawn.surface, &drawn.surface.fans, &drawn.light) else {
+                    return;
+                };
                 for End { fan, side, normal } in fans.ends[vertex as usize] {
                     let cosine = if own == NONE { 1.0 } else { cosine(own, normal) };
                     if cosine > nearest.0 && arcs.contains(&surface.half_arc(side).arc) {
@@ -274,7 +276,10 @@ impl Picture {
             match *key {
                 BorderKey::Sample { arc, param } => {
                     let other = self.users.across(surface.root, arc).and_then(|root| self.roots.get(&root));
-                    for (other, &side) in other.iter().flat_map(|other| other.surface.sides_of_arc(arc).iter().map(move |side| (other, side))) {
+                    for (other, &side) in other
+                        .iter()
+                        .flat_map(|other| other.surface.sides_of_arc(arc).iter().map(move |side| (other, side)))
+                    {
                         if let Some(vertex) = other.surface.vertex_of_sample(side, param) {
                             look(other, vertex, [arc; 2]);
                         }
@@ -285,7 +290,8 @@ impl Picture {
                     for root in self.users.at_corner(corner) {
                         let (Some(other), Some(arcs)) = (self.roots.get(&root), arcs) else { continue };
                         let fans = other.surface.fans.iter();
-                        fans.flat_map(|fans| fans.vertices_of_corner(corner)).for_each(|vertex| look(other, vertex, arcs));
+                        fans.flat_map(|fans| fans.vertices_of_corner(corner))
+                            .for_each(|vertex| look(other, vertex, arcs));
                     }
                 }
             }

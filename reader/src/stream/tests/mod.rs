@@ -3,6 +3,7 @@ mod damage;
 mod following;
 mod heights;
 mod images;
+mod light;
 #[cfg(feature = "threads")]
 mod lists;
 mod loading;
