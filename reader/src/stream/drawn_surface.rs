@@ -218,12 +218,10 @@ impl DrawnSurface {
                 fans.ends[triangle.corners[next] as usize][1] = end(next, sides.end - 1);
             }
         }
-        for (vertex, key) in (0..).zip(&self.keys) {
-            if let BorderKey::Corner(corner) = *key {
-                fans.border_corners.push([corner, vertex]);
-            }
-        }
-        fans.border_corners.sort_unstable();
+        fans.set_border_corners((0..).zip(&self.keys).filter_map(|(vertex, key)| match *key {
+            BorderKey::Corner(corner) => Some((corner, vertex)),
+            BorderKey::Sample { .. } => None,
+        }));
         Some(fans)
     }
 

@@ -21,15 +21,15 @@ pub(super) struct Fans {
     pub further: Vec<u32>,
     /// The normal of each fan.
     pub normals: Vec<Octahedral>,
-    /// Corners of triangles that are of further fans, ascending, with the fan: corner `k` of triangle `t` is `3 t + k`. Triangles at the border follow
-    /// the inner ones.
-    pub corners: Vec<[u32; 2]>,
+    /// Corners of triangles that are of further fans, ascending, with the fan in the lower half: corner `k` of triangle `t` is `3 t + k`. Triangles at the
+    /// border follow the inner ones.
+    corners: Vec<u64>,
     /// The sum of each fan at the border, in squares of lattice steps: first ones, then further ones.
     pub sums: Vec<[f32; 3]>,
     /// Where fans meet the border: for each of its vertices at the edge to the next one, and at that from the one before.
     pub ends: Vec<[End; 2]>,
-    /// The corners of the file that are vertices, ascending, each with the vertex.
-    pub border_corners: Vec<[u32; 2]>,
+    /// The corners of the file that are vertices, ascending, each with the vertex in the lower half.
+    border_corners: Vec<u64>,
 }
 
 /// A border edge at one of its vertices.
@@ -135,7 +135,7 @@ impl Fans {
                 };
                 fan_of[corner as usize] = fan;
                 if number > 0 {
-                    fans.corners.push([corner, fan]);
+                    fans.corners.push(pair(corner, fan));
                 }
             }
             let is_border = vertex < border_count;
@@ -175,10 +175,31 @@ impl Fans {
         }
     }
 
+    /// Corners of triangles that are of further fans, ascending from a triangle on, each with the fan.
+    pub fn further_corners(&self, first_triangle: u32) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let first = self.corners.partition_point(|&corner| corner < pair(3 * first_triangle, 0));
+        self.corners[first..].iter().map(|&corner| halves(corner))
+    }
+
+    /// Takes the corners of the file that are vertices, with these.
+    pub fn set_border_corners(&mut self, corners: impl Iterator<Item = (u32, u32)>) {
+        self.border_corners = corners.map(|(corner, vertex)| pair(corner, vertex)).collect();
+        self.border_corners.sort_unstable();
+    }
+
+    /// The corners of the file that are vertices, ascending.
+    pub fn border_corners(&self) -> impl Iterator<Item = u32> + '_ {
+        self.border_corners.iter().map(|&corner| halves(corner).0)
+    }
+
     /// The vertices that a corner of the file is.
     pub fn vertices_of_corner(&self, corner: u32) -> impl Iterator<Item = u32> + '_ {
-        let first = self.border_corners.partition_point(|[other, _]| *other < corner);
-        self.border_corners[first..].iter().take_while(move |[other, _]| *other == corner).map(|&[_, vertex]| vertex)
+        let first = self.border_corners.partition_point(|&other| other < pair(corner, 0));
+        self.border_corners[first..]
+            .iter()
+            .map(|&pair| halves(pair))
+            .take_while(move |(other, _)| *other == corner)
+            .map(|(_, vertex)| vertex)
     }
 
     /// Its size in memory.
@@ -187,6 +208,15 @@ impl Fans {
         let bytes = bytes + 8 * (self.corners.len() + self.border_corners.len());
         bytes + 12 * self.sums.len() + size_of::<[End; 2]>() * self.ends.len()
     }
+}
+
+/// Two numbers in one: many kinds of things are sorted as this one kind.
+fn pair(high: u32, low: u32) -> u64 {
+    u64::from(high) << 32 | u64::from(low)
+}
+
+fn halves(pair: u64) -> (u32, u32) {
+    ((pair >> 32) as u32, pair as u32)
 }
 
 /// The corners of each vertex, ascending: where they begin, and their numbers.

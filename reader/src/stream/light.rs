@@ -52,7 +52,7 @@ impl Stale {
     pub fn add(&mut self, surface: &DrawnSurface) {
         if let Some(fans) = &surface.fans {
             self.arcs.extend(surface.half_arcs().map(|half_arc| half_arc.arc));
-            self.corners.extend(fans.border_corners.iter().map(|[corner, _]| *corner));
+            self.corners.extend(fans.border_corners());
         }
     }
 }
@@ -66,11 +66,9 @@ struct Member {
 }
 
 /// Where a fan ends at an arc: its number among the members, and the normal of its triangle there.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Reach {
-    arc: u32,
-    /// Whether the edge runs along the arc's direction, seen from the vertex.
-    is_along: bool,
+    /// Twice the arc, and one more where the edge runs along its direction, seen from the vertex.
+    edge: u64,
     member: u32,
     normal: Octahedral,
 }
@@ -80,6 +78,8 @@ struct Reach {
 struct Meeting {
     members: Vec<Member>,
     reaches: Vec<Reach>,
+    /// Places of these by edge.
+    order: Vec<u64>,
     sets: Vec<u32>,
     /// Of each set, at its first member: the sum, that of its parts' lengths, and their number.
     sums: Vec<(Vec3, f64, u32)>,
@@ -102,8 +102,8 @@ impl Meeting {
             self.members.push(Member { root: surface.root, place, sum, own });
             for (end, leaves) in ends.into_iter().zip([true, false]).filter(|(end, _)| end.fan == fan) {
                 let half_arc = surface.half_arc(end.side);
-                let (arc, is_along) = (half_arc.arc, half_arc.reversed != leaves);
-                self.reaches.push(Reach { arc, is_along, member: number, normal: end.normal });
+                let edge = u64::from(half_arc.arc) << 1 | u64::from(half_arc.reversed != leaves);
+                self.reaches.push(Reach { edge, member: number, normal: end.normal });
             }
         }
     }
@@ -112,13 +112,18 @@ impl Meeting {
     fn settle(&mut self, mut found: impl FnMut(u32, usize, Octahedral)) {
         self.sets.clear();
         self.sets.extend(0..self.members.len() as u32);
-        self.reaches.sort_unstable();
-        for edge in self.reaches.chunk_by(|a, b| (a.arc, a.is_along) == (b.arc, b.is_along)) {
+        let mut order = std::mem::take(&mut self.order);
+        order.clear();
+        order.extend((0..).zip(&self.reaches).map(|(number, reach): (u64, _)| reach.edge << 24 | number));
+        order.sort_unstable();
+        for edge in order.chunk_by(|a, b| a >> 24 == b >> 24) {
             let &[a, b] = edge else { continue };
+            let [a, b] = [a, b].map(|place| &self.reaches[place as usize & 0xff_ffff]);
             if cosine(a.normal, b.normal) > CREASE {
                 join(&mut self.sets, a.member, b.member);
             }
         }
+        self.order = order;
         self.sums.clear();
         self.sums.resize(self.members.len(), ([0.0; 3], 0.0, 0));
         let mut first_sum = None;
@@ -172,8 +177,11 @@ impl Picture {
         let (mut meeting, mut found) = (Meeting::default(), Vec::new());
         let mut samples = Vec::new();
         for arc in arcs {
+            found.clear();
             self.light_arc(arc, &mut samples, &mut meeting, &mut found);
-            self.take_normals(&mut found, &mut relit);
+            for root in self.users.beside(arc) {
+                self.take_normals(root, &found, &mut relit);
+            }
         }
         for corner in corners {
             meeting.clear();
@@ -182,8 +190,11 @@ impl Picture {
                 let Some(fans) = &surface.fans else { continue };
                 fans.vertices_of_corner(corner).for_each(|vertex| meeting.add(surface, fans, vertex));
             }
+            found.clear();
             meeting.settle(|root, place, normal| found.push((root, place, normal)));
-            self.take_normals(&mut found, &mut relit);
+            for of_root in found.chunk_by(|a, b| a.0 == b.0) {
+                self.take_normals(of_root[0].0, of_root, &mut relit);
+            }
         }
         for root in strips {
             let Some(inserted) = self.roots.get(&root).and_then(|drawn| self.inserted(drawn)) else { continue };
@@ -203,54 +214,48 @@ impl Picture {
     }
 
     /// The normals at the samples of an arc.
-    fn light_arc(&self, arc: u32, samples: &mut Vec<[u32; 3]>, meeting: &mut Meeting, found: &mut Vec<Found>) {
-        let mut roots = self.users.beside(arc);
-        roots.sort_unstable();
-        let surfaces = roots.map(|root| self.surface(root));
+    fn light_arc(&self, arc: u32, samples: &mut Vec<u64>, meeting: &mut Meeting, found: &mut Vec<Found>) {
+        let [a, b] = self.users.beside(arc);
+        let surfaces = [a.min(b), a.max(b)].map(|root| self.surface(root));
         samples.clear();
-        for (surface, which) in surfaces.iter().zip(0..) {
+        for (surface, which) in surfaces.iter().zip(0_u64..) {
             let Some(surface) = surface else { continue };
             for &side in surface.sides_of_arc(arc) {
                 let vertices = surface.samples(side);
                 let keys = &surface.keys[vertices.start as usize..vertices.end as usize];
+                // By parameter, then by root.
                 samples.extend(keys.iter().zip(vertices).filter_map(|(key, vertex)| match *key {
-                    BorderKey::Sample { param, .. } => Some([param, which, vertex]),
+                    BorderKey::Sample { param, .. } => Some(u64::from(param) << 33 | which << 32 | u64::from(vertex)),
                     BorderKey::Corner(_) => None,
                 }));
             }
         }
-        // Ordered runs are only merged.
-        samples.sort();
-        for same in samples.chunk_by(|a, b| a[0] == b[0]) {
+        samples.sort_unstable();
+        for same in samples.chunk_by(|a, b| a >> 33 == b >> 33) {
             meeting.clear();
-            for &[_, which, vertex] in same {
-                let Some(surface) = surfaces[which as usize] else { continue };
+            for &sample in same {
+                let Some(surface) = surfaces[usize::from(sample >> 32 & 1 == 1)] else { continue };
                 let Some(fans) = &surface.fans else { continue };
-                meeting.add(surface, fans, vertex);
+                meeting.add(surface, fans, sample as u32);
             }
             meeting.settle(|root, place, normal| found.push((root, place, normal)));
         }
     }
 
-    /// Gives roots what was found, and notes those for which it is new.
-    fn take_normals(&mut self, found: &mut Vec<Found>, relit: &mut Vec<u32>) {
-        found.sort_by_key(|&(root, ..)| root);
-        for of_root in found.chunk_by(|a, b| a.0 == b.0) {
-            let root = of_root[0].0;
-            let Some(light) = self.roots.get_mut(&root).and_then(|drawn| drawn.light.as_mut()) else { continue };
-            let is_new = |&(_, place, normal): &Found| light.border.get(place) != Some(&normal);
-            if !of_root.iter().any(is_new) {
-                continue;
-            }
-            let border = &mut Arc::make_mut(light).border;
-            for &(_, place, normal) in of_root {
-                if let Some(known) = border.get_mut(place) {
-                    *known = normal;
-                }
-            }
-            relit.push(root);
+    /// Gives a root what was found for it, and notes it if that is new.
+    fn take_normals(&mut self, root: u32, found: &[Found], relit: &mut Vec<u32>) {
+        let Some(light) = self.roots.get_mut(&root).and_then(|drawn| drawn.light.as_mut()) else { return };
+        let own = || found.iter().filter(|(other, ..)| *other == root);
+        if own().all(|&(_, place, normal)| light.border.get(place) == Some(&normal)) {
+            return;
         }
-        found.clear();
+        let border = &mut Arc::make_mut(light).border;
+        for &(_, place, normal) in own() {
+            if let Some(known) = border.get_mut(place) {
+                *known = normal;
+            }
+        }
+        relit.push(root);
     }
 
     /// The normals of the vertices that a root's strips have beyond its own: those of the finer roots that have them, on the side that is nearest.

@@ -1,6 +1,10 @@
 //! A root's triangles with normals, for who draws it in smooth light.
 
 use super::{fans::Fans, octahedral::Octahedral, picture::DrawnRoot};
+use crate::{
+    codec::vector::{scale, sub},
+    decode::Mesh,
+};
 
 /// A root's triangles with a normal at each vertex.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -24,6 +28,24 @@ pub struct Light {
     pub strip_normals: Vec<[i16; 2]>,
     /// The surface's triangles, then those at the border, as [`super::DrawnSurface::border_triangles`] lists them.
     pub triangles: Vec<[u32; 3]>,
+}
+
+impl Lit {
+    /// A mesh by itself, by the rule of SPEC.md, 14.4; without normals if it has more than 2^32 corners. For overviews.
+    pub fn of(mesh: &Mesh) -> Self {
+        let Mesh { mut positions, mut triangles, .. } = mesh.clone();
+        // In a unit in which areas are in the range of numbers.
+        let origin = positions.first().copied().unwrap_or_default();
+        let offsets = positions.iter().map(|&position| sub(position, origin));
+        let most = offsets.clone().flatten().fold(f64::MIN_POSITIVE, |most, x| most.max(x.abs()));
+        let points: Vec<[f64; 3]> = offsets.map(|offset| scale(offset, 1.0 / most)).collect();
+        let Some((fans, corners)) = Fans::new(&points, 0, &triangles) else {
+            return Self { positions, triangles, ..Self::default() };
+        };
+        positions.extend(fans.further.iter().map(|&vertex| mesh.positions[vertex as usize]));
+        triangles.as_flattened_mut().copy_from_slice(&corners.fans);
+        Self { positions, triangles, normals: fans.normals }
+    }
 }
 
 impl DrawnRoot {
@@ -50,7 +72,7 @@ impl DrawnRoot {
         let normals = self.fan_normals(fans)?.concat();
         let border = surface.border_triangles().map(|(corners, _)| corners);
         let mut triangles: Vec<[u32; 3]> = surface.triangles.iter().copied().chain(border).collect();
-        for &[corner, fan] in &fans.corners {
+        for (corner, fan) in fans.further_corners(0) {
             triangles[corner as usize / 3][corner as usize % 3] = fan;
         }
         let strip_normals = self.light.as_ref()?.inserted.clone();
@@ -70,17 +92,16 @@ impl DrawnRoot {
         let surface = &self.surface;
         let inner_count = surface.triangles.len();
         let vertex_of = |fan: u32| further_from + fan - surface.positions.len() as u32;
-        let at_border = fans.corners.partition_point(|[corner, _]| (*corner as usize) < 3 * inner_count);
-        for &[corner, fan] in &fans.corners[..at_border] {
+        for (corner, fan) in fans.further_corners(0).take_while(|(corner, _)| (*corner as usize) < 3 * inner_count) {
             triangles[corner as usize / 3][corner as usize % 3] = vertex_of(fan);
         }
-        let mut corners = fans.corners[at_border..].iter().peekable();
+        let mut corners = fans.further_corners(inner_count as u32).peekable();
         let mut begin = inner_count;
         for (side, strip) in self.strips.iter().enumerate() {
             let range = surface.border_range(side);
             let end_of_strip = begin + strip.triangles.len();
             let end = 3 * (inner_count as u32 + range.end);
-            if corners.peek().is_some_and(|[corner, _]| *corner < end) {
+            if corners.peek().is_some_and(|(corner, _)| *corner < end) {
                 for number in range {
                     let (own, on_border) = surface.border_triangle(number);
                     // Each vertex that is inserted adds a triangle.
@@ -90,11 +111,10 @@ impl DrawnRoot {
                     };
                     let count = 1 + (0..3).filter(|&k| on_border[k]).map(inserted).sum::<usize>();
                     let triangle = inner_count as u32 + number;
-                    while let Some(&&[corner, fan]) = corners.peek().filter(|[corner, _]| corner / 3 == triangle) {
+                    while let Some((corner, fan)) = corners.next_if(|(corner, _)| corner / 3 == triangle) {
                         let vertex = own[corner as usize % 3];
                         let parts = triangles.iter_mut().skip(begin).take(count).flatten();
                         parts.filter(|part| **part == vertex).for_each(|part| *part = vertex_of(fan));
-                        corners.next();
                     }
                     begin += count;
                 }

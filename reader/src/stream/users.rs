@@ -74,6 +74,5 @@ impl Users {
 
 /// The corners that a surface has as vertices, if it has light.
 fn lit_corners(surface: &DrawnSurface) -> impl Iterator<Item = (u32, u32)> + '_ {
-    let corners = surface.fans.iter().flat_map(|fans| &fans.border_corners);
-    corners.map(|[corner, _]| (*corner, surface.root))
+    surface.fans.iter().flat_map(|fans| fans.border_corners()).map(|corner| (corner, surface.root))
 }
