@@ -39,6 +39,7 @@ pub struct DrawnRoot {
     sides: Vec<DrawnSide>,
     /// In a session with light the normals at the border.
     pub(super) light: Option<Arc<BorderLight>>,
+    pub(super) light_stamp: u64,
     error: f64,
     stamp: u64,
 }
@@ -89,7 +90,9 @@ impl DrawnRoot {
 
     fn of(surface: Arc<DrawnSurface>, strips: Vec<Arc<Strip>>) -> Self {
         let (error, light) = (error_of(&surface, &strips), BorderLight::of(&surface));
-        Self { surface, strips, texture: None, images: None, sides: Vec::new(), light, error, stamp: new_stamp() }
+        let stamp = new_stamp();
+        let (sides, light_stamp) = (Vec::new(), stamp);
+        Self { surface, strips, texture: None, images: None, sides, light, light_stamp, error, stamp }
     }
 
     /// Gives it another border.
@@ -107,6 +110,12 @@ impl DrawnRoot {
     /// A number that another state of this root does not have: where it is the same as in an earlier frame, nothing of the root has changed.
     pub fn stamp(&self) -> u64 {
         self.stamp
+    }
+
+    /// The same for its normals: where the number is that of an earlier frame, neither its surface nor its normals have changed, though its strips and
+    /// its images may have.
+    pub fn light_stamp(&self) -> u64 {
+        self.light_stamp
     }
 
     /// Bound of the two-sided distance between the drawn root and the input, world units: the block's error and, where a neighbour is
@@ -383,9 +392,10 @@ impl Picture {
         }
         changes.lights = self.relight(stale, affected.iter().copied());
         changes.lights.retain(|root| changes.surfaces.binary_search(root).is_err());
-        for &root in &changes.lights {
-            if let Some(drawn) = self.roots.get_mut(&root).filter(|_| !affected.contains(&root)) {
+        for root in &changes.lights {
+            if let Some(drawn) = self.roots.get_mut(root) {
                 drawn.stamp = new_stamp();
+                drawn.light_stamp = drawn.stamp;
             }
         }
         let changed = changes.removed.iter().chain(affected.iter()).chain(&changes.lights).copied();
