@@ -295,7 +295,7 @@ fn shade(vertex: Vertex, @builtin(front_facing) is_front: bool) -> Pixel {
     let mean = unpack4x8unorm(roots[vertex.slot].mean);
     let is_number = globals.channel.x == 2.0;
     let colour = colour_of(vec4f(select(linear_of(mean.rgb), mean.rgb, is_number), 1.0));
-    return finished(vertex, is_front, vec4f(colour, mean.a), vertex.normal, globals.channel.y == 1.0);
+    return finished(vertex, is_front, vec4f(colour, mean.a), vec3f(0.0), globals.channel.y == 1.0);
 }
 
 @fragment
@@ -306,7 +306,7 @@ fn shade_textured(vertex: TexturedVertex, @builtin(front_facing) is_front: bool)
     let nearest = textureLoad(texels, vec2u(clamp(vertex.place, range.xy, range.zw)), 0);
     var texel = nearest;
     if (globals.channel.x != 3.0) { texel = mean_at(texels, vertex.place, along_x, along_y, range); }
-    var normal = vertex.normal;
+    var normal = vec3f(0.0);
     if (all(textureDimensions(normals) == textureDimensions(texels))) {
         let direction = mean_at(normals, vertex.place, along_x, along_y, range);
         let n = (direction.xyz * 255.0 - 128.0) * direction.w;
@@ -330,8 +330,9 @@ fn scattered(pixel: vec2f) -> f32 {
     return fract(52.9829189 * fract(dot(floor(pixel), vec2f(0.06711056, 0.00583715))));
 }
 
-// A pixel of a surface of this linear colour, or of none if it has no opacity; and with this normal, or that of its triangle if it has no length.
-fn finished(vertex: Vertex, is_front: bool, channel: vec4f, smooth_normal: vec3f, is_unlit: bool) -> Pixel {
+// A pixel of a surface of this linear colour, or of none if it has no opacity; and with this normal, or that of its vertices if it has no length, or that of
+// its triangle if they have none.
+fn finished(vertex: Vertex, faces_here: bool, channel: vec4f, stored: vec3f, is_unlit: bool) -> Pixel {
     let root = roots[vertex.slot];
     let along_x = dpdx(vertex.view);
     let along_y = dpdy(vertex.view);
@@ -340,7 +341,14 @@ fn finished(vertex: Vertex, is_front: bool, channel: vec4f, smooth_normal: vec3f
     let is_lost = dot(normal, normal) <= 1e-12 * dot(along_x, along_x) * dot(along_y, along_y);
     normal = normalize(select(normal, -vertex.view, is_lost));
     if (dot(normal, vertex.view) > 0.0) { normal = -normal; }
-    if (dot(smooth_normal, smooth_normal) > 0.0) { normal = normalize(select(-smooth_normal, smooth_normal, is_front)); }
+    var is_front = faces_here;
+    if (dot(stored, stored) > 0.0) {
+        normal = normalize(select(-stored, stored, is_front));
+    } else if (dot(vertex.normal, vertex.normal) > 0.0) {
+        // A sliver that is folded over is seen from behind, but looks this way with all around it.
+        is_front = is_front || dot(vertex.normal, vertex.view) < 0.0;
+        normal = normalize(select(-vertex.normal, vertex.normal, is_front));
+    }
     // A key light over the left shoulder, a weak one from the right, and the sky.
     let key = max(dot(normal, normalize(vec3f(-0.45, 0.6, -0.66))), 0.0);
     let fill = max(dot(normal, normalize(vec3f(0.8, 0.0, -0.6))), 0.0);

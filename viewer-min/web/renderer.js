@@ -84,7 +84,11 @@ void main() {
   normal = normalize(is_lost ? -view : normal);
   if (dot(normal, view) > 0.0) normal = -normal;
   bool is_front = gl_FrontFacing;
-  if (dot(smoothed, smoothed) > 0.0) normal = normalize(is_front ? smoothed : -smoothed);
+  if (dot(smoothed, smoothed) > 0.0) {
+    // A sliver that is folded over is seen from behind, but looks this way with all around it.
+    is_front = is_front || dot(smoothed, view) < 0.0;
+    normal = normalize(is_front ? smoothed : -smoothed);
+  }
   vec4 stored = channel.z > 0.0 ? mean_at(normals) : vec4(0.0);
   if (stored.w > 0.5) {
     vec3 direction = normalize(axes * (2.0 * stored.xyz - stored.w));
