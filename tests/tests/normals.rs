@@ -117,7 +117,10 @@ fn streamed_surfaces_have_one_normal_on_both_sides_of_every_border_and_boxes_kee
             let off = |(position, normals): (&[u64; 3], &BTreeSet<[i16; 2]>)| {
                 let place = DVec3::from(position.map(f64::from_bits));
                 let wanted = place - DVec3::new(place.x, place.y, 0.0).normalize();
-                normals.iter().map(|&n| DVec3::from(direction(n)).angle_between(wanted).to_degrees()).fold(0.0, f64::max)
+                normals
+                    .iter()
+                    .map(|&n| DVec3::from(direction(n)).angle_between(wanted).to_degrees())
+                    .fold(0.0, f64::max)
             };
             let off = at.iter().map(off).fold(0.0, f64::max);
             assert!(off < 15.0, "{name}, {steps:?}: {off} degrees");

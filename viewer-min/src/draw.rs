@@ -372,7 +372,9 @@ impl Renderer {
             return Block::new(info, strips, Some(Own { triangles, texels, pieces, pulled: None }));
         }
         if self.way == Way::Stitched {
-            if let Some(ByPiece { positions, triangles, pieces, normals }) = texels.as_ref().and_then(|_| drawn.by_piece()) {
+            if let Some(ByPiece { positions, triangles, pieces, normals }) =
+                texels.as_ref().and_then(|_| drawn.by_piece())
+            {
                 let pieces = Some(gpu.buffer(&pieces, BufferUsages::VERTEX));
                 let triangles = Some(Batch::new(&gpu, &vertices(&positions, &normals), &triangles));
                 return Block::new(info, strips, Some(Own { triangles, texels, pieces, pulled: None }));

@@ -205,7 +205,8 @@ impl Check {
     fn new(source: Source, options: &Options) -> Result<Self> {
         let gpu = Arc::new(Gpu::headless()?);
         // What is checked is geometry, of tiles of all depths.
-        let mut scene = Scene::open_with(source, Looks { mode: Mode::Synchronous, sample_px: f64::INFINITY, is_flat: true })?;
+        let mut scene =
+            Scene::open_with(source, Looks { mode: Mode::Synchronous, sample_px: f64::INFINITY, is_flat: true })?;
         scene.take_ground();
         scene.query.outside = Outside::Coarsest;
         let renderer = |way| Renderer::new(&gpu, way);
