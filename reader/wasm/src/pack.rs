@@ -285,7 +285,8 @@ fn changed_roots<'p>(picture: &'p Picture, changes: &Changes, is_all: bool) -> V
         return picture.roots().collect();
     }
     let strips = changes.strips.iter().map(|(root, _)| root);
-    let mut changed: Vec<u32> = changes.surfaces.iter().chain(strips).chain(&changes.textures).chain(&changes.lights).copied().collect();
+    let mut changed: Vec<u32> =
+        changes.surfaces.iter().chain(strips).chain(&changes.textures).chain(&changes.lights).copied().collect();
     changed.sort_unstable();
     changed.dedup();
     changed.into_iter().filter_map(|root| picture.root(root)).collect()
