@@ -283,6 +283,8 @@ export class LodpackFile {
   private constructor();
   /** Whether it holds a mesh or a grid of heights. The latter's roots are tiles and its levels depths in frames; `levels` is empty, and `channels`, too, unless it has colours by height. */
   readonly kind: 'mesh' | 'heights';
+  /** Whether it has normals: a channel of them, or those of heights. Streams find some for files without, if asked to (`light`). */
+  readonly storesNormals: boolean;
   /** The grid of a file of heights; null for a mesh. */
   readonly heights: HeightGrid | null;
   /** Version of the format. */
@@ -349,6 +351,8 @@ export interface StreamOptions {
   normals?: boolean;
   /** Whether images have what else materials have beside the channel, if that is one of colours; false. */
   materials?: boolean;
+  /** Whether vertices get normals for smooth light where the file stores none (`storesNormals`), alike on both sides of every border (SPEC.md, 14.5); false. */
+  light?: boolean;
   /** Most reads at once; 6. */
   maxReads?: number;
   /** How far the camera's motion is predicted, milliseconds; 300. 0 turns prefetching off. */
@@ -375,6 +379,11 @@ export interface Upload {
   /** Relative to the stream's origin. Roots that meet have the same positions there, to the bit. */
   positions: Float32Array;
   triangles: Uint32Array;
+  /**
+   * In a stream with light the normal of each vertex, two numbers x and y of 32767 each: the point (x, y, 1 - |x| - |y|) of an octahedron, where x and y give way to
+   * (1 - |y|) sign x and (1 - |x|) sign y if the third number is negative. A Pool can make vectors of them. Vertices on creases are there once for each side.
+   */
+  normals?: Int16Array;
   /** Colours of the channel that the stream shows. Undefined: the root keeps the image that it has. Null: the stream shows none. */
   image?: Image | TileImage | null;
   /** x and y of each vertex in the image, in texels: the first one lies between 0 and 1. Without places the image has one texel, for all of the root. */
@@ -438,6 +447,8 @@ export const OVERVIEW: number;
 /** Buffers that hold some roots. */
 export interface Slab {
   readonly positions: Float32Array;
+  /** With `normals: 'octahedral'` two numbers a vertex, as uploads have them, and -32768 where there is no normal; with 'vectors' x, y, z in 1/32767 and a 0. */
+  readonly normals?: Int16Array;
   readonly info?: Float32Array;
   readonly indices: Uint32Array;
   /** With images: x and y of each vertex in the atlas, in texels. */
@@ -485,9 +496,10 @@ export interface PoolEntry {
 
 /** Everything that frames draw, in few buffers. */
 export class Pool {
-  /** `infoOf` returns `infoSize` numbers for each vertex of a root. With `images` slabs have an atlas each, no side longer than `maxTextureSize` (4096). */
+  /** `normals` says how slabs have those of a stream with light; without it they have none. `infoOf` returns `infoSize` numbers for each vertex of a root. With `images` slabs have an atlas each, no side longer than `maxTextureSize` (4096). */
   constructor(options?: {
     infoSize?: number;
+    normals?: 'octahedral' | 'vectors';
     infoOf?: (entry: Pick<PoolEntry, 'root' | 'level' | 'error'>) => ArrayLike<number>;
     images?: boolean;
     maxTextureSize?: number;

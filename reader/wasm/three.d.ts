@@ -3,8 +3,8 @@ import type { Channel, Frame, LodpackFile, OpenOptions, StreamOptions, open } fr
 
 export interface LodpackMeshOptions {
   /**
-   * Flat-shaded: there are no normals at vertices. By default a MeshStandardMaterial. Where a channel is shown, copies of it have textures: `map`, and
-   * where the file has them and the material takes them `normalMap`, `roughnessMap`, `metalnessMap`, `aoMap` and `emissiveMap`.
+   * By default a MeshStandardMaterial. Where the file stores no normals, and the material takes light, vertices have some (`normal`, SPEC.md, 14.5); elsewhere, and with
+   * `stream: { light: false }`, it has to be flat-shaded. Where a channel is shown, copies of it have textures: `map`, and where the file has them and the material takes them `normalMap`, `roughnessMap`, `metalnessMap`, `aoMap` and `emissiveMap`.
    */
   material?: Material;
   /** False for a MeshBasicMaterial instead, which shows colours as they are in the file. */

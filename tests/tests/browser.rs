@@ -192,6 +192,7 @@ fn webassembly_reads_every_vector_as_the_native_reader_does() {
             "test/channels.test.js",
             "test/heights.test.js",
             "test/ground.test.js",
+            "test/light.test.js",
         ]);
     }
 }

@@ -2,8 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
+use std::time::Duration;
 
 use glam::DVec3;
+use lodpack::stream::{Mode, Options, Simulation, direction};
+use lodpack::{File, Limits, Node};
 use lodpack_tests::generate::{save_ply, torus};
 use lodpack_tests::parts::boxes;
 use serde_json::Value;
@@ -73,6 +76,61 @@ fn both_sides_of_arcs_and_of_seams_of_images_have_the_same_normals() {
             assert!(off < 15.0, "{glb}: {off} degrees");
         }
     }
+}
+
+/// The normals at each position of a cut that a session draws, after others. Levels of roots that are not a multiple of `step` are one coarser.
+fn streamed(bytes: Vec<u8>, steps: &[u32]) -> BTreeMap<[u64; 3], BTreeSet<[i16; 2]>> {
+    let file = File::open(bytes, Limits::default()).expect("a sound file opens");
+    let options = Options { mode: Mode::Synchronous, light: true, ..Options::default() };
+    let mut session = file.session(options).expect("a sound file streams");
+    let mut simulation = Simulation::new(file.source(), Duration::ZERO);
+    let finest = file.uniform_cut(file.level_count() as u8 - 1).expect("a sound file").nodes;
+    for step in steps {
+        let level = |node: &Node| node.level - u8::from(!node.root.is_multiple_of(*step) && node.level > 0);
+        let nodes: Vec<Node> = finest.iter().map(|node| Node { level: level(node), ..*node }).collect();
+        simulation.frame(&mut session, &nodes, &[]).expect("a sound file streams");
+    }
+    let mut all: BTreeMap<_, BTreeSet<_>> = BTreeMap::new();
+    for drawn in session.picture().roots() {
+        let lit = drawn.lit().expect("light");
+        for (position, normal) in lit.positions.iter().zip(lit.normals) {
+            all.entry(position.map(f64::to_bits)).or_default().insert(normal);
+        }
+    }
+    all
+}
+
+#[test]
+fn streamed_surfaces_have_one_normal_on_both_sides_of_every_border_and_boxes_keep_their_edges() {
+    let folder = Folder::empty();
+    let torus = torus(160);
+    save_ply(&torus, &folder.path("bare.ply")).expect("writable");
+    save_coloured(&torus, &folder.path("coloured.ply"));
+    save_ply(&boxes(3), &folder.path("boxes.ply")).expect("writable");
+    for name in ["bare", "coloured"] {
+        folder.run(&format!("build {name}.ply -o {name}.lodpack --tolerance 0.05edge"));
+        let bytes = folder.read(&format!("{name}.lodpack"));
+        let fine = streamed(bytes.clone(), &[1]);
+        for steps in [&[1][..], &[2, 3], &[3, 1], &[1, 2]] {
+            let at = streamed(bytes.clone(), steps);
+            assert!(at.values().all(|normals| normals.len() == 1), "{name}, {steps:?}");
+            let off = |(position, normals): (&[u64; 3], &BTreeSet<[i16; 2]>)| {
+                let place = DVec3::from(position.map(f64::from_bits));
+                let wanted = place - DVec3::new(place.x, place.y, 0.0).normalize();
+                normals
+                    .iter()
+                    .map(|&n| DVec3::from(direction(n)).angle_between(wanted).to_degrees())
+                    .fold(0.0, f64::max)
+            };
+            let off = at.iter().map(off).fold(0.0, f64::max);
+            assert!(off < 15.0, "{name}, {steps:?}: {off} degrees");
+            // What was drawn before does not matter.
+            assert!(steps[steps.len() - 1] != 1 || at == fine, "{name}, {steps:?}");
+        }
+    }
+    folder.run("build boxes.ply");
+    let at = streamed(folder.read("boxes.lodpack"), &[1]);
+    assert!(at.len() == 24 && at.values().all(|normals| normals.len() == 3), "{at:?}");
 }
 
 #[test]

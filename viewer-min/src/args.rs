@@ -120,6 +120,9 @@ pub struct Args {
     /// Show the channel without light
     #[arg(long)]
     pub unlit: bool,
+    /// Shade triangles flat where the file stores no normals, instead of smoothly
+    #[arg(long)]
+    pub flat: bool,
     /// Draw one tile of the picture: tile X,Y of WxH tiles, counted from the upper left corner
     #[arg(long, value_name = "X,Y/WxH", value_parser = parse_tile, overrides_with = "tiles")]
     pub tile: Option<Tile>,

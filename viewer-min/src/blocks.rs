@@ -5,10 +5,10 @@ use std::collections::{BTreeMap, HashMap};
 use lodpack::{
     decode::{BorderKey, PARAM_END},
     index::HalfArc,
-    stream::{BorderEdge, DrawnRoot, DrawnSurface},
+    stream::{BorderEdge, DrawnRoot, DrawnSurface, Light},
 };
 
-use crate::camera::pair;
+use crate::camera::{NO_NORMAL, vertex};
 
 /// Marks an edge that is on no chain.
 const NONE: u32 = u32::MAX;
@@ -17,8 +17,8 @@ pub const RECORD: usize = 12;
 
 /// A root's border triangles for vertex pulling, [`RECORD`] numbers each: the corners, then for each edge its chain and where it
 /// begins and ends along that, or no chain. A chain runs from one corner that is a vertex of the surface to the next, and has the number
-/// of its first side.
-pub fn border_records(surface: &DrawnSurface) -> Vec<u32> {
+/// of its first side. In light the corners are those of triangles with normals.
+pub fn border_records(surface: &DrawnSurface, light: Option<&Light>) -> Vec<u32> {
     let chains = Chains::new(surface);
     let edge = |edge: Vec<BorderEdge>| match (edge.first(), edge.last()) {
         (Some(first), Some(last)) => {
@@ -28,8 +28,12 @@ pub fn border_records(surface: &DrawnSurface) -> Vec<u32> {
         }
         _ => [NONE, 0, 0],
     };
-    let triangles = surface.border_triangles();
-    triangles.flat_map(|(corners, edges)| corners.into_iter().chain(edges.into_iter().flat_map(edge))).collect()
+    let lit = |number: usize| light.and_then(|light| light.triangles.get(surface.triangles.len() + number).copied());
+    let triangles = surface.border_triangles().enumerate();
+    let corners = |number: usize, corners: [u32; 3]| lit(number).unwrap_or(corners);
+    triangles
+        .flat_map(|(number, (own, edges))| corners(number, own).into_iter().chain(edges.into_iter().flat_map(edge)))
+        .collect()
 }
 
 /// The chains of a surface.
@@ -60,22 +64,26 @@ impl Chains {
 
 /// The vertices to which a root's border is snapped. First the most triangles that the fan of any border triangle needs; then, for each
 /// chain, by its number, the index and the number of its vertices; then the vertices in the order of the loop, each its place along the
-/// chain and its position. Contains only what finer neighbours have beyond the root's own.
-pub fn snap_table(DrawnRoot { surface, strips, .. }: &DrawnRoot, records: &[u32]) -> Vec<u32> {
+/// chain, its position and its normal. Contains only what finer neighbours have beyond the root's own.
+pub fn snap_table(drawn: &DrawnRoot, light: Option<&Light>, records: &[u32]) -> Vec<u32> {
+    let DrawnRoot { surface, strips, .. } = drawn;
     let chains = Chains::new(surface);
     let sides: HashMap<u32, u32> = chains.half_arcs.iter().map(|half_arc| half_arc.arc).zip(0..).collect();
     let mut corners: HashMap<u32, Vec<u32>> = HashMap::new();
     surface.passed_corners().for_each(|(side, corner)| corners.entry(corner).or_default().push(side));
-    let mut snapped: BTreeMap<(u32, u32), [f64; 3]> = BTreeMap::new();
-    for (key, &position) in strips.iter().flat_map(|strip| strip.keys.iter().zip(&strip.positions)) {
+    let mut snapped: BTreeMap<(u32, u32), ([f64; 3], [i16; 2])> = BTreeMap::new();
+    let inserted = strips.iter().flat_map(|strip| strip.keys.iter().zip(&strip.positions));
+    let normals = light.iter().flat_map(|light| &light.strip_normals).copied().chain(std::iter::repeat(NO_NORMAL));
+    for ((key, &position), normal) in inserted.zip(normals) {
+        let inserted = (position, normal);
         match *key {
             BorderKey::Sample { arc, param } => {
-                snapped.extend(sides.get(&arc).map(|&side| (chains.place(side, param), position)));
+                snapped.extend(sides.get(&arc).map(|&side| (chains.place(side, param), inserted)));
             }
             BorderKey::Corner(corner) => {
                 let (sides, half_arcs) = (corners.get(&corner).into_iter().flatten(), &chains.half_arcs);
                 let begin = |side: u32| if half_arcs[side as usize].reversed { PARAM_END } else { 0 };
-                snapped.extend(sides.map(|&side| (chains.place(side, begin(side)), position)));
+                snapped.extend(sides.map(|&side| (chains.place(side, begin(side)), inserted)));
             }
         }
     }
@@ -84,9 +92,9 @@ pub fn snap_table(DrawnRoot { surface, strips, .. }: &DrawnRoot, records: &[u32]
     for chain in 0..side_count {
         let own = snapped.range((chain as u32, 0)..=(chain as u32, u32::MAX));
         (table[1 + 2 * chain], table[2 + 2 * chain]) = (table.len() as u32, own.clone().count() as u32);
-        for (&(_, place), &position) in own {
+        for (&(_, place), &(position, normal)) in own {
             table.push(place);
-            table.extend(pair(position).map(f32::to_bits));
+            table.extend(vertex(position, normal));
         }
     }
     let extra = |edge: &[u32]| match edge {

@@ -28,6 +28,29 @@ pub fn pair(position: [f64; 3]) -> Pair {
     [high[0], high[1], high[2], low[0], low[1], low[2]]
 }
 
+/// A vertex on the GPU: the bits of its position's pair, then its normal as two numbers, the first one lower.
+pub type Vertex = [u32; 7];
+
+/// The normal of a vertex that has none, which no direction is.
+pub const NO_NORMAL: [i16; 2] = [i16::MIN; 2];
+
+/// A vertex with a normal, as [`lodpack::stream::Lit`] has it.
+pub fn vertex(position: [f64; 3], normal: [i16; 2]) -> Vertex {
+    let [a, b, c, d, e, f] = pair(position).map(f32::to_bits);
+    [a, b, c, d, e, f, packed(normal)]
+}
+
+/// Vertices with these normals; without any where the list is empty.
+pub fn vertices(positions: &[[f64; 3]], normals: &[[i16; 2]]) -> Vec<Vertex> {
+    let normals = normals.iter().copied().chain(std::iter::repeat(NO_NORMAL));
+    positions.iter().zip(normals).map(|(&position, normal)| vertex(position, normal)).collect()
+}
+
+/// A normal in one number.
+pub fn packed([x, y]: [i16; 2]) -> u32 {
+    u32::from(x as u16) | u32::from(y as u16) << 16
+}
+
 /// The middle of a box, and half its diagonal.
 pub fn middle_of([low, high]: Bounds) -> (DVec3, f64) {
     let (low, high) = (DVec3::from(low), DVec3::from(high));

@@ -7,14 +7,14 @@ use glam::DVec3;
 use lodpack::{
     Index, Lattice, View,
     decode::Appearance,
-    stream::{ByPiece, DrawnRoot, DrawnTexture, Picture as Surfaces, Strip, TileImages},
+    stream::{ByPiece, DrawnRoot, DrawnTexture, Lit, Picture as Surfaces, Strip, TileImages},
 };
 use wgpu::{BufferUsages, Color, LoadOp, Operations, RenderPassDepthStencilAttachment as DepthStencil, StoreOp};
 
 use crate::{
     args::{Overlay, Way},
     blocks::{RECORD, border_records, snap_table},
-    camera::{Pair, pair},
+    camera::{Vertex, pair, vertices},
     gpu::{Gpu, Targets},
     picture::{BACKGROUND, Picture},
     pool::{List, Place, Pool},
@@ -35,10 +35,9 @@ struct Batch {
 }
 
 impl Batch {
-    fn new(gpu: &Gpu, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Self {
-        let vertices: Vec<Pair> = positions.iter().map(|&position| pair(position)).collect();
+    fn new(gpu: &Gpu, vertices: &[Vertex], triangles: &[[u32; 3]]) -> Self {
         Self {
-            vertices: gpu.buffer(&vertices, BufferUsages::VERTEX | BufferUsages::STORAGE),
+            vertices: gpu.buffer(vertices, BufferUsages::VERTEX | BufferUsages::STORAGE),
             indices: gpu.buffer(triangles, BufferUsages::INDEX | BufferUsages::STORAGE),
             index_count: 3 * triangles.len() as u32,
         }
@@ -51,6 +50,8 @@ struct Block {
     stamp: u64,
     info: RootInfo,
     strips: Vec<Arc<Strip>>,
+    /// Of its normals, as they were last uploaded.
+    light: u64,
     /// Where its triangles lie in the pool; nowhere if there are none, or they are in buffers of their own.
     place: Option<Place>,
     own: Option<Box<Own>>,
@@ -75,13 +76,14 @@ struct Own {
 impl Block {
     /// Triangles in buffers of their own, or nothing.
     fn new(info: RootInfo, strips: Vec<Arc<Strip>>, own: Option<Own>) -> Self {
-        Self { stamp: 0, info, strips, place: None, own: own.map(Box::new), texture: None, images: None }
+        Self { stamp: 0, info, strips, light: 0, place: None, own: own.map(Box::new), texture: None, images: None }
     }
 
     /// Whether the triangles of a root would be uploaded as these.
     fn has_triangles_of(&self, drawn: &DrawnRoot) -> bool {
         let mut strips = self.strips.iter().zip(&drawn.strips);
-        self.info[1] == u32::from(drawn.surface.level) && strips.all(|(a, b)| Arc::ptr_eq(a, b))
+        let has_normals = drawn.light_stamp() == self.light || drawn.images().is_some();
+        has_normals && self.info[1] == u32::from(drawn.surface.level) && strips.all(|(a, b)| Arc::ptr_eq(a, b))
     }
 
     fn has_texels(&self) -> bool {
@@ -343,7 +345,7 @@ impl Renderer {
         let texels = if is_uploaded { self.upload(drawn) } else { known };
         let texture = drawn.texture().filter(|_| !waits).cloned();
         let images = drawn.images().cloned();
-        Block { stamp, texture, images, ..self.block(info, &self.planted(drawn), texels) }
+        Block { stamp, light: drawn.light_stamp(), texture, images, ..self.block(info, &self.planted(drawn), texels) }
     }
 
     /// Uploads a root's image, if it has one.
@@ -366,24 +368,37 @@ impl Renderer {
             let (positions, triangles) = drawn.joined();
             let places: Vec<[f32; 2]> = drawn.places().collect();
             let pieces = Some(gpu.buffer(&places, BufferUsages::VERTEX));
-            let triangles = Some(Batch::new(&gpu, &positions, &triangles));
+            let triangles = Some(Batch::new(&gpu, &vertices(&positions, &[]), &triangles));
             return Block::new(info, strips, Some(Own { triangles, texels, pieces, pulled: None }));
         }
         if self.way == Way::Stitched {
-            if let Some(ByPiece { positions, triangles, pieces }) = texels.as_ref().and_then(|_| drawn.by_piece()) {
+            if let Some(ByPiece { positions, triangles, pieces, normals }) =
+                texels.as_ref().and_then(|_| drawn.by_piece())
+            {
                 let pieces = Some(gpu.buffer(&pieces, BufferUsages::VERTEX));
-                let triangles = Some(Batch::new(&gpu, &positions, &triangles));
+                let triangles = Some(Batch::new(&gpu, &vertices(&positions, &normals), &triangles));
                 return Block::new(info, strips, Some(Own { triangles, texels, pieces, pulled: None }));
             }
-            let (positions, triangles) = drawn.joined();
-            let vertices: Vec<Pair> = positions.into_iter().map(pair).collect();
-            let place = self.pool.place(&vertices, &triangles);
+            let Lit { positions, triangles, normals } = drawn.lit().unwrap_or_else(|| {
+                let (positions, triangles) = drawn.joined();
+                Lit { positions, triangles, normals: Vec::new() }
+            });
+            let place = self.pool.place(&vertices(&positions, &normals), &triangles);
             let own = texels.map(|texels| Own { texels: Some(texels), ..Own::default() });
             return Block { place, ..Block::new(info, strips, own) };
         }
-        let records = border_records(surface);
-        let batch = Batch::new(&gpu, &surface.positions, &surface.triangles);
-        let table = snap_table(drawn, &records);
+        let light = drawn.light();
+        let records = border_records(surface, light.as_ref());
+        let batch = match &light {
+            Some(light) => {
+                let further = light.further.iter().map(|&vertex| surface.positions[vertex as usize]);
+                let positions: Vec<[f64; 3]> = surface.positions.iter().copied().chain(further).collect();
+                let inner = &light.triangles[..surface.triangles.len()];
+                Batch::new(&gpu, &vertices(&positions, &light.normals), inner)
+            }
+            None => Batch::new(&gpu, &vertices(&surface.positions, &[]), &surface.triangles),
+        };
+        let table = snap_table(drawn, light.as_ref(), &records);
         let border_count = 3 * table[0] * (records.len() / RECORD) as u32;
         let [records, table] = [records, table].map(|words| gpu.buffer(&words, BufferUsages::STORAGE));
         let group = gpu.bind(&gpu.pipelines.block_layout, &[&batch.vertices, &batch.indices, &records, &table]);
@@ -401,10 +416,14 @@ impl Renderer {
         drawn
     }
 
-    /// Draws a mesh instead, as root 0 of level 0.
+    /// Draws a mesh instead, as root 0 of level 0, flat.
     pub fn set_mesh(&mut self, positions: &[[f64; 3]], triangles: &[[u32; 3]]) {
+        self.set_vertices(&vertices(positions, &[]), triangles);
+    }
+
+    fn set_vertices(&mut self, vertices: &[Vertex], triangles: &[[u32; 3]]) {
         self.clear();
-        let triangles = Some(Batch::new(&self.gpu, positions, triangles));
+        let triangles = Some(Batch::new(&self.gpu, vertices, triangles));
         let slot = self.free_slot();
         self.set(slot, Block::new(RootInfo::default(), Vec::new(), Some(Own { triangles, ..Own::default() })));
         self.order.push((MESH, slot));
@@ -578,6 +597,10 @@ impl Renderer {
             is_unlit,
         }));
         match scene.overview() {
+            Some(mesh) if scene.has_light => {
+                let Lit { positions, triangles, normals } = Lit::of(mesh);
+                self.set_vertices(&vertices(&positions, &normals), &triangles);
+            }
             Some(mesh) => self.set_mesh(&mesh.positions, &mesh.triangles),
             None => self.update(scene.picture()),
         }

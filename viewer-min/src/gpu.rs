@@ -224,9 +224,9 @@ impl Pipelines {
             min_filter: interpolated,
             ..Default::default()
         });
-        let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3];
+        let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 3 => Uint32];
         let step_mode = wgpu::VertexStepMode::Vertex;
-        let positions = wgpu::VertexBufferLayout { array_stride: 24, step_mode, attributes: &attributes };
+        let positions = wgpu::VertexBufferLayout { array_stride: 28, step_mode, attributes: &attributes };
         let attributes = wgpu::vertex_attr_array![2 => Uint32];
         let pieces = wgpu::VertexBufferLayout { array_stride: 4, step_mode, attributes: &attributes };
         let attributes = wgpu::vertex_attr_array![2 => Float32x2];

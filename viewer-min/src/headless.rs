@@ -16,7 +16,7 @@ use crate::{
     gpu::{Gpu, Targets},
     overlay::Panel,
     picture::{different_colours, load, marked, save},
-    scene::{Report, Scene, open_source},
+    scene::{Looks, Report, Scene, open_source},
 };
 
 /// Draws the camera or path of the command line; writes the last picture and the table of frames.
@@ -24,7 +24,8 @@ pub fn draw_picture(args: &Args) -> Result<()> {
     let address = args.file.as_deref().context("no file given: lodpack-view FILE; see --help")?;
     let waits = args.wait || args.path.is_none();
     let mode = if waits { Mode::Synchronous } else { Mode::AsynchronousWithPrefetch };
-    let mut scene = Scene::open(open_source(address)?, mode).with_context(|| address.to_string())?;
+    let looks = Looks { mode, is_flat: args.flat, ..Looks::default() };
+    let mut scene = Scene::open_with(open_source(address)?, looks).with_context(|| address.to_string())?;
     scene.limit(args);
     scene.choose_channel(args).with_context(|| address.to_string())?;
     let mut path = args.views(scene.extent())?;

@@ -5,9 +5,9 @@ use std::{ops::Range, sync::Arc};
 use range_alloc::RangeAllocator;
 use wgpu::BufferUsages;
 
-use crate::{camera::Pair, gpu::Gpu};
+use crate::{camera::Vertex, gpu::Gpu};
 
-/// Vertices of a buffer, unless a root has more: 6 MiB.
+/// Vertices of a buffer, unless a root has more: 7 MiB.
 const VERTICES: u32 = 1 << 18;
 /// Indices of a buffer: twice as many triangles as vertices.
 const INDICES: u32 = 6 * VERTICES;
@@ -40,7 +40,7 @@ struct Shared {
 impl Shared {
     fn new(gpu: &Gpu, [vertex_count, index_count]: [u32; 2]) -> Self {
         let [vertex_count, index_count] = [vertex_count.max(VERTICES), index_count.max(INDICES)];
-        let vertex_bytes = u64::from(vertex_count) * size_of::<Pair>() as u64;
+        let vertex_bytes = u64::from(vertex_count) * size_of::<Vertex>() as u64;
         Self {
             vertices: gpu.empty_buffer(vertex_bytes, BufferUsages::VERTEX | BufferUsages::COPY_DST),
             indices: gpu.empty_buffer(4 * u64::from(index_count), BufferUsages::INDEX | BufferUsages::COPY_DST),
@@ -72,7 +72,7 @@ impl Pool {
     }
 
     /// Uploads triangles; none if there are none.
-    pub fn place(&mut self, positions: &[Pair], triangles: &[[u32; 3]]) -> Option<Place> {
+    pub fn place(&mut self, positions: &[Vertex], triangles: &[[u32; 3]]) -> Option<Place> {
         if triangles.is_empty() {
             return None;
         }
@@ -91,7 +91,7 @@ impl Pool {
         })?;
         if let Some(shared) = &self.buffers[buffer] {
             let queue = &self.gpu.queue;
-            let at = u64::from(vertices.start) * size_of::<Pair>() as u64;
+            let at = u64::from(vertices.start) * size_of::<Vertex>() as u64;
             queue.write_buffer(&shared.vertices, at, bytemuck::cast_slice(positions));
             queue.write_buffer(&shared.indices, 4 * u64::from(indices.start), bytemuck::cast_slice(triangles));
         }

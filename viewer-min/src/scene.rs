@@ -108,6 +108,8 @@ pub struct Scene {
     pub(crate) query: Query,
     /// The channel that is shown.
     pub(crate) channel: Option<ShownChannel>,
+    /// Whether roots have normals for smooth light, because the file stores none.
+    pub(crate) has_light: bool,
     content: Content,
     /// What a mesh stands on, drawn into the same picture.
     ground: Option<Box<GroundScene>>,
@@ -164,17 +166,33 @@ pub(crate) struct HeightsContent {
 
 /// No dependence on previous frames, so pictures do not depend on their division into tiles.
 const STILL: Coherence = Coherence { hysteresis: 0.0, play: 0.0 };
+/// How a file is drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct Looks {
+    /// Whether frames wait for what they want.
+    pub mode: Mode,
+    /// How large samples of heights may be on the screen, in pixels; if infinite, tiles are as fine as triangles have to be.
+    pub sample_px: f64,
+    /// Whether triangles are shaded flat where the file stores no normals.
+    pub is_flat: bool,
+}
+
+impl Default for Looks {
+    fn default() -> Self {
+        Self { mode: Mode::default(), sample_px: SAMPLE_PX, is_flat: false }
+    }
+}
+
 /// A sample of heights may be so large on the screen, in pixels.
 const SAMPLE_PX: f64 = 3.0;
 /// Frames for one picture, at most. A tree has fewer heights of lists.
 const MOST_FRAMES: usize = 64;
 
 impl MeshContent {
-    fn new(file: File<Source>, mode: Mode) -> Result<Self> {
-        let waits = mode == Mode::Synchronous;
+    fn new(file: File<Source>, session: Options) -> Result<Self> {
+        let waits = session.mode == Mode::Synchronous;
         let coherence = if waits { STILL } else { Coherence::default() };
-        let mut streamer =
-            file.streamer(StreamerOptions { session: session(mode), coherence, ..StreamerOptions::default() })?;
+        let mut streamer = file.streamer(StreamerOptions { session, coherence, ..StreamerOptions::default() })?;
         // The first frame must have a surface. Files with an overview have one at once.
         if streamer.session().overview().is_none() {
             let coarsest = file.uniform_cut(0)?.nodes;
@@ -199,13 +217,13 @@ fn session(mode: Mode) -> Options {
 }
 
 impl Scene {
-    /// Opens a file.
+    /// Opens a file. Surfaces are shaded smoothly.
     pub fn open(source: Source, mode: Mode) -> Result<Self> {
-        Self::open_with(source, mode, SAMPLE_PX)
+        Self::open_with(source, Looks { mode, ..Looks::default() })
     }
 
-    /// Opens a file of which samples of heights may be so large on the screen, in pixels; if infinite, tiles are as fine as triangles have to be.
-    pub(crate) fn open_with(source: Source, mode: Mode, sample_px: f64) -> Result<Self> {
+    /// Opens a file that is drawn in another way.
+    pub fn open_with(source: Source, Looks { mode, sample_px, is_flat }: Looks) -> Result<Self> {
         let bytes = Arc::clone(&source);
         match Opened::open(source, Limits::default()).context("the file cannot be opened")? {
             Opened::Mesh(file) => {
@@ -226,9 +244,10 @@ impl Scene {
                 // its coarsest, that one is near; otherwise it could be the top, in place of the whole picture.
                 let has_tree = file.top_count() < file.root_count();
                 let outside = if has_tree && mode != Mode::Synchronous { Outside::Coarsest } else { Outside::Drop };
-                let mesh = MeshContent::new(file, mode)?;
+                let has_light = !is_flat && normals(file.channels()).is_none();
+                let mesh = MeshContent::new(file, Options { light: has_light, ..session(mode) })?;
                 let query = Query { outside, ..Query::default() };
-                Ok(Self { bounds, query, channel: None, content: Content::Mesh(Box::new(mesh)), ground })
+                Ok(Self { bounds, query, channel: None, has_light, content: Content::Mesh(Box::new(mesh)), ground })
             }
             Opened::Heights(file) => Self::of_heights(file, mode, sample_px),
         }
@@ -242,7 +261,7 @@ impl Scene {
         let streamer = HeightsStreamer::new(Arc::clone(file.index()), source, options)?;
         let channels = channels_of_heights(file.ramp().is_some());
         let content = Content::Heights(Box::new(HeightsContent { streamer, channels, file }));
-        Ok(Self { bounds, query: Query::default(), channel: None, content, ground: None })
+        Ok(Self { bounds, query: Query::default(), channel: None, has_light: false, content, ground: None })
     }
 
     /// The mesh of the file.
@@ -553,10 +572,10 @@ impl Scene {
         let tree = mesh.tree()?;
         let arcs_of = |node: &Node| &tree.arcs[node.root as usize];
         let arcs: HashSet<u32> = own.iter().flat_map(arcs_of).copied().collect();
-        // In a tree, roots that meet only at a corner may change each other's borders, so all are kept.
-        let has_tree = mesh.file.top_count() < mesh.file.root_count();
+        // In a tree, roots that meet only at a corner may change each other's borders, and anywhere each other's normals, so all are kept.
+        let needs_all = self.has_light || mesh.file.top_count() < mesh.file.root_count();
         let is_near =
-            |node: &Node| has_tree || arcs_of(node).iter().any(|arc| arcs.contains(arc)) || own.contains(node);
+            |node: &Node| needs_all || arcs_of(node).iter().any(|arc| arcs.contains(arc)) || own.contains(node);
         Ok((view, unified.nodes.into_iter().filter(is_near).collect()))
     }
 }

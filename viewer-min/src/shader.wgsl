@@ -28,9 +28,9 @@ struct Pieces { origin_high: vec4f, origin_low: vec4f, items: array<Piece> }
 
 @group(0) @binding(0) var<uniform> globals: Globals;
 @group(0) @binding(1) var<storage, read> roots: array<Root>;
-// Block data: six floats per vertex, three indices per triangle, twelve numbers per border triangle; and the
+// Block data: six floats per vertex and its normal, three indices per triangle, twelve numbers per border triangle; and the
 // neighbours' samples.
-@group(1) @binding(0) var<storage, read> points: array<f32>;
+@group(1) @binding(0) var<storage, read> points: array<u32>;
 @group(1) @binding(1) var<storage, read> triangles: array<u32>;
 @group(1) @binding(2) var<storage, read> border: array<u32>;
 @group(1) @binding(3) var<storage, read> snap: array<u32>;
@@ -51,6 +51,8 @@ struct Vertex {
     @location(2) @interpolate(flat) slot: u32,
     // Bit k: the edge from corner k to the next lies on an arc.
     @location(3) @interpolate(flat) borders: u32,
+    // Along the camera's axes; without length where there is none.
+    @location(4) normal: vec3f,
 }
 
 struct TexturedVertex {
@@ -62,16 +64,27 @@ struct TexturedVertex {
     // In texels of the image. A place is linear in the point, so it may be interpolated.
     @location(4) place: vec2f,
     @location(5) @interpolate(flat) piece: u32,
+    @location(6) normal: vec3f,
 }
 
-// A corner of a triangle: its position as a pair.
-struct Point { high: vec3f, low: vec3f, corner: vec3f, borders: u32 }
+// A corner of a triangle: its position as a pair, and its normal as a place in the unfolded octahedron.
+struct Point { high: vec3f, low: vec3f, folded: u32, corner: vec3f, borders: u32 }
+
+// The normal as the camera sees it; without length if there is none.
+fn unfolded(folded: u32) -> vec3f {
+    if (folded == 0x80008000u) { return vec3f(0.0); }
+    let place = unpack2x16snorm(folded);
+    var n = vec3f(place, 1.0 - abs(place.x) - abs(place.y));
+    if (n.z < 0.0) { n = vec3f((1.0 - abs(place.yx)) * select(vec2f(-1.0), vec2f(1.0), place >= vec2f(0.0)), n.z); }
+    n = normalize(n);
+    return vec3f(dot(globals.right.xyz, n), dot(globals.up.xyz, n), dot(globals.forward.xyz, n));
+}
 
 fn project(point: Point, slot: u32) -> Vertex {
     let offset = (point.high - globals.camera_high.xyz) + (point.low - globals.camera_low.xyz);
     let view = vec3f(dot(globals.right.xyz, offset), dot(globals.up.xyz, offset), dot(globals.forward.xyz, offset));
     let clip = vec4f(view.x * globals.projection.x, view.y * globals.projection.y, globals.projection.z, view.z);
-    return Vertex(clip, view, point.corner, slot, point.borders);
+    return Vertex(clip, view, point.corner, slot, point.borders, unfolded(point.folded));
 }
 
 fn project_textured(point: Point, slot: u32, number: u32) -> TexturedVertex {
@@ -79,19 +92,22 @@ fn project_textured(point: Point, slot: u32, number: u32) -> TexturedVertex {
     let offset = (point.high - pieces.origin_high.xyz) + (point.low - pieces.origin_low.xyz);
     let piece = pieces.items[number];
     let place = vec2f(dot(offset, piece.u.xyz) + piece.u.w, dot(offset, piece.v.xyz) + piece.v.w);
-    return TexturedVertex(vertex.clip, vertex.view, vertex.corner, slot, vertex.borders, place, number);
+    return TexturedVertex(vertex.clip, vertex.view, vertex.corner, slot, vertex.borders, place, number, vertex.normal);
 }
 
 @vertex
-fn stitched(@location(0) high: vec3f, @location(1) low: vec3f, @builtin(instance_index) slot: u32) -> Vertex {
-    return project(Point(high, low, vec3f(1.0), 0u), slot);
+fn stitched(
+    @location(0) high: vec3f, @location(1) low: vec3f, @location(3) folded: u32, @builtin(instance_index) slot: u32,
+) -> Vertex {
+    return project(Point(high, low, folded, vec3f(1.0), 0u), slot);
 }
 
 @vertex
 fn stitched_textured(
-    @location(0) high: vec3f, @location(1) low: vec3f, @location(2) piece: u32, @builtin(instance_index) slot: u32,
+    @location(0) high: vec3f, @location(1) low: vec3f, @location(2) piece: u32, @location(3) folded: u32,
+    @builtin(instance_index) slot: u32,
 ) -> TexturedVertex {
-    return project_textured(Point(high, low, vec3f(1.0), 0u), slot, piece);
+    return project_textured(Point(high, low, folded, vec3f(1.0), 0u), slot, piece);
 }
 
 // A tile of heights: its images have a texel a sample, and each vertex its place among the samples.
@@ -99,8 +115,8 @@ fn stitched_textured(
 fn stitched_tile(
     @location(0) high: vec3f, @location(1) low: vec3f, @location(2) place: vec2f, @builtin(instance_index) slot: u32,
 ) -> TexturedVertex {
-    let vertex = project(Point(high, low, vec3f(1.0), 0u), slot);
-    return TexturedVertex(vertex.clip, vertex.view, vertex.corner, slot, vertex.borders, place + 0.5, 0u);
+    let vertex = project(Point(high, low, 0x80008000u, vec3f(1.0), 0u), slot);
+    return TexturedVertex(vertex.clip, vertex.view, vertex.corner, slot, vertex.borders, place + 0.5, 0u, vertex.normal);
 }
 
 fn unit(k: u32) -> vec3f {
@@ -108,9 +124,10 @@ fn unit(k: u32) -> vec3f {
 }
 
 fn point_of(point: u32, corner: u32, borders: u32) -> Point {
-    let at = 6u * point;
-    return Point(vec3f(points[at], points[at + 1u], points[at + 2u]),
-        vec3f(points[at + 3u], points[at + 4u], points[at + 5u]), unit(corner), borders);
+    let at = 7u * point;
+    let high = vec3f(bitcast<f32>(points[at]), bitcast<f32>(points[at + 1u]), bitcast<f32>(points[at + 2u]));
+    let low = vec3f(bitcast<f32>(points[at + 3u]), bitcast<f32>(points[at + 4u]), bitcast<f32>(points[at + 5u]));
+    return Point(high, low, points[at + 6u], unit(corner), borders);
 }
 
 @vertex
@@ -129,7 +146,7 @@ fn first_at_least(begin: u32, count: u32, place: u32) -> u32 {
     var high = count;
     while (low < high) {
         let middle = (low + high) / 2u;
-        if (snap[begin + 7u * middle] < place) { low = middle + 1u; } else { high = middle; }
+        if (snap[begin + 8u * middle] < place) { low = middle + 1u; } else { high = middle; }
     }
     return low;
 }
@@ -146,7 +163,7 @@ fn extra_of(record: u32, edge: u32) -> Extra {
     let low = first_at_least(begin, all, border[record + 4u + 3u * edge] + 1u);
     let high = first_at_least(begin, all, border[record + 5u + 3u * edge]);
     if (high <= low) { return Extra(0u, 0u); }
-    return Extra(begin + 7u * low, high - low);
+    return Extra(begin + 8u * low, high - low);
 }
 
 // A vertex of the fan: a point of the block, or the words of a sample.
@@ -156,7 +173,7 @@ struct Pick { point: u32, sample: u32 }
 fn chain(i: u32, from_point: u32, extra: Extra, to_point: u32) -> Pick {
     if (i == 0u) { return Pick(from_point, 0u); }
     if (i > extra.count) { return Pick(to_point, 0u); }
-    return Pick(0u, extra.start + 7u * (i - 1u));
+    return Pick(0u, extra.start + 8u * (i - 1u));
 }
 
 // Border snapping. Stitching turns a border triangle into a fan. Each border triangle gets as many triangles as the largest
@@ -205,7 +222,7 @@ fn border_point(vertex: u32) -> Point {
     let at = pick.sample + 1u;
     let high = vec3f(bitcast<f32>(snap[at]), bitcast<f32>(snap[at + 1u]), bitcast<f32>(snap[at + 2u]));
     let low = vec3f(bitcast<f32>(snap[at + 3u]), bitcast<f32>(snap[at + 4u]), bitcast<f32>(snap[at + 5u]));
-    return Point(high, low, unit(corner), borders);
+    return Point(high, low, snap[at + 6u], unit(corner), borders);
 }
 
 @vertex
@@ -295,7 +312,7 @@ fn shade_textured(vertex: TexturedVertex, @builtin(front_facing) is_front: bool)
         let n = (direction.xyz * 255.0 - 128.0) * direction.w;
         normal = vec3f(dot(globals.right.xyz, n), dot(globals.up.xyz, n), dot(globals.forward.xyz, n));
     }
-    let plain = Vertex(vertex.clip, vertex.view, vertex.corner, vertex.slot, vertex.borders);
+    let plain = Vertex(vertex.clip, vertex.view, vertex.corner, vertex.slot, vertex.borders, vertex.normal);
     // The lowest bits of a texel's coverage say how it is meant: they are not interpolated.
     var bits = 3u;
     if (globals.channel.x == 1.0) { bits = u32(nearest.a * 255.0 + 0.5); }
@@ -313,8 +330,9 @@ fn scattered(pixel: vec2f) -> f32 {
     return fract(52.9829189 * fract(dot(floor(pixel), vec2f(0.06711056, 0.00583715))));
 }
 
-// A pixel of a surface of this linear colour, or of none if it has no opacity; and with this normal, or that of its triangle if it has no length.
-fn finished(vertex: Vertex, is_front: bool, channel: vec4f, stored: vec3f, is_unlit: bool) -> Pixel {
+// A pixel of a surface of this linear colour, or of none if it has no opacity; and with this normal, or that of its vertices if it has no length, or that of
+// its triangle if they have none.
+fn finished(vertex: Vertex, faces_here: bool, channel: vec4f, stored: vec3f, is_unlit: bool) -> Pixel {
     let root = roots[vertex.slot];
     let along_x = dpdx(vertex.view);
     let along_y = dpdy(vertex.view);
@@ -323,8 +341,14 @@ fn finished(vertex: Vertex, is_front: bool, channel: vec4f, stored: vec3f, is_un
     let is_lost = dot(normal, normal) <= 1e-12 * dot(along_x, along_x) * dot(along_y, along_y);
     normal = normalize(select(normal, -vertex.view, is_lost));
     if (dot(normal, vertex.view) > 0.0) { normal = -normal; }
-    let has_stored = dot(stored, stored) > 0.0;
-    if (has_stored) { normal = normalize(select(-stored, stored, is_front)); }
+    var is_front = faces_here;
+    if (dot(stored, stored) > 0.0) {
+        normal = normalize(select(-stored, stored, is_front));
+    } else if (dot(vertex.normal, vertex.normal) > 0.0) {
+        // A sliver that is folded over is seen from behind, but looks this way with all around it.
+        is_front = is_front || dot(vertex.normal, vertex.view) < 0.0;
+        normal = normalize(select(-vertex.normal, vertex.normal, is_front));
+    }
     // A key light over the left shoulder, a weak one from the right, and the sky.
     let key = max(dot(normal, normalize(vec3f(-0.45, 0.6, -0.66))), 0.0);
     let fill = max(dot(normal, normalize(vec3f(0.8, 0.0, -0.6))), 0.0);

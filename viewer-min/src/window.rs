@@ -24,7 +24,7 @@ use crate::{
     overlay::{INK, Panel, WARNING, write_above},
     picture::save,
     present::Present,
-    scene::{Report, Scene, milliseconds, open_source},
+    scene::{Looks, Report, Scene, milliseconds, open_source},
 };
 
 /// How long a message is shown.
@@ -87,7 +87,8 @@ impl App {
     fn open(&mut self, address: String) {
         let args = self.controls.args.clone();
         let open = move |address: String| -> Result<Looked> {
-            let mut scene = Scene::open(open_source(&address)?, Mode::AsynchronousWithPrefetch)?;
+            let looks = Looks { mode: Mode::AsynchronousWithPrefetch, is_flat: args.flat, ..Looks::default() };
+            let mut scene = Scene::open_with(open_source(&address)?, looks)?;
             scene.choose_channel(&args)?;
             Ok(Looked { camera: args.first_view(scene.extent())?, address, scene })
         };

@@ -9,6 +9,9 @@ layout(location = 0) in vec3 position;
 layout(location = 1) in vec2 info; // Level and error.
 layout(location = 2) in vec2 place; // In the slab's texture, in texels.
 layout(location = 3) in vec4 rectangle; // Of the piece of the surface there: left, top, right, bottom.
+layout(location = 4) in vec2 folded; // The normal, as a place in the unfolded octahedron; the least numbers for none.
+uniform float hasNormals;
+out vec3 smoothed;
 out vec3 view;
 flat out vec2 about;
 centroid out vec2 at;
@@ -18,6 +21,14 @@ void main() {
   vec3 offset = position - camera;
   view = vec3(dot(right, offset), dot(up, offset), dot(forward, offset));
   about = info;
+  // Without length where there is none.
+  smoothed = vec3(0.0);
+  if (hasNormals == 1.0 && folded.x >= -32767.0) {
+    vec2 flat_place = folded / 32767.0;
+    vec3 normal = vec3(flat_place, 1.0 - abs(flat_place.x) - abs(flat_place.y));
+    if (normal.z < 0.0) normal.xy = (1.0 - abs(normal.yx)) * vec2(normal.x < 0.0 ? -1.0 : 1.0, normal.y < 0.0 ? -1.0 : 1.0);
+    smoothed = vec3(dot(right, normal), dot(up, normal), dot(forward, normal)) / length(normal);
+  }
   at = place;
   // Interpolation reads no texel of another piece.
   bounds = rectangle + vec4(0.5, 0.5, -0.5, -0.5);
@@ -34,6 +45,7 @@ uniform sampler2D texels;
 uniform sampler2D normals; // Components from 0 to 1, with 1 in the fourth one; 0 where there are none.
 uniform mat3 axes; // From directions of the file to those of the view.
 in vec3 view;
+in vec3 smoothed;
 flat in vec2 about;
 centroid in vec2 at;
 flat in vec4 bounds;
@@ -72,6 +84,11 @@ void main() {
   normal = normalize(is_lost ? -view : normal);
   if (dot(normal, view) > 0.0) normal = -normal;
   bool is_front = gl_FrontFacing;
+  if (dot(smoothed, smoothed) > 0.0) {
+    // A sliver that is folded over is seen from behind, but looks this way with all around it.
+    is_front = is_front || dot(smoothed, view) < 0.0;
+    normal = normalize(is_front ? smoothed : -smoothed);
+  }
   vec4 stored = channel.z > 0.0 ? mean_at(normals) : vec4(0.0);
   if (stored.w > 0.5) {
     vec3 direction = normalize(axes * (2.0 * stored.xyz - stored.w));
@@ -144,7 +161,7 @@ export class Renderer {
     if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
       throw new Error(`The graphics driver refuses a shader: ${gl.getProgramInfoLog(program)}`);
     }
-    const names = ['camera', 'right', 'up', 'forward', 'projection', 'mode', 'channel', 'normals', 'axes'];
+    const names = ['camera', 'right', 'up', 'forward', 'projection', 'mode', 'channel', 'normals', 'hasNormals', 'axes'];
     this.places = Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
     gl.useProgram(program);
     gl.uniform1i(this.places.normals, 1);
@@ -185,6 +202,7 @@ export class Renderer {
       for (const slab of pool.slabs) {
         const { array, count } = isLines ? this.#lines(slab) : this.#upload(slab);
         gl.bindVertexArray(array);
+        gl.uniform1f(places.hasNormals, slab.normals ? 1 : 0);
         gl.uniform3f(places.channel, IMAGES[image] ?? 0, isUnlit ? 1 : 0, slab.drawn?.normals ? NORMALS[slab.atlas.normals.BYTES_PER_ELEMENT] : 0);
         gl.activeTexture(gl.TEXTURE1);
         gl.bindTexture(gl.TEXTURE_2D, slab.drawn?.normals ?? null);
@@ -225,6 +243,7 @@ export class Renderer {
     };
     parts(positions, gl.ARRAY_BUFFER, slab.positions, slab.dirtyVertices, 3);
     parts(info, gl.ARRAY_BUFFER, slab.info, slab.dirtyVertices, 2);
+    if (slab.normals) parts(slab.drawn.folded, gl.ARRAY_BUFFER, slab.normals, slab.dirtyVertices, 2);
     parts(indices, gl.ELEMENT_ARRAY_BUFFER, slab.indices, slab.dirtyIndices, 1);
     if (slab.atlas) {
       parts(slab.drawn.places, gl.ARRAY_BUFFER, slab.places, slab.dirtyVertices, 2);
@@ -256,6 +275,10 @@ export class Renderer {
     this.#attribute(1, 2);
     const indices = buffer(gl.ELEMENT_ARRAY_BUFFER, slab.indices);
     slab.drawn = { generation: this.generation, array, positions, info, indices, areLinesStale: true };
+    if (slab.normals) {
+      slab.drawn.folded = buffer(gl.ARRAY_BUFFER, slab.normals);
+      this.#attribute(4, 2, gl.SHORT);
+    }
     if (slab.atlas) {
       slab.drawn.places = buffer(gl.ARRAY_BUFFER, slab.places);
       this.#attribute(2, 2);
@@ -337,8 +360,8 @@ export class Renderer {
     const { gl } = this;
     // A device that was lost has taken them.
     if (drawn?.generation !== this.generation) return;
-    const { positions, info, indices, places, rectangles, lines } = drawn;
-    for (const buffer of [positions, info, indices, places, rectangles, lines?.buffer]) gl.deleteBuffer(buffer ?? null);
+    const { positions, info, indices, folded, places, rectangles, lines } = drawn;
+    for (const buffer of [positions, info, indices, folded, places, rectangles, lines?.buffer]) gl.deleteBuffer(buffer ?? null);
     for (const texture of [drawn.texture, drawn.normals]) gl.deleteTexture(texture ?? null);
     for (const array of [drawn.array, drawn.lines?.array]) gl.deleteVertexArray(array ?? null);
   }

@@ -13,7 +13,7 @@ export class Surface {
     const ground = await file.ground({ signal });
     try {
       const files = ground ? [file, ground] : [file];
-      return await Promise.all(files.map(async (file) => new Surface(file, await file.stream(ground ? HALF : {}), renderer)));
+      return await Promise.all(files.map(async (file) => new Surface(file, await file.stream({ light: true, ...(ground ? HALF : {}) }), renderer)));
     } catch (error) {
       ground?.close();
       throw error;
@@ -23,7 +23,7 @@ export class Surface {
   constructor(file, stream, renderer) {
     const { maxTextureSize } = renderer;
     Object.assign(this, { file, stream, renderer });
-    this.pool = new Pool({ infoSize: 2, infoOf: ({ level, error }) => [level, error], images: file.channels.length > 0 || file.kind === 'heights', maxTextureSize });
+    this.pool = new Pool({ infoSize: 2, infoOf: ({ level, error }) => [level, error], normals: file.storesNormals ? undefined : 'octahedral', images: file.channels.length > 0 || file.kind === 'heights', maxTextureSize });
     this.pool.onremove = (slab) => renderer.forget(slab);
   }
 

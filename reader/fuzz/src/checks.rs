@@ -10,7 +10,7 @@ use lodpack::{
     heights::{Heights, HeightsQuery, TileId},
     select::{Adapter, Coherence},
     source::Request,
-    stream::{HeightsSession, Job, Options, Simulation},
+    stream::{HeightsSession, Job, Lit, Options, Picture, Simulation},
 };
 
 /// Small, so that what a hostile file can ask for stays quick.
@@ -175,13 +175,13 @@ pub fn session(bytes: &[u8]) {
     let Ok(hierarchy) = again(|| file.hierarchy()) else { return };
     let hierarchy = Arc::new(hierarchy);
     let caches = Options { byte_cache: 1 << 12, decoded_cache: 1 << 14, texel_cache: 1 << 14, ..Options::default() };
-    let options = Options { max_attempts: 3, ..caches };
+    // One of these for each file: there are many files.
+    let number = dice(bytes) >> 7;
+    let options = Options { max_attempts: 3, light: number % 3 > 0, ..caches };
     let Ok(mut session) = again(|| file.session(options)) else { return };
     let channels: Vec<u8> = (0..file.channels().len() as u8).collect();
     assert!(session.show_channels(&channels).is_ok());
     let mut simulation = Simulation::new(&source, Duration::from_millis(20));
-    // One of these for each file: there are many files.
-    let number = dice(bytes) >> 7;
     for mut query in queries(&file, bytes).into_iter().skip(number as usize % 4).take(1) {
         let Ok(mut adapter) = Adapter::new(Arc::clone(&hierarchy), &query, Coherence::default()) else { continue };
         for frame in 0..3 {
@@ -193,7 +193,7 @@ pub fn session(bytes: &[u8]) {
             let cut = adapter.cut();
             check_cut(&cut, &query);
             if simulation.frame(&mut session, &cut.nodes, &cut.nodes).is_ok() {
-                check_indices(&session.picture().mesh());
+                check_picture(session.picture(), options.light);
             }
             simulation.advance(&session, Duration::from_millis(33));
             if let Ok(mesh) = again(|| file.extract(&cut)) {
@@ -206,7 +206,7 @@ pub fn session(bytes: &[u8]) {
         let mut nodes = antichain(&file, dice(bytes));
         for _ in 0..4 {
             if simulation.frame(&mut session, &nodes, &[]).is_ok() {
-                check_indices(&session.picture().mesh());
+                check_picture(session.picture(), options.light);
             }
             simulation.advance(&session, Duration::from_millis(33));
         }
@@ -217,6 +217,20 @@ pub fn session(bytes: &[u8]) {
             nodes.sort_unstable_by_key(|node| node.root);
             assert!(simulation.frame(&mut session, &nodes, &[]).is_err());
         }
+    }
+}
+
+/// Checks the indices of what is drawn, joined and root by root.
+fn check_picture(picture: &Picture, has_light: bool) {
+    check_indices(&picture.mesh());
+    for drawn in picture.roots() {
+        let (lit, light) = (drawn.lit(), drawn.light());
+        assert_eq!((lit.is_some(), light.is_some()), (has_light, has_light));
+        let (Some(Lit { positions, triangles, normals }), Some(light)) = (lit, light) else { continue };
+        assert_eq!((positions.len(), triangles.len()), (normals.len(), drawn.triangle_count()));
+        assert!(triangles.iter().flatten().all(|&vertex| (vertex as usize) < positions.len()));
+        assert!(light.triangles.iter().flatten().all(|&vertex| (vertex as usize) < light.normals.len()));
+        assert_eq!(light.normals.len(), drawn.surface.positions.len() + light.further.len());
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::{picture::DrawnRoot, texel_content::DrawnTexture};
+use super::{lit::Lit, picture::DrawnRoot, texel_content::DrawnTexture};
 
 /// A root's triangles, of which each vertex lies in one piece of the map.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -13,6 +13,8 @@ pub struct ByPiece {
     pub triangles: Vec<[u32; 3]>,
     /// The number of each vertex's piece in [`crate::decode::texels::Map::pieces`].
     pub pieces: Vec<u32>,
+    /// The normal of each vertex, as [`super::Lit`] has them; none in a session without light.
+    pub normals: Vec<[i16; 2]>,
 }
 
 impl DrawnTexture {
@@ -29,17 +31,32 @@ impl DrawnRoot {
         let texture = self.texture()?;
         let inner = self.surface.origins.iter().take(self.surface.triangles.len());
         let labels = texture.labels(inner.chain(self.strips.iter().flat_map(|strip| &strip.origins)));
-        let (mut positions, mut triangles) = self.joined();
-        let pieces = split(&mut positions, &mut triangles, labels);
-        Some(ByPiece { positions, triangles, pieces })
+        let (mut positions, mut triangles, mut normals) = match self.lit() {
+            Some(Lit { positions, triangles, normals }) => (positions, triangles, normals),
+            None => {
+                let (positions, triangles) = self.joined();
+                (positions, triangles, Vec::new())
+            }
+        };
+        let before = positions.len();
+        let (pieces, doubled) = split(&mut positions, &mut triangles, labels);
+        if normals.len() == before {
+            normals.extend(doubled.iter().map(|&vertex| normals[vertex as usize]).collect::<Vec<_>>());
+        }
+        Some(ByPiece { positions, triangles, pieces, normals })
     }
 }
 
-/// Gives each vertex one piece: those on lines between pieces are doubled. Returns the piece of each vertex.
-fn split(positions: &mut Vec<[f64; 3]>, triangles: &mut [[u32; 3]], labels: impl IntoIterator<Item = u32>) -> Vec<u32> {
+/// Gives each vertex one piece: those on lines between pieces are doubled. Returns the piece of each vertex, and of which vertices those at the end are
+/// doubles.
+fn split(
+    positions: &mut Vec<[f64; 3]>,
+    triangles: &mut [[u32; 3]],
+    labels: impl IntoIterator<Item = u32>,
+) -> (Vec<u32>, Vec<u32>) {
     const NONE: u32 = u32::MAX;
     let mut pieces = vec![NONE; positions.len()];
-    let mut doubled = HashMap::new();
+    let (mut doubled, mut sources) = (HashMap::new(), Vec::new());
     for (corners, label) in triangles.iter_mut().zip(labels) {
         for corner in corners {
             let piece = &mut pieces[*corner as usize];
@@ -50,6 +67,7 @@ fn split(positions: &mut Vec<[f64; 3]>, triangles: &mut [[u32; 3]], labels: impl
                 *corner = *doubled.entry((*corner, label)).or_insert_with(|| {
                     positions.push(positions[*corner as usize]);
                     pieces.push(label);
+                    sources.push(*corner);
                     positions.len() as u32 - 1
                 });
             }
@@ -57,7 +75,7 @@ fn split(positions: &mut Vec<[f64; 3]>, triangles: &mut [[u32; 3]], labels: impl
     }
     // A vertex without triangles.
     pieces.iter_mut().filter(|piece| **piece == NONE).for_each(|piece| *piece = 0);
-    pieces
+    (pieces, sources)
 }
 
 #[cfg(test)]
@@ -70,8 +88,10 @@ mod tests {
         let fan = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]];
         for labels in [[0, 0, 0, 0], [0, 1, 0, 1], [3, 2, 1, 0]] {
             let (mut positions, mut triangles) = (before.clone(), fan);
-            let pieces = split(&mut positions, &mut triangles, labels);
+            let (pieces, sources) = split(&mut positions, &mut triangles, labels);
             assert_eq!(pieces.len(), positions.len());
+            let doubles = &positions[positions.len() - sources.len()..];
+            assert!(doubles.iter().zip(sources).all(|(at, source)| *at == before[source as usize]));
             for ((corners, old), label) in triangles.iter().zip(fan).zip(labels) {
                 assert_eq!(corners.map(|k| positions[k as usize]), old.map(|k| before[k as usize]));
                 assert!(corners.iter().all(|&k| pieces[k as usize] == label));

@@ -29,15 +29,17 @@ pub(crate) struct FileContent {
     index: Arc<Index>,
     /// The coarsest unit of each top, ascending: the units that are never evicted.
     coarsest: Vec<Unit>,
+    /// Whether surfaces get what smooth light needs.
+    has_light: bool,
 }
 
 impl FileContent {
     /// # Errors
     /// [`Error::Missing`] until the index blocks of all tops have been supplied; [`Error::Format`].
-    pub fn new(index: Arc<Index>) -> Result<Self> {
+    pub fn new(index: Arc<Index>, has_light: bool) -> Result<Self> {
         let tops = index.clusters_in(&mut |entry| entry.sums.first_root < index.top_count())?;
         index.load_indices(tops.iter().map(|entry| entry.first_cluster))?;
-        let mut content = Self { coarsest: Vec::new(), index: Arc::clone(&index) };
+        let mut content = Self { coarsest: Vec::new(), index: Arc::clone(&index), has_light };
         let mut units = SortedSet::new();
         for top in 0..index.top_count() {
             let coarsest = content.find_blocks(top)?.first().copied();
@@ -152,7 +154,7 @@ impl Content for FileContent {
             let entry = index.root_entry(wanted.root)?;
             let (loops, sides) = decoded.border_with_sides(entry, wanted.level)?;
             let patch = decoded.take_patch(wanted.root, wanted.level)?;
-            let surface = DrawnSurface::new(wanted, entry, (&loops, sides), patch, &index.lattice());
+            let surface = DrawnSurface::new(wanted, entry, (&loops, sides), patch, (&index.lattice(), self.has_light));
             let location = || format!("root {}, level {}", wanted.root, wanted.level);
             let mut surface = surface.map_err(|error| error.at(location))?;
             if index.channels().is_empty() {

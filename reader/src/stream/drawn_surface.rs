@@ -9,13 +9,14 @@
 
 use std::ops::Range;
 
+use super::fans::{End, Fans};
 use crate::{
-    codec::{arc::PARAM_END, patch::Patch},
+    codec::{arc::PARAM_END, patch::Patch, vector::to_f64},
     decode::{BorderEdges, BorderKey, BorderSide, BorderVertex, insert_samples},
     error::{Error, Result},
     format::{index_block::RootEntry, records::HalfArc},
     index::needs::Wanted,
-    lattice::Lattice,
+    lattice::{Lattice, LatticePoint},
     sorted::in_order,
 };
 
@@ -49,6 +50,8 @@ pub struct DrawnSurface {
     /// Corners that are not vertices at every level, by the side that begins there.
     raised_corners: Vec<RaisedCorner>,
     border: Vec<BorderTriangle>,
+    /// In a session with light: what it has of that by itself.
+    pub(super) fans: Option<Box<Fans>>,
 }
 
 /// One half-arc of a surface.
@@ -114,6 +117,8 @@ pub struct Strip {
     pub triangles: Vec<[u32; 3]>,
     /// In a file with channels, for each triangle the one of the block's patch in which it lies.
     pub origins: Vec<u32>,
+    /// In a session with light: for each of its own vertices the surface's vertex where the border edge begins that has it. They ascend.
+    pub(super) edges: Vec<u32>,
 }
 
 impl DrawnSurface {
@@ -123,19 +128,19 @@ impl DrawnSurface {
         entry: &RootEntry,
         (loops, sides): (&[Vec<BorderVertex>], Vec<BorderSide>),
         patch: Patch,
-        lattice: &Lattice,
+        (lattice, has_light): (&Lattice, bool),
     ) -> Result<Self> {
         let border_edges = BorderEdges::new(loops.iter().map(Vec::len), &patch)?;
         let Some(block) = entry.blocks.get(entry.block_at(level)) else {
             return Err(Error::format("a root has no blocks"));
         };
         let vertices = loops.iter().flatten();
-        let points = vertices.clone().map(|vertex| vertex.position).chain(patch.interior);
+        let points: Vec<LatticePoint> = vertices.clone().map(|vertex| vertex.position).chain(patch.interior).collect();
         let mut surface = Self {
             root,
             level,
             bounds: entry.bounds.map(|point| lattice.world(point)),
-            positions: points.map(|point| lattice.world(point)).collect(),
+            positions: points.iter().map(|&point| lattice.world(point)).collect(),
             places: Vec::new(),
             triangles: Vec::new(),
             keys: vertices.map(|vertex| vertex.key).collect(),
@@ -146,6 +151,7 @@ impl DrawnSurface {
             sides_by_arc: in_order(sides.iter().map(|side| side.half_arc.arc)),
             raised_corners: Vec::new(),
             border: Vec::new(),
+            fans: None,
         };
         for (side, BorderSide { half_arc, vertices, corner, corner_level }) in (0..).zip(sides) {
             if let (BorderKey::Corner(number), 1..) = (corner.key, corner_level) {
@@ -155,6 +161,10 @@ impl DrawnSurface {
             surface.sides.push(Side { half_arc, vertices, triangles: 0..0, touches: Vec::new() });
         }
         surface.sort_triangles(&patch.triangles, border_edges)?;
+        if has_light {
+            let points: Vec<_> = points.into_iter().map(to_f64).collect();
+            surface.fans = surface.find_fans(&points).map(Box::new);
+        }
         Ok(surface)
     }
 
@@ -188,7 +198,31 @@ impl DrawnSurface {
             sides_by_arc,
             raised_corners,
             border,
+            fans: None,
         }
+    }
+
+    /// Its fans, in lattice steps, with the ends of the border's edges.
+    fn find_fans(&self, points: &[[f64; 3]]) -> Option<Fans> {
+        let at_border = self.border.iter().map(|triangle| triangle.corners);
+        let triangles: Vec<[u32; 3]> = self.triangles.iter().copied().chain(at_border).collect();
+        let (mut fans, corners) = Fans::new(points, self.keys.len(), &triangles)?;
+        fans.ends = vec![[End::default(); 2]; self.keys.len()];
+        for (number, triangle) in (self.triangles.len()..).zip(&self.border) {
+            for k in (0..3).filter(|&k| triangle.on_border[k]) {
+                let sides = self.sides_of_edge(triangle.corners[k]);
+                let next = (k + 1) % 3;
+                let end =
+                    |k: usize, side| End { fan: corners.fans[3 * number + k], side, normal: corners.normal(number) };
+                fans.ends[triangle.corners[k] as usize][0] = end(k, sides.start);
+                fans.ends[triangle.corners[next] as usize][1] = end(next, sides.end - 1);
+            }
+        }
+        fans.set_border_corners((0..).zip(&self.keys).filter_map(|(vertex, key)| match *key {
+            BorderKey::Corner(corner) => Some((corner, vertex)),
+            BorderKey::Sample { .. } => None,
+        }));
+        Some(fans)
     }
 
     fn sort_triangles(&mut self, triangles: &[[u32; 3]], mut border_edges: BorderEdges) -> Result<()> {
@@ -331,6 +365,7 @@ impl DrawnSurface {
         let bytes = size_of::<Self>() + 24 * self.positions.len() + 12 * self.triangles.len() + sides;
         let bytes = bytes + 4 * self.origins.len() + 8 * self.places.len();
         let bytes = bytes + size_of::<RaisedCorner>() * self.raised_corners.len();
+        let bytes = bytes + self.fans.as_ref().map_or(0, |fans| fans.byte_count());
         (bytes + size_of::<BorderKey>() * self.keys.len() + size_of::<BorderTriangle>() * self.border.len()) as u64
     }
 
@@ -354,6 +389,59 @@ impl DrawnSurface {
         if is_same { (start..end).for_each(visit) } else { (start..end).rev().for_each(visit) }
     }
 
+    /// The sides of an arc: two where the surface is on both sides of it.
+    pub(super) fn sides_of_arc(&self, arc: u32) -> &[u32] {
+        let arc_of = |side: &u32| self.sides[*side as usize].half_arc.arc;
+        let first = self.sides_by_arc.partition_point(|side| arc_of(side) < arc);
+        let count = self.sides_by_arc[first..].iter().take_while(|side| arc_of(side) == arc).count();
+        &self.sides_by_arc[first..first + count]
+    }
+
+    /// The half-arc of a side.
+    pub(super) fn half_arc(&self, side: u32) -> HalfArc {
+        self.sides[side as usize].half_arc
+    }
+
+    /// The vertices of a side that are samples of its arc, in the direction of the loop.
+    pub(super) fn samples(&self, side: u32) -> Range<u32> {
+        let vertices = &self.sides[side as usize].vertices;
+        vertices.start + u32::from(self.has_corner(side))..vertices.end
+    }
+
+    /// The vertex of a side that is this sample of its arc.
+    pub(super) fn vertex_of_sample(&self, side: u32, param: u32) -> Option<u32> {
+        let (half_arc, samples) = (self.half_arc(side), self.samples(side));
+        let along = |key: &BorderKey| match *key {
+            BorderKey::Sample { param, .. } => half_arc.along(param),
+            BorderKey::Corner(_) => 0,
+        };
+        let keys = self.keys.get(samples.start as usize..samples.end as usize)?;
+        let at = keys.binary_search_by_key(&half_arc.along(param), along).ok()?;
+        Some(samples.start + at as u32)
+    }
+
+    /// The arcs on which a border edge lies before and after a corner that it passes.
+    pub(super) fn arcs_around_passed(&self, edge_from: u32, corner: u32) -> Option<[u32; 2]> {
+        let sides = self.sides_of_edge(edge_from);
+        let is_it = |side: &u32| {
+            let at = self.raised_corners.binary_search_by_key(side, |corner| corner.side);
+            at.is_ok_and(|at| self.raised_corners[at].corner == corner)
+        };
+        let side = (sides.start + 1..sides.end).find(is_it)?;
+        Some([side - 1, side].map(|side| self.half_arc(side).arc))
+    }
+
+    /// The triangles at the border that are in the strip of a side: numbers in [`DrawnSurface::border_triangles`].
+    pub(super) fn border_range(&self, side: usize) -> Range<u32> {
+        self.sides[side].triangles.clone()
+    }
+
+    /// A triangle at the border, and for each corner whether the edge to the next one is a border edge.
+    pub(super) fn border_triangle(&self, number: u32) -> ([u32; 3], [bool; 3]) {
+        let BorderTriangle { corners, on_border } = self.border[number as usize];
+        (corners, on_border)
+    }
+
     /// The strip of a side.
     pub(crate) fn strip<'s>(&self, side: usize, beside: &impl Beside<'s>) -> Strip {
         let mut strip = Strip::default();
@@ -374,6 +462,9 @@ impl DrawnSurface {
             for edge in edges.into_iter().map(|edge| [(edge >> 32) as u32, edge as u32]) {
                 let start = strip.positions.len();
                 self.insert(edge, beside, &mut strip);
+                if self.fans.is_some() {
+                    strip.edges.resize(strip.positions.len(), edge[0]);
+                }
                 if strip.positions.len() > start {
                     inserted.push((edge[0], start..strip.positions.len()));
                 }

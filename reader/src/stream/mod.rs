@@ -17,6 +17,9 @@
 //! A [`Follower`] finds both cuts from the query of each frame. A [`Streamer`] combines all of this for a program that draws a file
 //! from a moving camera and has threads to spare.
 //!
+//! With [`Options::light`], roots of files without normals are drawn in smooth light: [`DrawnRoot::lit`] has a normal at each vertex, the same on both sides
+//! of every border. What a surface has of it by itself is found where it is decoded; the normals at borders are found anew beside what changes.
+//!
 //! Of a large file, only a part of the tree is known. A streamer's follower chooses from this part, and a thread of it walks on to what the
 //! query wants: until it arrives, the group above is drawn. A session reads the lists and index blocks around the roots of its cuts as it
 //! reads their pages. The index is never dropped from memory.
@@ -29,7 +32,8 @@
 //! [`Simulation`] do them. A [`Follower`] predicts cuts from the [`Motion`] of a camera's [`Pose`].
 //!
 //! A [`Picture`] holds a [`DrawnRoot`] for each root: a [`DrawnSurface`], and a [`Strip`] of triangles along each half-arc, which take
-//! a finer neighbour's samples at its [`BorderEdge`]s. [`Changes`] say what is new. [`Counters`] with their [`LatencyHistogram`] say
+//! a finer neighbour's samples at its [`BorderEdge`]s; [`Lit`] has both with normals, and [`Light`] the normals for programs that join borders themselves.
+//! [`Changes`] say what is new. [`Counters`] with their [`LatencyHistogram`] say
 //! what a session has done, and a [`Problem`] what it has given up.
 //!
 //! Files of heights have a [`HeightsSession`] and a [`HeightsStreamer`] of their own, whose jobs, frames and pictures are the same. An [`Expecter`]
@@ -49,17 +53,21 @@ mod cache;
 mod content;
 mod counters;
 mod drawn_surface;
+mod fans;
 mod follower;
 mod frame;
 mod heights;
 mod history;
 mod index_reads;
 mod job;
+mod light;
+mod lit;
 mod loader;
 #[cfg(feature = "threads")]
 mod loaders;
 mod loading;
 mod motion;
+mod octahedral;
 mod picture;
 mod prefetch;
 mod queue;
@@ -87,11 +95,13 @@ pub use frame::{Frame, Shows};
 pub use heights::HeightsStreamer;
 pub use heights::{HeightsSession, TileImages};
 pub use job::Read;
+pub use lit::{Light, Lit};
 pub use loader::Problem;
 #[cfg(feature = "threads")]
 pub use loaders::Loaders;
 pub use loading::{Decoded, Decoding, Job};
 pub use motion::{Expecter, Motion, Pose};
+pub use octahedral::direction;
 pub use picture::{Changes, DrawnRoot, Picture};
 pub use queue::Class;
 pub use simulation::Simulation;
@@ -144,6 +154,9 @@ pub struct Options {
     /// Of heights: in a view, tiles whose samples take more pixels than this give way to their quarters for the sake of light and colours, even
     /// where their triangles are near enough. Infinite by default: then geometry alone decides.
     pub sample_px: f64,
+    /// Whether roots of a mesh get normals for smooth light, alike on both sides of every border ([`DrawnRoot::lit`]; SPEC.md, 14.5). For files that
+    /// store no normals: it takes a third more memory for decoded surfaces, and time to decode them. False by default: then nothing is computed.
+    pub light: bool,
 }
 
 impl Default for Options {
@@ -161,6 +174,7 @@ impl Default for Options {
             retry_delay: Duration::from_millis(100),
             may_stay_finer: true,
             sample_px: f64::INFINITY,
+            light: false,
         }
     }
 }

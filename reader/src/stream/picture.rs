@@ -13,6 +13,7 @@ use super::{
     frame::Difference,
     heights::TileImages,
     history::History,
+    light::{BorderLight, Stale},
     texel_content::DrawnTexture,
     users::Users,
 };
@@ -36,6 +37,9 @@ pub struct DrawnRoot {
     images: Option<Arc<TileImages>>,
     /// For each half-arc how it is drawn.
     sides: Vec<DrawnSide>,
+    /// In a session with light the normals at the border.
+    pub(super) light: Option<Arc<BorderLight>>,
+    pub(super) light_stamp: u64,
     error: f64,
     stamp: u64,
 }
@@ -85,8 +89,10 @@ impl DrawnRoot {
     }
 
     fn of(surface: Arc<DrawnSurface>, strips: Vec<Arc<Strip>>) -> Self {
-        let error = error_of(&surface, &strips);
-        Self { surface, strips, texture: None, images: None, sides: Vec::new(), error, stamp: new_stamp() }
+        let (error, light) = (error_of(&surface, &strips), BorderLight::of(&surface));
+        let stamp = new_stamp();
+        let (sides, light_stamp) = (Vec::new(), stamp);
+        Self { surface, strips, texture: None, images: None, sides, light, light_stamp, error, stamp }
     }
 
     /// Gives it another border.
@@ -104,6 +110,12 @@ impl DrawnRoot {
     /// A number that another state of this root does not have: where it is the same as in an earlier frame, nothing of the root has changed.
     pub fn stamp(&self) -> u64 {
         self.stamp
+    }
+
+    /// The same for its normals: where the number is that of an earlier frame, neither its surface nor its normals have changed, though its strips and
+    /// its images may have.
+    pub fn light_stamp(&self) -> u64 {
+        self.light_stamp
     }
 
     /// Bound of the two-sided distance between the drawn root and the input, world units: the block's error and, where a neighbour is
@@ -167,14 +179,16 @@ pub struct Changes {
     pub removed: Vec<u32>,
     /// Roots that have got their images.
     pub textures: Vec<u32>,
+    /// In a session with light ([`super::Options::light`]): roots whose surface is not new, and whose normals at the border have changed.
+    pub lights: Vec<u32>,
 }
 
 /// All roots that are drawn, none of them above another. There are no cracks: every arc is drawn with the samples of its finer side, and
 /// every corner that is a vertex of the finest root around it.
 #[derive(Clone, Debug, Default)]
 pub struct Picture {
-    roots: SortedMap<u32, DrawnRoot>,
-    users: Users,
+    pub(super) roots: SortedMap<u32, DrawnRoot>,
+    pub(super) users: Users,
     counts: Counts,
     history: History,
 }
@@ -295,12 +309,10 @@ impl Picture {
         self.put(drawn);
     }
 
-    /// Returns whether the root is new.
-    fn put(&mut self, drawn: DrawnRoot) -> bool {
+    fn put(&mut self, drawn: DrawnRoot) {
         let after = drawn.counts();
         let before = self.roots.insert(drawn.surface.root, drawn).map(|before| before.counts());
         self.counts.replace(before, Some(after));
-        before.is_none()
     }
 
     fn take(&mut self, root: u32) -> Option<DrawnRoot> {
@@ -334,18 +346,24 @@ impl Picture {
                 _ => new.push(surface),
             }
         }
-        let mut affected = SortedSet::new();
+        let (mut affected, mut stale) = (SortedSet::new(), Stale::default());
         for root in &changes.removed {
             if let Some(drawn) = self.take(*root) {
                 self.users.remove(&drawn.surface);
+                stale.add(&drawn.surface);
                 self.add_neighbours(&drawn.surface, &mut affected);
             }
         }
         for surface in &new {
             changes.surfaces.push(surface.root);
-            if self.put(DrawnRoot::of(surface.clone(), Vec::new())) {
+            if let Some(before) = self.roots.get(&surface.root) {
+                self.users.replace(&before.surface, surface);
+                stale.add(&before.surface);
+            } else {
                 self.users.add(surface);
             }
+            stale.add(surface);
+            self.put(DrawnRoot::of(surface.clone(), Vec::new()));
         }
         for surface in &new {
             self.add_neighbours(surface, &mut affected);
@@ -372,7 +390,15 @@ impl Picture {
                 drawn.set_strips(strips, sides, &mut self.counts);
             }
         }
-        let changed = changes.removed.iter().chain(affected.iter()).copied();
+        changes.lights = self.relight(stale, affected.iter().copied());
+        changes.lights.retain(|root| changes.surfaces.binary_search(root).is_err());
+        for root in &changes.lights {
+            if let Some(drawn) = self.roots.get_mut(root) {
+                drawn.stamp = new_stamp();
+                drawn.light_stamp = drawn.stamp;
+            }
+        }
+        let changed = changes.removed.iter().chain(affected.iter()).chain(&changes.lights).copied();
         self.history.note(changed);
         changes
     }

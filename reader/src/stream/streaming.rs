@@ -77,7 +77,7 @@ impl Session {
     /// [`Error::Missing`] until the index blocks of all tops have been supplied ([`Index::supply`]); draw [`crate::decode::overview`] until then.
     /// [`Error::Format`], [`Error::Limit`].
     pub fn new(index: Arc<Index>, options: Options) -> Result<Self> {
-        let content = Arc::new(FileContent::new(index)?);
+        let content = Arc::new(FileContent::new(index, options.light)?);
         let index = content.index();
         let overview = overview(index)?.map(|overview| overview.mesh(&index.lattice()));
         let rules = rules(&options, [options.byte_cache, options.decoded_cache]);

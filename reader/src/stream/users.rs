@@ -13,6 +13,8 @@ pub(super) struct Users {
     arcs: Vec<[u32; 2]>,
     /// Corners that are not vertices at every level, each with a root. Files without a tree have none.
     corners: SortedSet<(u32, u32)>,
+    /// In a session with light: corners, each with a root that has it as a vertex.
+    lit: SortedSet<(u32, u32)>,
 }
 
 impl Users {
@@ -28,6 +30,13 @@ impl Users {
             }
         }
         self.corners.extend(surface.raised_corners().iter().map(|corner| (corner.corner, surface.root)));
+        self.lit.extend(lit_corners(surface));
+    }
+
+    /// Notes that a root is drawn at another level from now on.
+    pub fn replace(&mut self, before: &DrawnSurface, after: &DrawnSurface) {
+        lit_corners(before).for_each(|corner| _ = self.lit.remove(&corner));
+        self.lit.extend(lit_corners(after));
     }
 
     /// Removes a root that is no longer drawn.
@@ -38,6 +47,17 @@ impl Users {
             }
         }
         surface.raised_corners().iter().for_each(|corner| _ = self.corners.remove(&(corner.corner, surface.root)));
+        lit_corners(surface).for_each(|corner| _ = self.lit.remove(&corner));
+    }
+
+    /// The roots beside an arc; numbers that no root has where there are fewer than two.
+    pub fn beside(&self, arc: u32) -> [u32; 2] {
+        self.arcs.get(arc as usize).copied().unwrap_or([NONE; 2])
+    }
+
+    /// In a session with light: the roots that have a corner as a vertex, ascending.
+    pub fn at_corner(&self, corner: u32) -> impl Iterator<Item = u32> + '_ {
+        self.lit.range((corner, 0)..=(corner, u32::MAX)).map(|&(_, root)| root)
     }
 
     /// The other root beside an arc.
@@ -50,4 +70,9 @@ impl Users {
     pub fn around(&self, corner: u32) -> impl Iterator<Item = u32> + '_ {
         self.corners.range((corner, 0)..=(corner, u32::MAX)).map(|&(_, root)| root)
     }
+}
+
+/// The corners that a surface has as vertices, if it has light.
+fn lit_corners(surface: &DrawnSurface) -> impl Iterator<Item = (u32, u32)> + '_ {
+    surface.fans.iter().flat_map(|fans| fans.border_corners()).map(|corner| (corner, surface.root))
 }

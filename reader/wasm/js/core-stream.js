@@ -77,9 +77,9 @@ export class CoreStream {
   #addOverview(frame) {
     this.#overview = typeof this.#overview === 'function' ? this.#overview() : this.#overview;
     if (!this.#overview) return;
-    const { positions, triangles } = this.#overview;
+    const { positions, triangles, normals } = this.#overview;
     const near = Float32Array.from(positions, (coordinate, k) => coordinate - this.#options.origin[k % 3]);
-    frame.uploads.push({ root: OVERVIEW, level: 0, error: this.#options.overviewError, positions: near, triangles: triangles.slice(), image: null });
+    frame.uploads.push({ root: OVERVIEW, level: 0, error: this.#options.overviewError, positions: near, triangles: triangles.slice(), normals: normals?.slice(), image: null });
     frame.triangleCount = triangles.length / 3;
     this.#hasOverview = true;
   }

@@ -64,7 +64,7 @@ export class Core {
 
   /** The small mesh that came with opening, or null. */
   async overview() {
-    return this.call('overview') ? this.#mesh() : null;
+    return this.call('overview', 0) ? this.#mesh() : null;
   }
 
   async select({ query, level }, signal) {
@@ -113,10 +113,10 @@ export class Core {
   async openStream(options) {
     const number = (this.#streamCount += 1);
     const begin = () => this.#ask(() => {
-      const { byteCache, decodedCache, texelCache, maxReads, ahead, origin } = options;
-      return this.call('open_stream', byteCache, decodedCache, texelCache, maxReads, ahead, ...origin);
+      const { byteCache, decodedCache, texelCache, maxReads, ahead, light, origin } = options;
+      return this.call('open_stream', byteCache, decodedCache, texelCache, maxReads, ahead, light ? 1 : 0, ...origin);
     }, this.#closed.signal);
-    const overview = () => (this.call('overview') ? this.#mesh() : null);
+    const overview = () => (this.call('overview', options.light ? 1 : 0) ? this.#mesh() : null);
     this.#streams.set(number, new CoreStream(this, this.#host, number, begin, overview, options));
     return number;
   }
@@ -262,7 +262,8 @@ export class Core {
       triangles: part(Uint32Array, 3 * triangleCount),
       triangleNodes: part(Uint32Array, triangleCount),
     };
-    if (!isOfHeights) return mesh;
+    // Of an overview in light.
+    if (!isOfHeights) return at < buffer.byteLength ? { ...mesh, normals: part(Int16Array, 2 * vertexCount) } : mesh;
     const normals = part(Float32Array, 3 * vertexCount);
     return { ...mesh, normals, colors: at < buffer.byteLength ? part(Uint8Array, 4 * vertexCount) : null };
   }

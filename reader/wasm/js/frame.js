@@ -10,6 +10,7 @@ const HAS_NORMALS = 4;
 const HAS_COLOURS = 8;
 /** Bits of what comes with the image of a channel: four bytes a texel each, in this order. */
 const BESIDE = { normals: 16, material: 32, emissive: 64 };
+const HAS_LIGHT = 128;
 const SHOWS = ['nothing', 'overview', 'picture'];
 const LIMITERS = [undefined, 'tolerance', 'finest', 'triangles', 'nodes', 'bytes'];
 
@@ -30,6 +31,7 @@ export function unpackFrame(buffer) {
   const uploads = Array.from({ length: changed }, (_, k) => {
     const [root, level, vertexCount, count, flags, width, height] = words.subarray(7 * k, 7 * k + 7);
     const upload = { root, level, error: errors[k], positions: take(Float32Array, 3 * vertexCount), triangles: take(Uint32Array, 3 * count) };
+    if (flags & HAS_LIGHT) upload.normals = take(Int16Array, 2 * vertexCount);
     if (flags & HAS_PLACES) Object.assign(upload, { places: take(Float32Array, 2 * vertexCount), rectangles: take(Uint16Array, 4 * vertexCount) });
     // Without one it keeps the image that it has.
     if (flags & HAS_NORMALS) {

@@ -3,6 +3,7 @@
 import { Atlas, isLarge, planesOf } from './atlas.js';
 import { LodpackError } from './errors.js';
 import { FreeRanges } from './free-ranges.js';
+import { NORMAL_SIZES, putNormals } from './octahedral.js';
 
 const SLAB_VERTICES = 1 << 16;
 const SLAB_INDICES = 3 << 17;
@@ -11,8 +12,9 @@ const NO_IMAGE = { width: 1, height: 1, data: new Uint8Array([255, 255, 255, 0])
 
 /** Buffers that hold some roots. What no root uses draws nothing: its triangles are points. */
 export class Slab {
-  constructor(vertexCapacity, indexCapacity, { infoSize, infoType, maxTextureSize }, image) {
+  constructor(vertexCapacity, indexCapacity, { infoSize, infoType, normals, maxTextureSize }, image) {
     this.positions = new Float32Array(3 * vertexCapacity);
+    this.normals = normals ? new Int16Array(NORMAL_SIZES[normals] * vertexCapacity) : undefined;
     this.info = infoSize ? new infoType(infoSize * vertexCapacity) : undefined;
     this.indices = new Uint32Array(indexCapacity);
     /** With images: where each vertex lies in the atlas, in texels, and the rectangle that interpolation must not leave. */
@@ -37,9 +39,11 @@ export class Slab {
 
 /** All roots that are drawn, in slabs. */
 export class Pool {
-  constructor({ infoSize = 0, infoType = Float32Array, infoOf = () => [], images = false, maxTextureSize = 4096 } = {}) {
+  constructor({ infoSize = 0, infoType = Float32Array, infoOf = () => [], normals = undefined, images = false, maxTextureSize = 4096 } = {}) {
     /** Numbers of each vertex beside its position: what `infoOf` returns for its root. */
     Object.assign(this, { infoSize, infoType, infoOf });
+    /** How slabs have the normals of a stream with light: 'octahedral', or 'vectors'. */
+    this.normals = normals;
     /** Whether slabs have images, and the longest side of one. Images of one slab have the same planes. */
     Object.assign(this, { images, maxTextureSize });
     this.slabs = [];
@@ -106,10 +110,11 @@ export class Pool {
     return { width: 1, height: 1, data: Uint8Array.from(sums, (sum) => (4 * sum) / data.length), isWhole: true };
   }
 
-  #add({ root, level, error, positions, triangles, places, rectangles }, image) {
+  #add({ root, level, error, positions, triangles, normals, places, rectangles }, image) {
     const [vertexCount, indexCount] = [positions.length / 3, triangles.length];
     const { slab, firstVertex, firstIndex, tile } = this.#room(vertexCount, indexCount, image);
     slab.positions.set(positions, 3 * firstVertex);
+    if (slab.normals) putNormals(slab.normals, this.normals, firstVertex, vertexCount, normals);
     for (let k = 0; k < indexCount; k += 1) slab.indices[firstIndex + k] = triangles[k] + firstVertex;
     slab.dirtyVertices.push([firstVertex, vertexCount]);
     slab.dirtyIndices.push([firstIndex, indexCount]);

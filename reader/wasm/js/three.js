@@ -45,9 +45,10 @@ export class LodpackMesh extends Object3D {
   static async of(file, options = {}) {
     // Colours of roots and those of the file exclude each other.
     const { channel = options.colorOf ? 'none' : 'auto', range } = options;
+    const light = takesLight(options);
     // A material without light needs colours alone.
     const beside = takesLight(options) ? { normals: true, materials: true } : {};
-    const mesh = new LodpackMesh(file, await file.stream({ channel, range, ...beside, ...options.stream }), options);
+    const mesh = new LodpackMesh(file, await file.stream({ channel, range, light, ...beside, ...options.stream }), options);
     let ground;
     try {
       ground = options.ground === false ? null : await file.ground();
@@ -67,9 +68,10 @@ export class LodpackMesh extends Object3D {
     this.type = 'LodpackMesh';
     this.isLodpackMesh = true;
     Object.assign(this, { file, pixelTolerance });
-    /** Flat shading needs no normals at vertices, which would have seams where roots meet. Normals of the file, and of heights, come as a texture. */
+    const hasNormals = takesLight(options) && options.stream?.light !== false && !file.storesNormals;
+    /** Normals of the file, and of heights, come as a texture; until it is there, surfaces are flat. */
     this.material = material ?? (lit
-      ? new MeshStandardMaterial({ flatShading: true, vertexColors: Boolean(colorOf) })
+      ? new MeshStandardMaterial({ flatShading: !hasNormals, vertexColors: Boolean(colorOf) })
       : new MeshBasicMaterial({ vertexColors: Boolean(colorOf) }));
     this.#ownsMaterial = !material;
     // Texels have a coverage where the file says how it is drawn.
@@ -82,7 +84,7 @@ export class LodpackMesh extends Object3D {
     const { min, max } = file.bounds ?? { min: [0, 0, 0], max: [0, 0, 0] };
     this.boundingBox = new Box3(new Vector3(...min), new Vector3(...max));
     this.boundingSphere = this.boundingBox.getBoundingSphere(new Sphere());
-    this.#pool = new Pool({ images: file.channels.length > 0 || file.kind === 'heights', ...(colorOf ? { infoSize: 3, infoOf: colorOf } : {}) });
+    this.#pool = new Pool({ normals: hasNormals ? 'vectors' : undefined, images: file.channels.length > 0 || file.kind === 'heights', ...(colorOf ? { infoSize: 3, infoOf: colorOf } : {}) });
     this.#pool.onremove = (slab) => this.#remove(slab);
     this.#stream = stream;
     stream.onprogress = () => {
@@ -206,6 +208,7 @@ export class LodpackMesh extends Object3D {
         if (ranges.length > 0) attribute.needsUpdate = true;
       };
       mark(geometry.getAttribute('position'), slab.dirtyVertices);
+      mark(geometry.getAttribute('normal'), slab.dirtyVertices);
       mark(geometry.getAttribute('color'), slab.dirtyVertices);
       mark(geometry.getAttribute('uv'), slab.dirtyVertices);
       this.#textures.get(slab)?.upload();
@@ -218,8 +221,9 @@ export class LodpackMesh extends Object3D {
 
   #add(slab) {
     const geometry = new BufferGeometry();
-    const attribute = (array, size) => new BufferAttribute(array, size).setUsage(DynamicDrawUsage);
+    const attribute = (array, size, isNormalized) => new BufferAttribute(array, size, isNormalized).setUsage(DynamicDrawUsage);
     geometry.setAttribute('position', attribute(slab.positions, 3));
+    if (slab.normals) geometry.setAttribute('normal', attribute(slab.normals, 4, true));
     if (slab.info) geometry.setAttribute('color', attribute(slab.info, 3));
     if (slab.atlas) {
       geometry.setAttribute('uv', attribute(slab.places, 2));

@@ -82,6 +82,14 @@ pub fn put_triangles(output: &mut Vec<u8>, triangles: &[[u32; 3]]) {
     });
 }
 
+/// Packs normals.
+pub fn put_normals(output: &mut Vec<u8>, normals: &[[i16; 2]]) {
+    put_all(output, normals, |place: &mut [u8; 4], normal| {
+        let (numbers, _) = place.as_chunks_mut::<2>();
+        numbers.iter_mut().zip(normal).for_each(|(place, x)| *place = x.to_le_bytes());
+    });
+}
+
 /// Packs many things of N bytes: several times faster than one after another.
 pub fn put_all<T, const N: usize>(output: &mut Vec<u8>, things: &[T], put: impl Fn(&mut [u8; N], &T)) {
     let start = output.len();

@@ -105,10 +105,10 @@ pub extern "C" fn lodpack_ground_frame() -> i32 {
     call(State::ground_frame)
 }
 
-/// The overview's mesh; returns 0 if there is none.
+/// The overview's mesh; with light followed by the normals of its vertices, and vertices on creases are there more than once. Returns 0 if there is none.
 #[unsafe(no_mangle)]
-pub extern "C" fn lodpack_overview() -> i32 {
-    call(State::overview)
+pub extern "C" fn lodpack_overview(light: u32) -> i32 {
+    call(|state| state.overview(light != 0))
 }
 
 /// Returns a new question.
@@ -184,7 +184,7 @@ pub extern "C" fn lodpack_boundary_edge_count() -> i32 {
     call(State::boundary_edge_count)
 }
 
-/// Opens a stream and returns it. Needs the whole index.
+/// Opens a stream and returns it, with normals for smooth light unless `light` is 0. Needs the whole index.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_open_stream(
     byte_cache: f64,
@@ -192,6 +192,7 @@ pub extern "C" fn lodpack_open_stream(
     texel_cache: f64,
     max_reads: u32,
     ahead_ms: f64,
+    light: u32,
     x: f64,
     y: f64,
     z: f64,
@@ -203,6 +204,7 @@ pub extern "C" fn lodpack_open_stream(
         max_reads: max_reads as usize,
         // As the native viewer.
         sample_px: 3.0,
+        light: light != 0,
         ..Options::default()
     };
     call(|state| state.open_stream(options, ahead_ms, [x, y, z]))

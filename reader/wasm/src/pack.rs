@@ -5,11 +5,11 @@ use std::{collections::BTreeMap, sync::Arc};
 use lodpack::{
     Lattice,
     decode::{Appearance, ChannelImage, Look, coverages, texels::Piece},
-    stream::{ByPiece, Changes, DrawnRoot, DrawnTexture, Picture, TileImages},
+    stream::{ByPiece, Changes, DrawnRoot, DrawnTexture, Lit, Picture, TileImages},
 };
 
 use crate::{
-    answer::{Put, put_all, put_triangles},
+    answer::{Put, put_all, put_normals, put_triangles},
     dress::{Dresser, TEXELS, put_images, put_places},
 };
 
@@ -163,6 +163,8 @@ struct Packed<'p> {
     drawn: &'p DrawnRoot,
     positions: Vec<[f64; 3]>,
     triangles: Vec<[u32; 3]>,
+    /// The normal of each vertex; none in a stream without light.
+    normals: Vec<[i16; 2]>,
     /// The piece of each vertex; none without an image of more than a texel.
     pieces: Option<Vec<u32>>,
     image: Option<Painted>,
@@ -170,8 +172,8 @@ struct Packed<'p> {
 }
 
 impl Packed<'_> {
-    /// Whether it has a channel, places, normals of a tile, and colours beside these; then normals, a material and emitted light of its new image;
-    /// and the size of that, if it has one.
+    /// Whether it has a channel, places, normals of a tile, and colours beside these; then normals, a material and emitted light of its new image,
+    /// and normals of vertices; and the size of the image, if it has one.
     fn flags(&self, shows_channel: bool, shows_colours: bool) -> [u32; 3] {
         let is_tile = self.drawn.images().is_some();
         let bits = [
@@ -182,6 +184,7 @@ impl Packed<'_> {
             self.image.as_ref().is_some_and(|image| image.normals.is_some()),
             self.image.as_ref().is_some_and(|image| image.material.is_some()),
             self.image.as_ref().is_some_and(|image| image.emissive.is_some()),
+            !self.normals.is_empty(),
         ];
         let flags = bits.iter().zip(0..).map(|(&bit, k)| u32::from(bit) << k).sum();
         let size = self.image.as_ref().map_or([0; 2], |image| image.size);
@@ -191,7 +194,7 @@ impl Packed<'_> {
 }
 
 /// Packs what has changed: the error of each changed root (f64), lost roots, removed roots, seven words for each changed root, and then for
-/// each its positions (f32) and triangles; where it has an image, the place (f32) and the rectangle (u16) of each vertex in it; and the
+/// each its positions (f32), triangles and, with light, normals (i16, two a vertex); where it has an image, the place (f32) and the rectangle (u16) of each vertex in it; and the
 /// image, if it is new, with what comes with it: of a tile of heights colours, if these are shown, and normals.
 pub fn put_changes(
     output: &mut Vec<u8>,
@@ -219,9 +222,10 @@ pub fn put_changes(
     }));
     // Both roots at a border have the same world positions there, so they also have the same ones here: no crack can open.
     let place = |position: [f64; 3]| [0, 1, 2].map(|k| (position[k] - origin[k]) as f32);
-    for Packed { drawn, positions, triangles, pieces, image, tile_images } in packed {
+    for Packed { drawn, positions, triangles, normals, pieces, image, tile_images } in packed {
         put_all(output, &positions, |bytes: &mut [u8; 12], &position| put_array(bytes, place(position)));
         put_triangles(output, &triangles);
+        put_normals(output, &normals);
         if drawn.images().is_some() {
             put_places(output, drawn);
         }
@@ -259,15 +263,16 @@ fn pack<'p>(drawn: &'p DrawnRoot, painter: Option<&mut Painter>) -> Packed<'p> {
     let shows_channel = painter.is_some();
     let image = painter.and_then(|painter| painter.image(drawn));
     let has_image = drawn.texture().is_some_and(|texture| texture.texture.images.first().is_some_and(Option::is_some));
-    match drawn.by_piece().filter(|_| shows_channel && has_image) {
-        Some(ByPiece { positions, triangles, pieces }) => {
-            Packed { drawn, positions, triangles, pieces: Some(pieces), image, tile_images: None }
-        }
-        None => {
-            let (positions, triangles) = drawn.joined();
-            Packed { drawn, positions, triangles, pieces: None, image, tile_images: None }
-        }
+    let by_piece = if shows_channel && has_image { drawn.by_piece() } else { None };
+    let tile_images = None;
+    if let Some(ByPiece { positions, triangles, pieces, normals }) = by_piece {
+        return Packed { drawn, positions, triangles, normals, pieces: Some(pieces), image, tile_images };
     }
+    let Lit { positions, triangles, normals } = drawn.lit().unwrap_or_else(|| {
+        let (positions, triangles) = drawn.joined();
+        Lit { positions, triangles, normals: Vec::new() }
+    });
+    Packed { drawn, positions, triangles, normals, pieces: None, image, tile_images }
 }
 
 /// How many roots [`put_changes`] uploads.
@@ -280,7 +285,8 @@ fn changed_roots<'p>(picture: &'p Picture, changes: &Changes, is_all: bool) -> V
         return picture.roots().collect();
     }
     let strips = changes.strips.iter().map(|(root, _)| root);
-    let mut changed: Vec<u32> = changes.surfaces.iter().chain(strips).chain(&changes.textures).copied().collect();
+    let mut changed: Vec<u32> =
+        changes.surfaces.iter().chain(strips).chain(&changes.textures).chain(&changes.lights).copied().collect();
     changed.sort_unstable();
     changed.dedup();
     changed.into_iter().filter_map(|root| picture.root(root)).collect()

@@ -3,12 +3,15 @@
 use std::sync::Arc;
 
 use lodpack::{
-    Cut, Error, Fetched, Index, Limits, Node, Opener, decode, heights::HeightsIndex, index::SourceInfo, select,
-    stream::Options,
+    Cut, Error, Fetched, Index, Limits, Mesh, Node, Opener, decode,
+    heights::HeightsIndex,
+    index::SourceInfo,
+    select,
+    stream::{Lit, Options},
 };
 
 use crate::{
-    answer::{Answer, Put, floats, put_mesh, words, wrong},
+    answer::{Answer, Put, floats, put_mesh, put_normals, words, wrong},
     query,
     stream::Stream,
 };
@@ -170,15 +173,17 @@ impl State {
         Ok(1)
     }
 
-    /// The overview's mesh. Returns whether there is one.
-    pub fn overview(&mut self) -> Answer {
+    /// The overview's mesh, and the normals of its vertices, if it is to have light. Returns whether there is one.
+    pub fn overview(&mut self, has_light: bool) -> Answer {
         if self.has_heights() {
             return Ok(0);
         }
         let index = self.index()?;
         let Some(overview) = decode::overview(index)? else { return Ok(0) };
         let mesh = overview.mesh(&index.lattice());
-        put_mesh(&mut self.output, &mesh);
+        let Lit { positions, triangles, normals } = if has_light { Lit::of(&mesh) } else { Lit::default() };
+        put_mesh(&mut self.output, &if has_light { Mesh { positions, triangles, ..mesh } } else { mesh });
+        put_normals(&mut self.output, &normals);
         Ok(1)
     }
 

@@ -33,7 +33,7 @@ use crate::{
     draw::Renderer,
     gpu::{Gpu, Targets},
     picture::{Picture, different_colours, marked, save},
-    scene::{HeightsContent, MeshContent, Scene, Source, open_source},
+    scene::{HeightsContent, Looks, MeshContent, Scene, Source, open_source},
 };
 use error::ErrorCheck;
 pub use flight::{Flight, fly};
@@ -205,7 +205,8 @@ impl Check {
     fn new(source: Source, options: &Options) -> Result<Self> {
         let gpu = Arc::new(Gpu::headless()?);
         // What is checked is geometry, of tiles of all depths.
-        let mut scene = Scene::open_with(source, Mode::Synchronous, f64::INFINITY)?;
+        let mut scene =
+            Scene::open_with(source, Looks { mode: Mode::Synchronous, sample_px: f64::INFINITY, is_flat: true })?;
         scene.take_ground();
         scene.query.outside = Outside::Coarsest;
         let renderer = |way| Renderer::new(&gpu, way);

@@ -14,16 +14,30 @@ fn both_ways_draw_the_same_picture_in_the_middle_of_the_background() {
         return;
     }
     let (path, folder) = (Model::sphere_path(), folder("ways"));
-    let pictures = ["stitched", "pulled"].map(|way| {
+    let picture_of = |way: &str, more: &[&str]| {
         let out = folder.join(format!("{way}.png"));
         let arguments =
             [path.to_str().unwrap(), "--screenshot", out.to_str().unwrap(), "--size", "321x200", "--draw", way];
-        let output = program(&arguments);
+        let output = program(&[&arguments, more].concat());
         assert!(output.status.success(), "{}", text(&output.stderr));
         load(&out).unwrap()
+    };
+    let [smooth, flat] = [&[][..], &["--flat"]].map(|more| {
+        let pictures = ["stitched", "pulled"].map(|way| picture_of(way, more));
+        assert_eq!(pictures[0], pictures[1]);
+        let [picture, _] = pictures;
+        picture
     });
-    assert_eq!(pictures[0], pictures[1]);
-    let picture = &pictures[0];
+    // Squares of steps from pixel to pixel within the sphere: edges of triangles are seen where these are flat.
+    let roughness = |picture: &image::RgbaImage| {
+        let steps = (130..190).flat_map(|x| (70..130).map(move |y| (x, y)));
+        steps
+            .map(|(x, y)| i32::from(picture[(x, y)][0]) - i32::from(picture[(x + 1, y)][0]))
+            .map(|d| d * d)
+            .sum::<i32>()
+    };
+    assert!(2 * roughness(&smooth) < roughness(&flat), "{} and {}", roughness(&smooth), roughness(&flat));
+    let picture = &smooth;
     let covered = picture.pixels().filter(|&&colour| colour != BACKGROUND).count();
     assert!((0.1..0.9).contains(&(covered as f64 / picture.pixels().len() as f64)), "{covered}");
     assert_eq!((picture.dimensions(), picture[(0, 0)]), ((321, 200), BACKGROUND));

@@ -3,6 +3,7 @@ mod damage;
 mod following;
 mod heights;
 mod images;
+mod light;
 #[cfg(feature = "threads")]
 mod lists;
 mod loading;
@@ -40,6 +41,7 @@ const APART: Options = Options {
     retry_delay: Duration::from_millis(10),
     may_stay_finer: true,
     sample_px: f64::INFINITY,
+    light: false,
 };
 
 /// A closed surface of 6 n^2 roots with four levels; one of four is a grid.
