@@ -226,7 +226,7 @@ pub extern "C" fn lodpack_draw_frame(stream: *mut Stream, query: *const Query, f
         let stream = borrow_mut(stream, "stream")?;
         let query = checked(borrow(query, "query")?)?;
         let streamed = stream.streamer.frame(&query)?;
-        let Changes { surfaces, strips, removed, textures } = streamed.frame.changes;
+        let Changes { surfaces, strips, removed, textures, .. } = streamed.frame.changes;
         let changed: BTreeSet<u32> =
             surfaces.into_iter().chain(strips.into_iter().map(|(root, _)| root)).chain(textures).collect();
         let picture = stream.streamer.picture();
@@ -281,7 +281,7 @@ fn mesh_of(drawn: &DrawnRoot, stream: &Stream) -> Mesh {
     }
     let AnyStreamer::Mesh(streamer) = &stream.streamer else { return bare(drawn) };
     let lattice = streamer.session().index().lattice();
-    let Some((texture, ByPiece { positions, triangles, pieces })) = drawn.texture().zip(drawn.by_piece()) else {
+    let Some((texture, ByPiece { positions, triangles, pieces, .. })) = drawn.texture().zip(drawn.by_piece()) else {
         return bare(drawn);
     };
     let Some(map) = &texture.texture.map else { return bare(drawn) };
