@@ -177,7 +177,7 @@ pub fn session(bytes: &[u8]) {
     let caches = Options { byte_cache: 1 << 12, decoded_cache: 1 << 14, texel_cache: 1 << 14, ..Options::default() };
     // One of these for each file: there are many files.
     let number = dice(bytes) >> 7;
-    let options = Options { max_attempts: 3, light: number % 3 > 0, ..caches };
+    let options = Options { max_attempts: 3, light: !number.is_multiple_of(3), ..caches };
     let Ok(mut session) = again(|| file.session(options)) else { return };
     let channels: Vec<u8> = (0..file.channels().len() as u8).collect();
     assert!(session.show_channels(&channels).is_ok());
