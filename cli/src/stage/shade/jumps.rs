@@ -5,7 +5,7 @@
 //! shows differs from what the other one does by more than quantisation hides. An image that lies across such an edge blurs it
 //! over a texel.
 //!
-//! Materials without images look alike everywhere, and are areas as a whole: parts of a building or a machine often share no edge, and texels that
+//! Materials without images look alike everywhere, and are areas as a whole, as each colour of a palette is: parts of a building or a machine often share no edge, and texels that
 //! are larger than a part would show what lies near it.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::DVec3;
 
 use super::{Face, Painter};
-use crate::mesh::srgb::srgb_byte;
+use crate::mesh::srgb::{share_byte, srgb_byte};
 use crate::mesh::union_find::{find, unite};
 use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
 use crate::stage::areas::{ColourAreas, Differences, INWARDS, MOST_INWARDS, OF_DRAWINGS};
@@ -24,10 +24,22 @@ const STEPS: f64 = 4.0;
 /// Areas with fewer texels of the input are left out: a piece of a map takes more for itself. With 16, the textured bunny of pymeshlab's
 /// tests had 31.1 instead of 33.7 dB; with less than 2, each square of a mesh with a colour per face would be one.
 const FEWEST_TEXELS: f64 = 2.0;
-/// Of more materials than this only those that meet are told apart.
-const MOST_MATERIALS: usize = 1000;
+/// Of more looks than this only those that meet are told apart.
+const MOST_LOOKS: usize = 1000;
+/// An image of which triangles show more colours than this is no palette.
+const MOST_COLOURS: usize = 256;
+/// The middle of a triangle.
+const MIDDLE: [f32; 3] = [1.0 / 3.0; 3];
 /// Places along an edge at which colours are compared.
 const PLACES: [f32; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
+
+/// What triangles show that have one colour each, and are those of a material of which all have.
+struct EvenLooks {
+    /// The first triangle of each material and colour.
+    firsts: BTreeMap<(u16, [u8; 4]), u32>,
+    /// Of each triangle the first one that looks like it; [`NONE`] for none.
+    of_triangles: Vec<u32>,
+}
 
 impl Painter<'_> {
     /// The areas of a region between which colours jump; none if they do nowhere. `step` is that of the quantisation of colours.
@@ -36,8 +48,8 @@ impl Painter<'_> {
             return None;
         }
         let borders: Vec<u32> = self.borders(adjacency);
-        let even = self.even_materials(mesh.triangles.len() as u32);
-        if borders.is_empty() && even.len() < 2 {
+        let even = self.even_looks(mesh);
+        if borders.is_empty() && even.firsts.len() < 2 {
             return None;
         }
         let mut sets: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
@@ -47,10 +59,8 @@ impl Painter<'_> {
                 unite(&mut sets, half_edge / 3, opposite / 3);
             }
         }
-        for triangle in 0..mesh.triangles.len() {
-            if let Some(&first) = even.get(&self.region.material(triangle)) {
-                unite(&mut sets, first, triangle as u32);
-            }
+        for (triangle, &look) in (0..).zip(&even.of_triangles).filter(|(_, look)| **look != NONE) {
+            unite(&mut sets, look, triangle);
         }
         let mut differences = Differences::default();
         for half_edge in borders {
@@ -61,7 +71,7 @@ impl Painter<'_> {
                 differences.add(pair, square, length);
             }
         }
-        self.compare(even.values(), mesh, &mut sets, &mut differences);
+        self.compare(even.firsts.values(), mesh, &mut sets, &mut differences);
         let (lines, _) = differences.divided(STEPS * f64::from(step));
         // Areas that are too small for a piece are left out.
         let wanted: BTreeSet<u32> = lines.iter().flatten().copied().collect();
@@ -78,33 +88,60 @@ impl Painter<'_> {
                 *texels.entry(set).or_default() += area * density * density;
             }
         }
-        // A whole material may be two triangles, as the ground beneath a building.
-        let materials: BTreeSet<u32> = even.values().map(|&first| find(&mut sets, first)).collect();
+        // A whole look may be two triangles, as the ground beneath a building.
+        let looks: BTreeSet<u32> = even.firsts.values().map(|&first| find(&mut sets, first)).collect();
         let is_large =
-            |area: &u32| materials.contains(area) || texels.get(area).is_some_and(|&texels| texels >= FEWEST_TEXELS);
+            |area: &u32| looks.contains(area) || texels.get(area).is_some_and(|&texels| texels >= FEWEST_TEXELS);
         let pairs: Vec<[u32; 2]> = lines.into_iter().filter(|pair| pair.iter().all(is_large)).collect();
         (!pairs.is_empty()).then(|| ColourAreas::of_sets(&mut sets, pairs))
     }
 
-    /// The first triangle of each material without images, where vertices have no colours.
-    fn even_materials(&self, triangle_count: u32) -> BTreeMap<u16, u32> {
-        let mut firsts = BTreeMap::new();
+    /// The looks of materials of which no triangle shows more than one colour: those without images, and palettes.
+    fn even_looks(&mut self, mesh: &Mesh) -> EvenLooks {
+        let count = mesh.triangles.len();
+        let mut looks = EvenLooks { firsts: BTreeMap::new(), of_triangles: vec![] };
         if self.appearance.layout.colour.is_some() {
-            return firsts;
+            return looks;
         }
-        for triangle in 0..triangle_count {
-            firsts.entry(self.region.material(triangle as usize)).or_insert(triangle);
+        looks.of_triangles.resize(count, NONE);
+        let has_images = |material: &u16| {
+            let material = self.appearance.materials.get(usize::from(*material));
+            material.is_some_and(|material| material.images().next().is_some())
+        };
+        let numbers: BTreeSet<u16> = (0..count).map(|triangle| self.region.material(triangle)).collect();
+        let textured: BTreeSet<u16> = numbers.into_iter().filter(has_images).collect();
+        let mut uneven = BTreeSet::new();
+        let mut colour_counts: BTreeMap<u16, usize> = BTreeMap::new();
+        for triangle in 0..count {
+            let material = self.region.material(triangle);
+            let mut colour = [0; 4];
+            if textured.contains(&material) {
+                if uneven.contains(&material) {
+                    continue;
+                }
+                let face = self.face(triangle, mesh.corners(triangle as u32));
+                if !face.is_even() || colour_counts.get(&material).is_some_and(|&count| count > MOST_COLOURS) {
+                    uneven.insert(material);
+                    continue;
+                }
+                let [red, green, blue, alpha] = face.base_colour(MIDDLE, 0.0);
+                colour = [srgb_byte(red), srgb_byte(green), srgb_byte(blue), share_byte(alpha)];
+            }
+            looks.of_triangles[triangle] = *looks.firsts.entry((material, colour)).or_insert_with(|| {
+                *colour_counts.entry(material).or_default() += 1;
+                triangle as u32
+            });
         }
-        firsts.retain(|&material, _| {
-            self.appearance
-                .materials
-                .get(usize::from(material))
-                .is_none_or(|material| material.images().next().is_none())
-        });
-        firsts
+        looks.firsts.retain(|(material, _), _| !uneven.contains(material));
+        for (triangle, look) in looks.of_triangles.iter_mut().enumerate() {
+            if uneven.contains(&self.region.material(triangle)) {
+                *look = NONE;
+            }
+        }
+        looks
     }
 
-    /// Adds the differences of areas that are whole materials, whose first triangles are given, as if any two of them met.
+    /// Adds the differences of areas that are whole looks, whose first triangles are given, as if any two of them met.
     fn compare<'a>(
         &mut self,
         firsts: impl ExactSizeIterator<Item = &'a u32>,
@@ -112,12 +149,12 @@ impl Painter<'_> {
         sets: &mut [u32],
         differences: &mut Differences,
     ) {
-        if firsts.len() > MOST_MATERIALS {
+        if firsts.len() > MOST_LOOKS {
             return;
         }
         let mut looks = vec![];
         for &triangle in firsts {
-            let colour = self.face(triangle as usize, mesh.corners(triangle)).base_colour([1.0, 0.0, 0.0], 0.0);
+            let colour = self.face(triangle as usize, mesh.corners(triangle)).base_colour(MIDDLE, 0.0);
             looks.push((
                 find(sets, triangle),
                 self.drawing(3 * triangle),
