@@ -49,7 +49,7 @@ pub(super) fn relief_of(image: &ImageSource, memory: u64) -> Result<Relief, Stri
     if texels_of(size) > MAX_IMAGE_TEXELS {
         return Err(format!("it has {width} x {height} texels, more than {MAX_IMAGE_TEXELS}: make it smaller"));
     }
-    let (mut seen, step) = (Seen::default(), height.div_ceil(MOST_ROWS) as usize);
+    let (mut seen, step) = (Seen::default(), height.div_ceil(MOST_ROWS).max(1) as usize);
     if let Some(rows) = rows_of_png(open()?)? {
         seen.add_rows(rows, step)?;
     } else if least_for_decoding(decoding_bytes(open()?)?) > memory {
