@@ -23,9 +23,9 @@ fn square_of(library: &[u8]) -> (Vec<Material>, String) {
     materials_of(&textured_square("mtllib a.mtl\n"), library)
 }
 
-/// The factor that `Kd 0.5 0 0` is.
+/// The factor that `Kd 0.6 0 0` is.
 fn dark_red() -> [f32; 4] {
-    [linear_from_srgb(0.5), 0.0, 0.0, 1.0]
+    [linear_from_srgb(0.6), 0.0, 0.0, 1.0]
 }
 
 /// A PNG without its second half.
@@ -39,7 +39,7 @@ fn a_material_whose_image_cannot_be_used_shows_its_factor() {
     let obj = textured_square("mtllib a.mtl\n");
     let problems = ["there is no such file: put it there", "its format is unknown", "it is damaged"];
     for (image, problem) in ["none.png", "a.mtl", "cut.png"].into_iter().zip(problems) {
-        let library = format!("newmtl m\nmap_Kd {image}\nKd 0.5 0 0\nmap_Ke {image}\n");
+        let library = format!("newmtl m\nmap_Kd {image}\nKd 0.6 0 0\nmap_Ke {image}\n");
         let folder =
             Folder::new(&[("a.obj", obj.as_bytes()), ("a.mtl", library.as_bytes()), ("cut.png", &cut_short())]);
         let (appearance, attributes, notes) = folder.sound(&["a.obj"]);
@@ -57,7 +57,7 @@ fn faces_without_texture_coordinates_show_the_factor_of_their_material() {
     let obj = format!("{}f 1 3 4\nf 1//1 3//1 4//1\nf 1/-9 2/-9 4/-9\nf 1/1 2/2 4\nf 1/1 2/2 4/4\n", {
         textured_square("mtllib a.mtl\n")
     });
-    let (materials, notes) = materials_of(&obj, b"newmtl m\nKd 0.5 0 0\nmap_Kd g.png\n");
+    let (materials, notes) = materials_of(&obj, b"newmtl m\nKd 0.6 0 0\nmap_Kd g.png\n");
     let has_image: Vec<bool> = materials.iter().map(|material| material.base_texture.is_some()).collect();
     assert_eq!(has_image, [true, true, false, false, false, false, true]);
     for material in &materials {
@@ -93,7 +93,7 @@ fn a_library_is_read_once_however_often_it_is_named() {
 fn names_of_materials_and_images_may_be_in_any_encoding() {
     let obj = [textured_square("mtllib a.mtl\n").replace("usemtl m\n", "").as_bytes(), b"usemtl \xe9\nf 1/1 2/2 4/4\n"]
         .concat();
-    let library = b"\xEF\xBB\xBFnewmtl \xe9\nKd 0.5 0 0\nmap_Kd \xe9.png\n";
+    let library = b"\xEF\xBB\xBFnewmtl \xe9\nKd 0.6 0 0\nmap_Kd \xe9.png\n";
     let folder = Folder::new(&[("a.obj", &obj), ("a.mtl", library), ("\u{e9}.png", &png(4, 4))]);
     let (appearance, attributes, notes) = folder.sound(&["a.obj"]);
     let material = &appearance.materials[usize::from(attributes.materials[2])];
@@ -131,10 +131,10 @@ fn opacity_counts_before_what_is_missing_of_it() {
     for (statements, expected) in [
         ("d 1\nTr 1\n", (1.0, AlphaMode::Opaque)),
         ("Tr 1\nd 1\n", (1.0, AlphaMode::Opaque)),
-        ("Tr 0.25\n", (0.75, AlphaMode::Blend)),
-        ("Tr 0.25\nd -halo 0.5\nTr 0\n", (0.5, AlphaMode::Blend)),
+        ("Tr 0.2\n", (0.8, AlphaMode::Blend)),
+        ("Tr 0.2\nd -halo 0.6\nTr 0\n", (0.6, AlphaMode::Blend)),
     ] {
-        let (materials, _) = square_of(format!("newmtl m\nKd 0.5 0 0\n{statements}").as_bytes());
+        let (materials, _) = square_of(format!("newmtl m\nKd 0.6 0 0\n{statements}").as_bytes());
         assert_eq!((materials[0].base_colour[3], materials[0].alpha), expected, "{statements}");
     }
 }
@@ -226,7 +226,7 @@ fn pipes_are_refused_before_they_are_opened() {
     };
     let obj = textured_square("mtllib pipe.mtl\nmtllib a.mtl\n");
     let file = ply("comment TextureFile pipe.png\n", ("property float s\nproperty float t\n", ["0 0"; 4]), QUAD);
-    let library = b"newmtl m\nKd 0.5 0 0\nmap_Kd pipe.png\n";
+    let library = b"newmtl m\nKd 0.6 0 0\nmap_Kd pipe.png\n";
     let folder = Folder::new(&[("a.obj", obj.as_bytes()), ("a.mtl", library), ("a.ply", &file)]);
     make_pipe(&folder.path("pipe.mtl"));
     make_pipe(&folder.path("pipe.png"));

@@ -31,7 +31,9 @@ fn import(document: &(Value, Vec<u8>), more: &[(&str, &[u8])]) -> (Appearance, S
 }
 
 fn is_factor_alone(material: &Material) -> bool {
-    material.base_texture.is_none() && material.base_colour == FACTOR
+    // Without any image numbers are rounded to those that are stored.
+    let is_close = material.base_colour.iter().zip(FACTOR).all(|(found, wanted)| (found - wanted).abs() < 0.005);
+    material.base_texture.is_none() && is_close
 }
 
 #[test]
