@@ -6,8 +6,7 @@
 use glam::DVec3;
 
 use crate::mesh::images::{
-    EncodedImage, ImageSource, MAX_IMAGE_TEXELS, RowsOfPng, decode_image, decoding_bytes, image_size, rows_of_png,
-    texels_of, unreadable,
+    EncodedImage, ImageSource, RowsOfPng, allowed_size, decode_image, decoding_bytes, rows_of_png, unreadable,
 };
 use crate::storage::memory::least_for_decoding;
 
@@ -44,11 +43,7 @@ const MOST_LEAN: f64 = 0.3;
 /// What is wrong with the image.
 pub(super) fn relief_of(image: &ImageSource, memory: u64) -> Result<Relief, String> {
     let open = || image.open(None).map_err(|error| unreadable(&error));
-    let size = image_size(open()?)?;
-    let [width, height] = size;
-    if texels_of(size) > MAX_IMAGE_TEXELS {
-        return Err(format!("it has {width} x {height} texels, more than {MAX_IMAGE_TEXELS}: make it smaller"));
-    }
+    let [width, height] = allowed_size(open()?)?;
     let (mut seen, step) = (Seen::default(), height.div_ceil(MOST_ROWS).max(1) as usize);
     if let Some(rows) = rows_of_png(open()?)? {
         seen.add_rows(rows, step)?;

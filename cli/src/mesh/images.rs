@@ -163,22 +163,31 @@ pub fn texels_of(size: [u32; 2]) -> u64 {
     u64::from(size[0]) * u64::from(size[1])
 }
 
+/// The size of an image of at most [`MAX_IMAGE_TEXELS`].
+///
+/// # Errors
+/// What is wrong with it.
+pub fn allowed_size(encoded: impl EncodedImage) -> Result<[u32; 2], String> {
+    let [width, height] = image_size(encoded)?;
+    if texels_of([width, height]) > MAX_IMAGE_TEXELS {
+        return Err(format!("it has {width} x {height} texels, more than {MAX_IMAGE_TEXELS}: make it smaller"));
+    }
+    Ok([width, height])
+}
+
 /// Decodes an image of at most [`MAX_IMAGE_TEXELS`]; its content says which format it has.
 ///
 /// # Errors
 /// What is wrong with it.
 pub fn decode_image(mut encoded: impl EncodedImage) -> Result<DynamicImage, String> {
-    let [width, height] = image_size(&mut encoded)?;
-    if texels_of([width, height]) > MAX_IMAGE_TEXELS {
-        return Err(format!("it has {width} x {height} texels, more than {MAX_IMAGE_TEXELS}: make it smaller"));
-    }
+    let size = allowed_size(&mut encoded)?;
     encoded.rewind().map_err(|error| unreadable(&error))?;
     refuse_cut_jpeg(&mut encoded)?;
     encoded.rewind().map_err(|error| unreadable(&error))?;
     let mut reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
     let mut limits = image::Limits::default();
     // The largest texel has four numbers of 32 bits.
-    limits.max_alloc = Some(texels_of([width, height]) * 16 + (16 << 20));
+    limits.max_alloc = Some(texels_of(size) * 16 + (16 << 20));
     reader.limits(limits);
     reader.decode().map_err(|error| undecodable(&error))
 }

@@ -65,13 +65,7 @@ pub(super) fn read_normals<'b>(
     buffers: &'b Buffers<'b>,
     accessor: &Accessor,
 ) -> Parsed<impl ExactSizeIterator<Item = [f32; 3]> + use<'b>> {
-    if accessor.dimensions() != Dimensions::Vec3 {
-        return Err(source.syntax(location_of(accessor), "normals must have three components"));
-    }
-    let data_type = accessor.data_type();
-    let normal =
-        move |bytes: &[u8]| [0, 1, 2].map(|k| component(&bytes[k * data_type.size()..], data_type, true) as f32);
-    read_items(source, buffers, accessor, [0.0; 3], normal)
+    read_shares(source, buffers, accessor, (Dimensions::Vec3, "normals must have three components"))
 }
 
 /// The directions of a `TANGENT` accessor, each with its side.
@@ -80,13 +74,23 @@ pub(super) fn read_tangents<'b>(
     buffers: &'b Buffers<'b>,
     accessor: &Accessor,
 ) -> Parsed<impl ExactSizeIterator<Item = [f32; 4]> + use<'b>> {
-    if accessor.dimensions() != Dimensions::Vec4 {
-        return Err(source.syntax(location_of(accessor), "tangents must have four components"));
+    read_shares(source, buffers, accessor, (Dimensions::Vec4, "tangents must have four components"))
+}
+
+/// Vectors of which whole numbers are shares of the largest one, whether the accessor says so or not; what is wrong if it has other dimensions.
+fn read_shares<'b, const N: usize>(
+    source: &Source,
+    buffers: &'b Buffers<'b>,
+    accessor: &Accessor,
+    (dimensions, problem): (Dimensions, &str),
+) -> Parsed<impl ExactSizeIterator<Item = [f32; N]> + use<'b, N>> {
+    if accessor.dimensions() != dimensions {
+        return Err(source.syntax(location_of(accessor), problem));
     }
     let data_type = accessor.data_type();
-    let tangent =
-        move |bytes: &[u8]| [0, 1, 2, 3].map(|k| component(&bytes[k * data_type.size()..], data_type, true) as f32);
-    read_items(source, buffers, accessor, [0.0; 4], tangent)
+    let vector =
+        move |bytes: &[u8]| std::array::from_fn(|k| component(&bytes[k * data_type.size()..], data_type, true) as f32);
+    read_items(source, buffers, accessor, [0.0; N], vector)
 }
 
 /// The coordinates of a `TEXCOORD_n` accessor.

@@ -5,8 +5,8 @@
 //! shows differs from what the other one does by more than quantisation hides. An image that lies across such an edge blurs it
 //! over a texel.
 //!
-//! Materials without images look alike everywhere, and are areas as a whole, as each colour of a palette is: parts of a building or a machine often share no edge, and texels that
-//! are larger than a part would show what lies near it.
+//! Materials without images look alike everywhere, and are areas as a whole, as each colour of a palette is: parts of a building or a
+//! machine often share no edge, and texels that are larger than a part would show what lies near it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -73,11 +73,12 @@ impl Painter<'_> {
         }
         self.compare(even.firsts.values(), mesh, &mut sets, &mut differences);
         let (lines, _) = differences.divided(STEPS * f64::from(step));
-        // Areas that are too small for a piece are left out.
-        let wanted: BTreeSet<u32> = lines.iter().flatten().copied().collect();
-        if wanted.is_empty() {
+        if lines.is_empty() {
             return None;
         }
+        // Areas that are too small for a piece are left out, but for whole looks: those may be two triangles, as the ground beneath a building.
+        let looks: BTreeSet<u32> = even.firsts.values().map(|&first| find(&mut sets, first)).collect();
+        let wanted: BTreeSet<u32> = lines.iter().flatten().filter(|area| !looks.contains(area)).copied().collect();
         let mut texels: BTreeMap<u32, f64> = BTreeMap::new();
         for triangle in 0..mesh.triangles.len() as u32 {
             let set = find(&mut sets, triangle);
@@ -88,8 +89,6 @@ impl Painter<'_> {
                 *texels.entry(set).or_default() += area * density * density;
             }
         }
-        // A whole look may be two triangles, as the ground beneath a building.
-        let looks: BTreeSet<u32> = even.firsts.values().map(|&first| find(&mut sets, first)).collect();
         let is_large =
             |area: &u32| looks.contains(area) || texels.get(area).is_some_and(|&texels| texels >= FEWEST_TEXELS);
         let pairs: Vec<[u32; 2]> = lines.into_iter().filter(|pair| pair.iter().all(is_large)).collect();

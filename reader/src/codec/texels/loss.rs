@@ -6,7 +6,7 @@ use super::{
     transform::{AREA, MOST, SIDE, forward, inverse},
 };
 
-/// One of so many blocks is looked at. No image has this many columns of blocks and lines along all of them, since it is odd.
+/// One of so many blocks is looked at, row after row.
 const LOOKED_AT: usize = 13;
 
 /// What quantisation with a step loses of an image in three components: the mean of squares of what a component is off by, in squares of the step.
@@ -14,7 +14,7 @@ const LOOKED_AT: usize = 13;
 pub fn lost_squares(image: &Image<u8>, is_used: &[bool], step: u8) -> f32 {
     let [columns, rows] = image.size.map(|length| (length as usize).div_ceil(SIDE));
     let components = usize::from(image.components);
-    let (mut errors, mut blocks) = (Errors::default(), 0);
+    let mut errors = Errors::default();
     for number in (0..columns * rows).step_by(LOOKED_AT) {
         let first = [number % columns * SIDE, number / columns * SIDE];
         let Some(planes) = planes(image, is_used, first) else { continue };
@@ -26,10 +26,9 @@ pub fn lost_squares(image: &Image<u8>, is_used: &[bool], step: u8) -> f32 {
             errors.others += weight_of(component, components) * others_off(&coefficients, inverse);
         }
         errors.constants.push((constants, false));
-        blocks += 1;
     }
     let all = errors.others + errors.of_constants(step, components);
-    let values = (blocks.max(1) * AREA * components.min(3)) as f32;
+    let values = (errors.constants.len().max(1) * AREA * components.min(3)) as f32;
     all / (values * f32::from(step) * f32::from(step))
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::*;
+use super::{trees::random_antichain, *};
 use crate::{
     codec::vector::{Vec3, add, cross, dot, scale, sub},
     decode::BorderKey,
@@ -10,26 +10,13 @@ use crate::{
 };
 
 const LIT: Options = Options { mode: Mode::Synchronous, light: true, ..APART };
+/// How deep in the tree cuts are: see [`random_antichain`].
+const DEPTH: u64 = 3;
 const CREASE: f64 = 0.866_025_403_784_438_6;
 
 fn tree(seed: u64) -> Arc<File<Vec<u8>>> {
     let bytes = file_of(&cube(4), ModelOptions { levels: 3, seed, grids_of_four: 1, heights: 3 });
     Arc::new(File::open(bytes, Limits::default()).unwrap())
-}
-
-fn random_nodes(file: &File<Vec<u8>>, random: &mut Random) -> Vec<Node> {
-    let (mut nodes, mut pending) = (Vec::new(), (0..file.top_count()).collect::<Vec<u32>>());
-    while let Some(root) = pending.pop() {
-        let children = file.children(root).unwrap();
-        if !children.is_empty() && random.below(4) > 0 {
-            pending.extend(children);
-            continue;
-        }
-        let blocks = file.root_contents(root).unwrap().blocks;
-        nodes.push(Node { root, level: blocks[random.below(blocks.len() as u64) as usize].level });
-    }
-    nodes.sort_unstable_by_key(|node| node.root);
-    nodes
 }
 
 /// The normal of a triangle as sessions store it.
@@ -240,7 +227,8 @@ fn normals_are_those_of_the_specification_at_any_levels() {
             let mut simulation = Simulation::new(file.source(), Duration::ZERO);
             let mut random = Random::new(seed);
             for _ in 0..3 {
-                let wanted = if is_tree { random_nodes(&file, &mut random) } else { random_cut(&file, &mut random) };
+                let wanted =
+                    if is_tree { random_antichain(&file, DEPTH, &mut random) } else { random_cut(&file, &mut random) };
                 simulation.frame(&mut session, &wanted, &[]).unwrap();
                 let counts = check(session.picture());
                 (0..3).for_each(|k| sums[k] += counts[k]);
@@ -256,12 +244,13 @@ fn normals_do_not_depend_on_what_was_drawn_before_and_change_only_beside_changes
         let mut session = session(&file, LIT);
         let mut simulation = Simulation::new(file.source(), Duration::ZERO);
         let mut random = Random::new(31);
-        let mut wanted = if is_tree { random_nodes(&file, &mut random) } else { random_cut(&file, &mut random) };
+        let mut wanted =
+            if is_tree { random_antichain(&file, DEPTH, &mut random) } else { random_cut(&file, &mut random) };
         let mut relit = 0;
         for _ in 0..40 {
             let before = session.picture().clone();
             match is_tree {
-                true => wanted = random_nodes(&file, &mut random),
+                true => wanted = random_antichain(&file, DEPTH, &mut random),
                 false => wanted[random.below(54) as usize].level = random.below(4) as u8,
             }
             let changes = simulation.frame(&mut session, &wanted, &[]).unwrap().changes;

@@ -15,7 +15,7 @@ fn tree(seed: u64) -> Arc<File<Vec<u8>>> {
 }
 
 /// Nodes that cover everything once. The higher `depth`, the more of them are deep in the tree.
-fn random_antichain(file: &File<Vec<u8>>, depth: u64, random: &mut Random) -> Vec<Node> {
+pub(super) fn random_antichain(file: &File<Vec<u8>>, depth: u64, random: &mut Random) -> Vec<Node> {
     let mut nodes = Vec::new();
     let mut pending: Vec<u32> = (0..file.top_count()).collect();
     while let Some(root) = pending.pop() {
