@@ -34,6 +34,7 @@ pub(super) fn check_images(
     progress: &dyn Progress,
 ) -> Result<(), ImportError> {
     (appearance.texels, appearance.decoding_bytes) = (0, 0);
+    appearance.image_sizes = vec![[0; 2]; appearance.images.len()];
     let (mut unusable, mut causes) = (BTreeSet::new(), Causes::default());
     for number in named_images(appearance) {
         let Some(image) = appearance.images.get(number) else { continue };
@@ -66,6 +67,7 @@ pub(super) fn check_images(
                     });
                 }
                 appearance.texels += texels;
+                appearance.image_sizes[number] = [width, height];
                 appearance.decoding_bytes = appearance.decoding_bytes.max(bytes);
             }
             Err(problem) => {

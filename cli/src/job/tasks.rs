@@ -26,7 +26,7 @@ use crate::import::{
 use crate::mesh::Mesh;
 use crate::mesh::appearance::Appearance;
 use crate::mesh::attributes::Attributes;
-use crate::pipeline::{Found, Scale, Whole, seams_of};
+use crate::pipeline::{ChartCount, Found, Scale, Whole, seams_of};
 use crate::progress::Progress;
 use crate::region::{
     Agreement, BoundarySketch, CellCounts, Counts, Decomposition, DividedMesh, Division, Matching, NumberedMesh,
@@ -130,7 +130,7 @@ impl Task<'_> {
             Stage::Cut => self.cut(progress),
             Stage::Divide => self.divide(),
             Stage::Repair => self.repair(progress),
-            Stage::Match => self.find_pairs(),
+            Stage::Match => self.find_pairs(progress),
             Stage::Segment => self.segment(progress),
             Stage::Seams => self.find_seams(),
             // Parts have files and reports of their own.
@@ -336,7 +336,7 @@ impl Task<'_> {
         }
     }
 
-    fn find_pairs(&self) -> Result<u64, BuildError> {
+    fn find_pairs(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
         let CutProduct { tree, .. } = self.product(Stage::Cut, 0)?;
         let regions = tree.region_count();
         let store = self.regions(regions, 1);
@@ -347,6 +347,7 @@ impl Task<'_> {
         let appearance = self.imported()?.appearance;
         let whole = Whole::of(&stats, input_triangles, &appearance, &self.manifest.options);
         let whole = whole.map_err(|error| self.named(error))?;
+        whole.note_repeats(progress);
         let found = Found { input_triangles, doubled_vertices, repairs, appearance };
         let pairs = SealedWriter::within(self.directory, PAIRS_NAME, PAIRS_KIND, self.manifest.id());
         let bytes = pairs.and_then(|mut writer| writer.put(&Pairs { matching, found }).and(writer.finish(true)))?;
@@ -386,8 +387,8 @@ impl Task<'_> {
         let all = 0..*regions as usize;
         let mut stats = store.stats_of(all.clone())?;
         reverse(&mut stats, &product.reversed(&all));
-        let known: Vec<(u64, BoundarySketch)> = store.known_of(all)?;
-        let (counts, sketches): (Vec<u64>, Vec<BoundarySketch>) = known.into_iter().unzip();
+        let known: Vec<(ChartCount, BoundarySketch)> = store.known_of(all)?;
+        let (counts, sketches): (Vec<ChartCount>, Vec<BoundarySketch>) = known.into_iter().unzip();
         let pairs = self.directory.path(PAIRS_NAME);
         let Pairs { matching, found } = read(&pairs, PAIRS_KIND, self.manifest)?;
         let seams = seams_of(&stats, &matching, &sketches);

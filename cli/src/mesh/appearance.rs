@@ -121,6 +121,8 @@ pub struct Appearance {
     pub materials: Vec<Material>,
     /// The images that materials name.
     pub images: Vec<ImageSource>,
+    /// Columns and rows of each image; none where it is not used.
+    pub image_sizes: Vec<[u32; 2]>,
     /// Texels of all images.
     pub texels: u64,
     /// The most memory that decoding one of them takes, of those that are decoded as a whole.
@@ -412,6 +414,17 @@ pub struct TextureUse {
     pub wrap: [Wrap; 2],
     /// Rows of an affine map from the coordinates of the surface to those of the image.
     pub transform: Option<[f32; 6]>,
+}
+
+impl TextureUse {
+    /// Coordinates of the surface where the image has them. They count in images, from its first row and column.
+    pub fn placed(&self, uv: &[f32]) -> [f64; 2] {
+        let [u, v] = [f64::from(uv[0]), f64::from(uv[1])];
+        match self.transform.map(|rows| rows.map(f64::from)) {
+            Some([a, b, c, d, e, f]) => [a * u + b * v + c, d * u + e * v + f],
+            None => [u, v],
+        }
+    }
 }
 
 /// What an image shows beyond its border.

@@ -60,7 +60,7 @@ pub use options::{ColourQuality, Effort, Fillings, LevelChoice, ModelOptions, Pi
 pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 pub(crate) use paint::Studio;
 pub use painted_cut::CutPainter;
-pub(crate) use plan::{Found, Plan, Prepared, RegionSize, Whole, prepare, seams_of};
+pub(crate) use plan::{ChartCount, Found, Plan, Prepared, RegionSize, Whole, prepare, seams_of};
 pub(crate) use product::{ProductStats, RegionProduct};
 pub use reduce::Topology;
 pub use scale::{LevelPlan, Scale};
@@ -75,6 +75,8 @@ use crate::progress::Progress;
 use crate::region::{Region, RegionStore, Regions};
 use crate::stage::arcs::{Atlas, Seams, trace_arcs};
 use crate::stage::areas::{Areas, ColourAreas, Jumps};
+use crate::stage::pack::chart_weights;
+use crate::stage::subdivide::texel_shares;
 use groups::above_regions::tops;
 use groups::net::Net;
 use groups::{Forest, node_of_chart};
@@ -170,24 +172,33 @@ pub(crate) fn build_region(
     }
     let mut forest = Forest::new(&net, scale, [scale.coarsest_of_regions, coarsest], records, drawn, nodes);
     forest.jumps = charted.jumps();
+    let shares = texel_shares(attributes, &plan.appearance, labels.len(), plan.texel_share);
+    let weights = chart_weights(labels, scale.chart_triangles, &shares);
     if coarsest > 0 {
-        let weights: Vec<u64> = atlas.charts.iter().map(|chart| chart.triangles.len() as u64).collect();
         forest.add_groups(&weights, f64::from(scale.chart_triangles), &mut times);
         interior_vertices += forest.interior_vertices;
     }
     // Errors never grow from a group to its members.
 
     if has_channels {
-        let painted =
-            PaintedRegion { charted: &charted, arcs: &arcs, attributes, appearance: &plan.appearance, studio };
-        times.texels += painted.paint(&mut forest.records, &forest.drawn, plan.colour_step);
+        let painted = PaintedRegion {
+            charted: &charted,
+            arcs: &arcs,
+            attributes,
+            appearance: &plan.appearance,
+            texel_share: plan.texel_share,
+            studio,
+        };
+        let (time, coarser) = painted.paint(&mut forest.records, &forest.drawn, plan.colour_step);
+        times.texels += time;
+        fallbacks.coarser_images += coarser;
         studio.shader.check()?;
     }
     // Each block has an image of what the input shows where the block lies.
 
     let start = thread_cpu_time();
     let has_above = scale.coarsest_of_regions > 0;
-    let tops = if has_above { tops(&forest, mesh.triangles.len() as u64, plan.sharing_regions()) } else { vec![] };
+    let tops = if has_above { tops(&forest, weights.iter().sum(), plan.sharing_regions()) } else { vec![] };
     let Forest { records, corner_levels, .. } = forest;
     let mut model = product::model(plan, &atlas, arcs, records);
     model.corner_levels = corner_levels;

@@ -37,6 +37,8 @@ pub(super) struct PaintedRegion<'a> {
     pub arcs: &'a SharedArcs,
     pub attributes: &'a RegionAttributes,
     pub appearance: &'a Appearance,
+    /// How many texels the finest blocks have for each of the input.
+    pub texel_share: f64,
     pub studio: &'a Studio<'a>,
 }
 
@@ -86,12 +88,14 @@ struct Painting<'a> {
     bakers: Mutex<Vec<Baker<'a>>>,
     streams: Vec<Mutex<Streams>>,
     nanoseconds: AtomicU64,
+    /// Charts that have fewer texels than the input's images.
+    coarser: AtomicU64,
 }
 
 impl PaintedRegion<'_> {
     /// Gives the blocks of all records texels; the first records are those of charts, in order. `drawn` is what their blocks decode to.
-    /// Returns the processor time that it takes.
-    pub fn paint(&self, records: &mut [RootRecord], drawn: &[DrawnBlocks], colour_step: u8) -> Duration {
+    /// Returns the processor time that it takes, and how many charts have fewer texels than the input's images, because a map holds no more.
+    pub fn paint(&self, records: &mut [RootRecord], drawn: &[DrawnBlocks], colour_step: u8) -> (Duration, u64) {
         let start = thread_cpu_time();
         let around = TrianglesAround::new(&self.charted.mesh.triangles, self.charted.mesh.positions.len());
         let mut members: Vec<Vec<u32>> = vec![vec![]; records.len()];
@@ -114,10 +118,11 @@ impl PaintedRegion<'_> {
             streams: records.iter().map(|_| Mutex::default()).collect(),
             records,
             nanoseconds: AtomicU64::default(),
+            coarser: AtomicU64::default(),
         };
         let prepared = thread_cpu_time() - start;
         tops.par_iter().for_each(|&top| drop(painting.paint(top)));
-        let Painting { streams, nanoseconds, .. } = painting;
+        let Painting { streams, nanoseconds, coarser, .. } = painting;
         for (record, streams) in records.iter_mut().zip(streams) {
             let streams = streams.into_inner().unwrap_or_default();
             for (block, streams) in record.blocks.iter_mut().zip(streams) {
@@ -126,7 +131,7 @@ impl PaintedRegion<'_> {
                 }
             }
         }
-        prepared + Duration::from_nanos(nanoseconds.into_inner())
+        (prepared + Duration::from_nanos(nanoseconds.into_inner()), coarser.into_inner())
     }
 
     /// The triangles of a chart, and those that touch it: where images are read beside a patch, they show what lies there.
@@ -164,7 +169,7 @@ impl<'a> Painting<'a> {
     }
 
     fn paint_chart(&self, chart: u32) -> (Painted, Streams) {
-        let PaintedRegion { charted, arcs, attributes, appearance, studio } = *self.region;
+        let PaintedRegion { charted, arcs, attributes, appearance, texel_share, studio } = *self.region;
         let scale = charted.scale;
         let mut source = InputSource {
             positions: &charted.mesh.positions,
@@ -182,6 +187,7 @@ impl<'a> Painting<'a> {
         let mut painted = Painted::default();
         let mut streams = self.streams_of(chart);
         let Some([density, area]) = source.density() else { return (painted, streams) };
+        let density = density * texel_share.sqrt();
         let is_coarse = area * density * density <= FEW_TEXELS * source.own.len() as f64;
         let finer = if is_coarse && charted.jumps_inside(chart) { FINER_WITH_JUMPS } else { 0 };
         let across = density * DENSITY * texel_size(finer);
@@ -197,7 +203,10 @@ impl<'a> Painting<'a> {
             let patch = drawn.baked(block.error / scale.step(), charted.jumps());
             // The finest block is drawn at all finer levels, too.
             let (exponent, baked) = if painted.surfels.is_empty() {
-                (usual, baker.bake(&BakedPatch { finer, is_sharp, ..patch }, &mut source, finest))
+                let baked = baker.bake(&BakedPatch { finer, is_sharp, ..patch }, &mut source, finest);
+                let is_full = baked.as_ref().is_some_and(|baked| baked.is_full);
+                self.coarser.fetch_add(u64::from(is_full), Ordering::Relaxed);
+                (usual, baked)
             } else {
                 let exponent = coarser(usual, usize::from(scale.finest()) - level);
                 let fewer = area_of_texel(exponent - before.min(exponent));

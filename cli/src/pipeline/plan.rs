@@ -16,13 +16,19 @@ use crate::region::{
 };
 use crate::stage::arcs::Seams;
 use crate::stage::group;
-use crate::stage::pack::pack_parts;
+use crate::stage::pack::{chart_weights, pack_parts};
 use crate::stage::repair::RepairReport;
-use crate::stage::segment::{SegmentOptions, keep_charts, segment_charts};
+use crate::stage::segment::{SegmentOptions, halve_heavy, keep_charts, segment_charts};
+use crate::stage::subdivide::texel_shares;
 use crate::storage::memory::{least_bytes, region_bytes};
 
 /// The tops of regions to which more may be added bring along what those of so many regions do. A merge of more leaves some of it out.
 const REGIONS_OF_EXTENSIBLE: u32 = 4;
+
+/// Images that repeat, as those of bricks do, have no more to show: of texels on the surface that are more than so many times those of the images,
+const MOST_REPEATS: f64 = 16.0;
+/// and more than so many, files show no more: 100 MB of them, about.
+const FEWEST_REPEATED: f64 = 1_073_741_824.0;
 
 /// What is known once all regions are cut into charts. With it each region can be built by itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -49,6 +55,8 @@ pub(crate) struct Plan {
     pub appearance: Appearance,
     /// The step of quantisation of colours, of 255; 0 if nothing of them may be lost.
     pub colour_step: u8,
+    /// The share of the texels of images on the surface that the file shows.
+    pub texel_share: f64,
 }
 
 impl Plan {
@@ -56,7 +64,8 @@ impl Plan {
     pub fn builds_like(&self, other: &Self) -> bool {
         let of = |plan: &Self| {
             let scale = plan.scale.of_regions();
-            (scale, plan.effort, plan.fillings, plan.levels, plan.regions > 1, plan.coarse_triangles, plan.colour_step)
+            let texels = (plan.colour_step, plan.texel_share);
+            (scale, plan.effort, plan.fillings, plan.levels, plan.regions > 1, plan.coarse_triangles, texels)
         };
         self.extensible && of(self) == of(other) && other.appearance.continues(&self.appearance)
     }
@@ -111,6 +120,8 @@ pub(crate) fn prepare(
     let Regions { mut store, stats, matching, doubled_vertices, repairs, appearance } = regions;
     let whole = Whole::of(&stats, input_triangles, &appearance, options)?;
 
+    whole.note_repeats(progress);
+
     // Every chart is connected; every loop of a chart has at least three arcs.
     progress.begin("segment", whole.extent.triangles);
     let cutter = whole.cutter(options);
@@ -119,7 +130,7 @@ pub(crate) fn prepare(
         cutter.cut(region, labels, &stats.boundary)
     };
     let charted = store.set_labels(&stats, progress, charts).map_err(RegionError::from)?;
-    let (counts, sketches): (Vec<u64>, Vec<BoundarySketch>) = charted.into_iter().unzip();
+    let (counts, sketches): (Vec<ChartCount>, Vec<BoundarySketch>) = charted.into_iter().unzip();
     let seams = seams_of(&stats, &matching, &sketches);
     let found = Found { input_triangles, doubled_vertices, repairs, appearance };
     let (plan, sizes) = whole.plan(&stats, &counts, found, options);
@@ -142,6 +153,10 @@ pub(crate) struct Whole {
     largest_chart: u32,
     /// Whether there is only one region.
     alone: bool,
+    /// What triangles show.
+    appearance: Appearance,
+    /// The share of the texels of images on the surface that the file shows.
+    pub texel_share: f64,
 }
 
 /// What was found of an input before its regions were cut into charts.
@@ -167,50 +182,72 @@ impl Whole {
         let texels_each = appearance.texels_each(input_triangles);
         let scale = Scale::new(&extent, texels_each, options)?;
         let largest_chart = largest_chart(texels_each).max(scale.chart_triangles.saturating_mul(2));
-        Ok(Self { extent, scale, largest_chart, alone: stats.len() == 1 })
+        let (alone, appearance) = (stats.len() == 1, appearance.clone());
+        let texel_share = texel_share(extent.texels, appearance.texels);
+        Ok(Self { extent, scale, largest_chart, alone, appearance, texel_share })
+    }
+
+    /// Says so where files show less than the texels on the surface.
+    pub fn note_repeats(&self, progress: &dyn Progress) {
+        if self.texel_share < 1.0 {
+            let [all, kept] = [1.0, self.texel_share].map(|share| share * self.extent.texels / 1e6);
+            progress.note(&format!(
+                "images repeat: {all:.0} million texels of them are on the surface, and the file shows it with {kept:.0} million"
+            ));
+        }
     }
 
     /// What cuts a region into charts.
-    pub fn cutter(&self, options: &ModelOptions) -> ChartCutter {
+    pub fn cutter(&self, options: &ModelOptions) -> ChartCutter<'_> {
         let target_triangles = self.scale.chart_triangles;
         let segment = SegmentOptions { target_triangles, ..SegmentOptions::default() };
-        ChartCutter { segment, largest: self.largest_chart, alone: self.alone, packs: options.has_tree() }
+        let Self { largest_chart: largest, alone, ref appearance, texel_share, .. } = *self;
+        ChartCutter { segment, largest, alone, packs: options.has_tree(), appearance, texel_share }
     }
 
     /// The plan, and the size of each region, given the number of charts in each.
     pub fn plan(
         &self,
         stats: &[RegionStats],
-        counts: &[u64],
+        counts: &[ChartCount],
         found: Found,
         options: &ModelOptions,
     ) -> (Plan, Vec<RegionSize>) {
         let Self { extent, mut scale, .. } = self.clone();
         let source = SourceInfo {
-            triangle_count: extent.triangles,
-            vertex_count: extent.vertices - found.doubled_vertices,
+            triangle_count: extent.triangles - extent.added_triangles,
+            vertex_count: extent.vertices - extent.added_vertices - found.doubled_vertices,
             mean_edge_length: scale.mean_edge_length,
             area: extent.area,
             generator: concat!("lodpack ", env!("CARGO_PKG_VERSION")).into(),
         };
-        let heights = counts.iter().zip(stats).map(|(&charts, stats)| heights(charts, &stats.extent, &scale)).max();
+        let chart = f64::from(scale.chart_triangles);
+        let heights = counts.iter().map(|count| group::heights(count.charts, count.weight, chart)).max();
+        let by_shape = counts.iter().zip(stats).map(|(count, stats)| {
+            group::heights(count.charts, stats.extent.triangles - stats.extent.added_triangles, chart)
+        });
         let has_tree = options.has_tree();
         if let Some(mut in_regions) = heights.filter(|_| has_tree) {
             let largest = options.division(found.input_triangles, &found.appearance).triangles;
             let may_grow = Some(largest).filter(|_| options.extensible && !self.alone);
-            let chart = f64::from(scale.chart_triangles);
             if let Some(largest) = may_grow {
                 // A region that gets triangles later must not need more.
                 in_regions = in_regions.max(group::heights(2, largest, chart));
             }
-            let above = group::heights(counts.len() as u64, extent.triangles, group::size(chart, in_regions));
+            let weight = counts.iter().map(|count| count.weight).sum();
+            let above = group::heights(counts.len() as u64, weight, group::size(chart, in_regions));
+            let by_shape = by_shape.max().unwrap_or(0);
+            let triangles = extent.triangles - extent.added_triangles;
+            let above_by_shape = group::heights(counts.len() as u64, triangles, group::size(chart, by_shape));
+            let of_texels = (in_regions + above).saturating_sub(by_shape + above_by_shape);
             if in_regions + above > 0 {
                 let [low, high] = extent.bounds;
-                scale = scale.with_heights(Heights { in_regions, above, may_grow }, low.distance(high));
+                let heights = Heights { in_regions, above, of_texels, may_grow };
+                scale = scale.with_heights(heights, low.distance(high));
             }
         }
         let decoding_bytes = found.appearance.decoding_bytes;
-        let sizes = stats.iter().zip(counts).map(|(stats, &charts)| {
+        let sizes = stats.iter().zip(counts).map(|(stats, &ChartCount { charts, .. })| {
             let Extent { triangles, vertices, .. } = stats.extent;
             let attribute_bytes = stats.attribute_bytes + decoding_bytes;
             RegionSize { triangles, vertices, charts, attribute_bytes }
@@ -224,24 +261,34 @@ impl Whole {
             placement: options.placement.clone(),
             input_triangles: found.input_triangles,
             repairs: found.repairs,
-            charts: counts.iter().sum(),
+            charts: counts.iter().map(|count| count.charts).sum(),
             regions: stats.len() as u32,
             coarse_triangles: coarse_triangles(stats.len() as u64, options.extensible),
             extensible: options.extensible,
             colour_step: options.colour_quality.step_of(&found.appearance),
+            texel_share: self.texel_share,
             appearance: found.appearance,
         };
         (plan, sizes.collect())
     }
 }
 
-/// Heights of groups above the charts of a region.
-fn heights(charts: u64, extent: &Extent, scale: &Scale) -> u32 {
-    group::heights(charts, extent.triangles, f64::from(scale.chart_triangles))
+/// The share that a file shows of so many texels on the surface, where images have so many.
+fn texel_share(on_surface: f64, of_images: u64) -> f64 {
+    let most = FEWEST_REPEATED.max(MOST_REPEATS * of_images as f64);
+    if on_surface > most { most / on_surface } else { 1.0 }
+}
+
+/// The charts of a region.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(crate) struct ChartCount {
+    pub charts: u64,
+    /// What they weigh together ([`chart_weights`]).
+    pub weight: u64,
 }
 
 /// Cuts regions into charts.
-pub(crate) struct ChartCutter {
+pub(crate) struct ChartCutter<'a> {
     segment: SegmentOptions,
     /// The most triangles of a chart that the input brings.
     largest: u32,
@@ -249,29 +296,38 @@ pub(crate) struct ChartCutter {
     alone: bool,
     /// Whether small parts share charts.
     packs: bool,
+    /// What its triangles show, and the share of it that the file shows.
+    appearance: &'a Appearance,
+    texel_share: f64,
 }
 
-impl ChartCutter {
+impl ChartCutter<'_> {
     /// Cuts a region into charts unless it has `labels` already, or the input has brought charts, which stay as they are. Returns the labels,
-    /// the number of charts and, where there are other regions, what the charts do at the region's boundary.
+    /// the charts and, where there are other regions, what these do at the region's boundary.
     pub fn cut(
         &self,
         Region { mesh, adjacency, attributes, .. }: &Region,
         labels: Option<Vec<u32>>,
         boundary: &RegionBoundary,
-    ) -> (Vec<u32>, (u64, BoundarySketch)) {
+    ) -> (Vec<u32>, (ChartCount, BoundarySketch)) {
+        let shares = texel_shares(attributes, self.appearance, mesh.triangles.len(), self.texel_share);
+        let target = self.segment.target_triangles;
         let segment = || {
             if !attributes.charts.is_empty() {
                 return keep_charts(mesh, adjacency, &attributes.charts, self.largest, &self.segment);
             }
-            let labels = segment_charts(mesh, adjacency, &self.segment);
+            let mut labels = segment_charts(mesh, adjacency, &self.segment);
+            if !shares.is_empty() {
+                halve_heavy(adjacency, &shares, 1.0, &mut labels);
+            }
             match self.packs {
-                true => pack_parts(mesh, adjacency, labels, self.segment.target_triangles, self.alone),
+                true => pack_parts(mesh, adjacency, labels, target, self.alone, &shares),
                 false => labels,
             }
         };
         let labels = labels.unwrap_or_else(segment);
-        let count = labels.iter().max().map_or(0, |&last| u64::from(last) + 1);
+        let weights = chart_weights(&labels, target, &shares);
+        let count = ChartCount { charts: weights.len() as u64, weight: weights.iter().sum() };
         let sketch = match self.alone {
             true => BoundarySketch::default(),
             false => BoundarySketch::new(mesh, adjacency, boundary, &labels),

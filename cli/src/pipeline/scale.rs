@@ -146,6 +146,8 @@ pub(super) struct Heights {
     pub in_regions: u32,
     /// Above regions.
     pub above: u32,
+    /// How many of them there are because of texels, of which charts have more than of triangles: their shape need not be coarser.
+    pub of_texels: u32,
     /// The most triangles in a region, if nothing in it may depend on the levels above, whose number and steps may change when more is
     /// added.
     pub may_grow: Option<u64>,
@@ -168,7 +170,7 @@ impl LevelPlan {
 /// How often the step of the lattice is halved for images: where colours jump at lines between triangles, lines that are off by a share of a texel
 /// show that share of it in the wrong colour.
 fn image_fineness(extent: &Extent, texels_each: u64, step: f64) -> u8 {
-    let texels = extent.triangles as f64 * texels_each as f64;
+    let texels = (extent.triangles - extent.added_triangles) as f64 * texels_each as f64;
     let texel = (extent.area / texels).sqrt();
     // Comparisons with NaN are false: without texels nothing is halved.
     (0..MOST_FINER).take_while(|&halved| STEPS_PER_TEXEL * step > texel * power_of_two(halved)).count() as u8
@@ -181,12 +183,14 @@ pub(super) fn factor_of(steps_up: usize) -> f64 {
 
 impl Scale {
     /// Adds levels for groups, and for the one at the top.
-    pub(super) fn with_heights(mut self, Heights { in_regions, above, may_grow }: Heights, diagonal: f64) -> Self {
+    pub(super) fn with_heights(mut self, heights: Heights, diagonal: f64) -> Self {
+        let Heights { in_regions, above, of_texels, may_grow } = heights;
         let coarsest = TOP_SHARE * diagonal / (self.tolerance * THRESHOLD_PER_TOLERANCE);
         let of_top = (0..MAX_LEVELS).find(|&steps_up| coarsest <= factor_of(steps_up)).map_or(MAX_LEVELS, |s| s + 1);
         let count = of_top.max(CHART_LEVELS + (in_regions + above) as usize);
-        self.levels =
-            (0..count).rev().map(|steps_up| LevelPlan::new(self.tolerance, steps_up, self.fineness)).collect();
+        let level =
+            |above: usize| LevelPlan::new(self.tolerance, above.saturating_sub(of_texels as usize), self.fineness);
+        self.levels = (0..count).rev().map(level).collect();
         self.coarsest_of_charts = (count - CHART_LEVELS) as u8;
         self.coarsest_of_regions = if above > 0 { self.coarsest_of_charts - in_regions as u8 } else { 0 };
         let step = self.step();
@@ -398,8 +402,19 @@ mod tests {
             let bounds = [DVec3::splat(metres), DVec3::splat(metres + 1.0)];
             let (vertices, inner_edges, edge_lengths, bends) = (500, 1500, 150.0, 100.0);
             let thickness = Thickness::default();
-            let extent =
-                Extent { bounds, triangles: 1000, vertices, edge_lengths, area: 1.0, inner_edges, bends, thickness };
+            let extent = Extent {
+                bounds,
+                triangles: 1000,
+                vertices,
+                added_triangles: 0,
+                added_vertices: 0,
+                texels: 0.0,
+                edge_lengths,
+                area: 1.0,
+                inner_edges,
+                bends,
+                thickness,
+            };
             let options = ModelOptions { tolerance: Tolerance::InputUnits(0.001), ..ModelOptions::default() };
             let scale = |texels_each| Scale::new(&extent, texels_each, &options).expect("it has room");
             let usual = scale(0).lattice.step_log2;

@@ -42,6 +42,8 @@ pub struct Fallbacks {
     pub raised_samples: u64,
     /// Charts that were tried as grids and could not be embedded.
     pub embedding_failures: u64,
+    /// Charts that have fewer texels than the input's images, because a map holds no more.
+    pub coarser_images: u64,
 }
 
 impl Fallbacks {
@@ -52,6 +54,7 @@ impl Fallbacks {
             unsimplified_charts: self.unsimplified_charts + other.unsimplified_charts,
             raised_samples: self.raised_samples + other.raised_samples,
             embedding_failures: self.embedding_failures + other.embedding_failures,
+            coarser_images: self.coarser_images + other.coarser_images,
         }
     }
 }

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Thickness;
 use crate::mesh::{Adjacency, Mesh, NONE};
+use crate::stage::subdivide::Subdivided;
 
 /// Size and smoothness of the repaired input, as sums over its regions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -15,6 +16,12 @@ pub struct Extent {
     pub triangles: u64,
     /// Vertices. Those on seams count once for each region.
     pub vertices: u64,
+    /// How many of these triangles there are because others were divided, which had too many texels. What follows is of those before.
+    pub added_triangles: u64,
+    /// And how many of the vertices.
+    pub added_vertices: u64,
+    /// Texels of images that triangles show.
+    pub texels: f64,
     /// Sum over the sides of all triangles.
     pub edge_lengths: f64,
     /// Area.
@@ -49,12 +56,21 @@ impl Extent {
             bounds: mesh.bounds(),
             triangles: mesh.triangles.len() as u64,
             vertices: mesh.positions.len() as u64,
+            added_triangles: 0,
+            added_vertices: 0,
+            texels: 0.0,
             edge_lengths: mesh.edge_lengths(),
             area: doubled * 0.5,
             inner_edges,
             bends,
             thickness: Thickness::of(mesh, adjacency, component_count),
         }
+    }
+
+    /// Notes what was added since, and what triangles show.
+    pub fn add(&mut self, Subdivided { triangles, vertices, texels }: Subdivided) {
+        (self.triangles, self.vertices) = (self.triangles + triangles, self.vertices + vertices);
+        (self.added_triangles, self.added_vertices, self.texels) = (triangles, vertices, texels);
     }
 
     /// The extent of both together.
@@ -64,6 +80,9 @@ impl Extent {
             bounds: [low.min(other_low), high.max(other_high)],
             triangles: self.triangles + other.triangles,
             vertices: self.vertices + other.vertices,
+            added_triangles: self.added_triangles + other.added_triangles,
+            added_vertices: self.added_vertices + other.added_vertices,
+            texels: self.texels + other.texels,
             edge_lengths: self.edge_lengths + other.edge_lengths,
             area: self.area + other.area,
             inner_edges: self.inner_edges + other.inner_edges,
@@ -74,7 +93,7 @@ impl Extent {
 
     /// Mean length of the triangles' edges, each side of each triangle counted once.
     pub fn mean_edge_length(&self) -> f64 {
-        self.edge_lengths / (3 * self.triangles).max(1) as f64
+        self.edge_lengths / (3 * (self.triangles - self.added_triangles)).max(1) as f64
     }
 
     /// How much the surface bends from a triangle to the next: the mean distance of their unit normals (0 to 2).

@@ -48,6 +48,7 @@ use crate::mesh::appearance::Appearance;
 use crate::mesh::attributes::{RegionAttributes, Surface};
 use crate::progress::Progress;
 use crate::stage::repair::{RepairReport, repair, repair_with_origins};
+use crate::stage::subdivide::subdivide;
 use crate::storage::memory::least_bytes;
 use crate::storage::{Record, WorkError};
 
@@ -105,7 +106,7 @@ impl Regions {
         let appearance = surface.appearance.clone();
         let meshes = split_mesh(surface, division);
         let alone = meshes.len() == 1;
-        let (regions, stats) = meshes.into_par_iter().map(|mesh| repaired(mesh, alone)).unzip();
+        let (regions, stats) = meshes.into_par_iter().map(|mesh| repaired(mesh, &appearance, alone)).unzip();
         Self::matched(RegionStore::Memory(regions), stats, appearance)
     }
 
@@ -196,11 +197,11 @@ pub fn repair_regions(
     earlier: Option<&Earlier>,
     progress: &dyn Progress,
 ) -> Result<Vec<RegionStats>, WorkError> {
-    let count = divided.region_count();
+    let (count, appearance) = (divided.region_count(), divided.appearance());
     let repair = |(mesh, attributes): (Mesh, RegionAttributes)| {
         let (triangles, input) = (mesh.triangles.len() as u64, if for_later { hash(&mesh, &attributes) } else { 0 });
         let earlier = earlier.filter(|_| count > 1).and_then(|earlier| earlier.repaired(input));
-        let (region, stats) = earlier.unwrap_or_else(|| repaired((mesh, attributes), count == 1));
+        let (region, stats) = earlier.unwrap_or_else(|| repaired((mesh, attributes), appearance, count == 1));
         let result = (region, RegionStats { input, ..stats });
         progress.advance(triangles);
         result
@@ -208,26 +209,28 @@ pub fn repair_regions(
     store.repair(range, |region| divided.take(region), repair, |region| divided.discard(region))
 }
 
-fn repaired((mesh, mut attributes): (Mesh, RegionAttributes), alone: bool) -> (Region, RegionStats) {
-    let (mesh, adjacency, repairs) = if attributes == RegionAttributes::default() {
-        repair(mesh)
-    } else {
+fn repaired(
+    (mesh, mut attributes): (Mesh, RegionAttributes),
+    appearance: &Appearance,
+    alone: bool,
+) -> (Region, RegionStats) {
+    let has_attributes = attributes != RegionAttributes::default();
+    let (mut mesh, mut adjacency, repairs) = if has_attributes {
         let (mesh, adjacency, repairs, origins) = repair_with_origins(mesh);
         attributes.keep(origins.into_iter());
         (mesh, adjacency, repairs)
+    } else {
+        repair(mesh)
     };
+    let mut extent = Extent::of(&mesh, &adjacency, repairs.components);
+    if has_attributes {
+        extent.add(subdivide(&mut mesh, &mut adjacency, &mut attributes, appearance, alone));
+    }
     let boundary = match alone {
         true => RegionBoundary::default(),
         false => RegionBoundary::new(&mesh, &adjacency, &components(&adjacency)),
     };
-    let attribute_bytes = attributes.bytes();
-    let stats = RegionStats {
-        boundary,
-        extent: Extent::of(&mesh, &adjacency, repairs.components),
-        repairs,
-        input: 0,
-        attribute_bytes,
-    };
+    let stats = RegionStats { boundary, extent, repairs, input: 0, attribute_bytes: attributes.bytes() };
     (Region { mesh, adjacency, labels: vec![], attributes }, stats)
 }
 

@@ -9,6 +9,7 @@
 //! areas        parts of the surface between which colours jump: the contract of shade, simplify and bake
 //! arcs         labels -> corners, arcs, loops; how an arc is halved
 //! repair       input -> oriented manifold
+//! subdivide    manifold -> the same, triangles of very many texels in parts
 //! segment      manifold -> labels                    (arcs: edges between labels)
 //! arc_samples  arcs -> samples and their levels      (chart, arcs)
 //! group        charts -> nested groups of them
@@ -41,3 +42,4 @@ pub mod sample;
 pub mod segment;
 pub mod shade;
 pub mod simplify;
+pub mod subdivide;

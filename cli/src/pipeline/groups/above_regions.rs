@@ -92,11 +92,11 @@ fn finest_of_samples(level: u8, below: &[CoarseSurface]) -> u8 {
     level + (below.len() as u8).max(1)
 }
 
-/// The tops of a region's records, with what one of so many regions may bring along.
-pub(in super::super) fn tops(forest: &Forest, triangles: u64, regions: u32) -> Vec<Top> {
+/// The tops of a region's records, which weigh so much together, with what one of so many regions may bring along.
+pub(in super::super) fn tops(forest: &Forest, weight: u64, regions: u32) -> Vec<Top> {
     let [end, _] = forest.levels;
     let tops = || (0..).zip(&forest.records).filter(|(_, record)| record.parent.is_none());
-    let weight = triangles / (tops().count() as u64).max(1);
+    let weight = weight / (tops().count() as u64).max(1);
     let top = |(root, record): (u32, &RootRecord)| {
         let mut blocks = (0..).zip(&record.blocks);
         let (level, block) = blocks.find_map(|(level, block)| Some((level, block.as_ref()?)))?;

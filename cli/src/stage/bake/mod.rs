@@ -189,6 +189,8 @@ pub struct Baked {
     pub streams: Vec<Vec<u8>>,
     /// Its texels as points, before they were quantised: for the images of coarser patches.
     pub surfels: Surfels,
+    /// Whether it has fewer texels than were asked for, because a map holds no more.
+    pub is_full: bool,
 }
 
 /// How large the texels of a coarse patch are.
@@ -245,9 +247,10 @@ impl<'s> Baker<'s> {
         let sums = gather(patch, &mapped.map, (&self.drawn, &[]), &mut source.source, sums);
         self.kept = finished(sums, patch, &mapped.map, &self.drawn);
         let mut surfels = self.surfels(patch, &mapped.map);
+        let is_full = mapped.is_full;
         let streams;
         (streams, surfels.rim) = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
-        Some(Baked { streams, surfels })
+        Some(Baked { streams, surfels, is_full })
     }
 
     /// As [`Baker::bake`], of a patch that may be far from a source: texels show what lies closest to them, and borders what the source does.
@@ -258,9 +261,10 @@ impl<'s> Baker<'s> {
         exponent: u32,
     ) -> Option<Baked> {
         let mapped = self.closest(patch, &mut source.source, exponent, Sizes::default(), Means::Light)?;
+        let is_full = mapped.is_full;
         let (streams, _) = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
         // Nobody makes coarser ones of them.
-        Some(Baked { streams, surfels: Surfels::default() })
+        Some(Baked { streams, surfels: Surfels::default(), is_full })
     }
 
     /// As [`Baker::bake_closest`], of a cut that is looked at as closely as its source, but both sides of borders show the mean of what both do.
@@ -272,8 +276,9 @@ impl<'s> Baker<'s> {
     ) -> Option<Baked> {
         let sizes = Sizes::of_source(patch, source);
         let mapped = self.closest(patch, &mut source.source, exponent, sizes, Means::Roots)?;
+        let is_full = mapped.is_full;
         let (streams, _) = self.streams(patch, mapped, |_, shown| shown.means(patch));
-        Some(Baked { streams, surfels: Surfels::default() })
+        Some(Baked { streams, surfels: Surfels::default(), is_full })
     }
 
     /// Gives texels what lies closest to them.
@@ -310,6 +315,7 @@ impl<'s> Baker<'s> {
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         self.kept = gather_surfels(patch, &mapped.map, &self.drawn, finer, sums);
         let mut surfels = self.surfels(patch, &mapped.map);
+        let is_full = mapped.is_full;
         let streams;
         (streams, surfels.rim) = self.streams(patch, mapped, |map, shown| {
             let mut wanted = match source {
@@ -319,7 +325,7 @@ impl<'s> Baker<'s> {
             shown.add_beside_finer(&outline, &mut wanted);
             wanted
         });
-        Some(Baked { streams, surfels })
+        Some(Baked { streams, surfels, is_full })
     }
 
     fn surfels(&self, patch: &BakedPatch<'_>, map: &Map) -> Surfels {
@@ -331,7 +337,7 @@ impl<'s> Baker<'s> {
     fn streams(
         &mut self,
         patch: &BakedPatch<'_>,
-        Mapped { map, bytes, borders }: Mapped,
+        Mapped { map, bytes, borders, .. }: Mapped,
         wanted: impl FnOnce(&Map, &Shown<'_>) -> Wanted,
     ) -> (Vec<Vec<u8>>, Rim) {
         let Self { storage, drawn, kept: Kept { sums: values, .. }, scratch, image } = self;
@@ -366,6 +372,7 @@ impl<'s> Baker<'s> {
         outline: Option<&Outline<'_>>,
     ) -> Option<Mapped> {
         let BakedPatch { positions, triangles, .. } = *patch;
+        let wanted = exponent;
         let mut pieces = divide(patch, sizes);
         for round in 0.. {
             let Pieces { shapes, labels, .. } = &pieces;
@@ -385,7 +392,7 @@ impl<'s> Baker<'s> {
             self.drawn.complete(patch, &map);
             let borders = Borders::new(patch, &map, outline.filter(|outline| !outline.is_empty()));
             borders.add_used(&mut self.drawn.is_used);
-            return Some(Mapped { map, bytes, borders });
+            return Some(Mapped { map, bytes, borders, is_full: exponent > wanted });
         }
         None
     }
@@ -397,6 +404,8 @@ struct Mapped {
     /// As it is stored.
     bytes: Vec<u8>,
     borders: Borders,
+    /// Whether its texels are larger than they should be, because it holds no more.
+    is_full: bool,
 }
 
 #[cfg(test)]

@@ -28,6 +28,7 @@ mod smoothing;
 mod split;
 
 pub use kept::keep_charts;
+pub use split::halve_heavy;
 
 use crate::mesh::{Adjacency, Mesh};
 use geometry::Normaliser;

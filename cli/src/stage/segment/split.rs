@@ -2,7 +2,7 @@
 
 use super::dual_graph::DualGraph;
 use super::geometry::Normaliser;
-use super::{label_sizes, triangles_by_label};
+use super::{compact_labels, label_sizes, triangles_by_label};
 use crate::mesh::{Adjacency, Mesh};
 use crate::stage::arcs::cut_edges::CutEdges;
 use rayon::prelude::*;
@@ -53,6 +53,23 @@ pub(super) fn halve_large(adjacency: &Adjacency, target: u32, labels: &mut [u32]
         }
         Ok(DualGraph::new(adjacency, triangles).halve())
     });
+}
+
+/// Halves charts of triangles that weigh more than `most` together, until none is left but single triangles. Labels must be `0..n`, each
+/// connected; they are renumbered by their smallest triangle.
+pub fn halve_heavy(adjacency: &Adjacency, weights: &[f64], most: f64, labels: &mut [u32]) {
+    let count = labels.par_iter().max().map_or(0, |&l| l + 1);
+    let mut sums = vec![0.0; count as usize];
+    labels.iter().zip(weights).for_each(|(&label, weight)| sums[label as usize] += weight);
+    let heavy: Vec<u32> = (0..count).filter(|&label| sums[label as usize] > most).collect();
+    split_charts(labels, count, &heavy, |triangles| {
+        let weight: f64 = triangles.iter().map(|&triangle| weights[triangle as usize]).sum();
+        if triangles.len() < 2 || weight <= most {
+            return Err(triangles);
+        }
+        Ok(DualGraph::new(adjacency, triangles).halve())
+    });
+    compact_labels(labels);
 }
 
 /// Splits each of `charts` as long as `halve` finds a way, all charts in parallel. The first fragment keeps the label;

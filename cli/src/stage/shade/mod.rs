@@ -143,7 +143,7 @@ impl<'s> Painter<'s> {
         area: f64,
     ) -> Option<TexturedFace> {
         let place = *self.appearance.layout.uv.get(usize::from(texture_use.uv_set))?;
-        let uv = records.map(|record| transformed(texture_use, record.get(place..place + 2).unwrap_or(&[f32::NAN; 2])));
+        let uv = records.map(|record| texture_use.placed(record.get(place..place + 2).unwrap_or(&[f32::NAN; 2])));
         if uv.iter().flatten().any(|value| !value.is_finite()) {
             return None;
         }
@@ -184,15 +184,6 @@ enum Use {
 
 impl Use {
     const COUNT: usize = 8;
-}
-
-/// Texture coordinates where the image has them. Coordinates count in images, from its first row and column.
-fn transformed(texture: &TextureUse, uv: &[f32]) -> [f64; 2] {
-    let [u, v] = [f64::from(uv[0]), f64::from(uv[1])];
-    match texture.transform.map(|rows| rows.map(f64::from)) {
-        Some([a, b, c, d, e, f]) => [a * u + b * v + c, d * u + e * v + f],
-        None => [u, v],
-    }
 }
 
 /// A triangle whose points can be evaluated. Points are given by three weights of the corners whose sum is 1.

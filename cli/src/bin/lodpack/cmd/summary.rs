@@ -42,8 +42,12 @@ pub fn print(s: &BuildSummary, output: &Path) -> Result<()> {
         );
     }
     let f = &s.fallbacks;
+    let coarser = match f.coarser_images {
+        0 => String::new(),
+        charts => format!(", {charts} with fewer texels than their images"),
+    };
     say!(
-        "  fallbacks  {} charts simplified again, {} kept as they are, {} arc samples added, {} charts without a map",
+        "  fallbacks  {} charts simplified again, {} kept as they are, {} arc samples added, {} charts without a map{coarser}",
         f.retried_charts,
         f.unsimplified_charts,
         f.raised_samples,
