@@ -60,6 +60,7 @@ mod inputs;
 mod jobs;
 mod levels;
 mod lossless;
+mod many_texels;
 mod normals;
 mod nothing_unneeded;
 mod python;
