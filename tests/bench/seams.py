@@ -1,6 +1,6 @@
 """Seams of a textured mesh: whether both sides of each border of its map show the same.
 
-    python3 tests/bench/seams.py INPUT STEP OUTPUT [OUTPUT ...]
+    python3 tests/bench/seams.py [--nodes FILE.lodpack] [--list] INPUT STEP OUTPUT [OUTPUT ...]
 
 Looks at five points of each edge at which the map is cut, within nodes and along arcs, and compares the colours of both sides, interpolated in linear light, in
 components of sRGB from 0 to 255. STEP is the step of quantisation: 9 at the usual quality, 1 at quality 100. What is stored is brightness, with that step, and two
@@ -13,13 +13,16 @@ different lattices may differ, and no eye sees a line there that the input does 
 - at how many some component of sRGB differs by more than STEP;
 - seams: at how many it differs by more than STEP beyond the input's range,
 
-of all, and of those where the texels of one side are larger than the other's, as where levels meet. Shares no code with lodpack; needs what
-`colours.py` needs, and scipy.
+of all, and of those where the texels of one side are larger than the other's, as where levels meet. With --nodes the same is printed of arcs alone, which are the borders
+between nodes, and of those between nodes of two levels; OUTPUT is then what `lodpack extract --raw` wrote of FILE, and the package for Python (`reader/python`) says which
+triangle is of which node. --list prints each point beyond a step of edges along which the input does not jump, of arcs where nodes are known: its place, by how many steps brightness and the two
+differences are off, and what the input shows there. Shares no code with lodpack; needs what `colours.py` needs, and scipy.
 """
 
-import sys
+import argparse
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 import colours
 import lines
@@ -109,15 +112,44 @@ class Border:
         return (high - low).max(axis=1)
 
 
+def nodes(output, path):
+    """The node and the level of each triangle of an output that is a cut of a file."""
+    import lodpack
+
+    with lodpack.open(path) as file:
+        mesh = file.extract(triangles=len(output.corners), channels="auto")
+        textured = mesh.textured()
+        levels = mesh.cut.nodes()[1]
+    if len(textured.triangles) != len(output.corners):
+        raise SystemExit(f"{path}: its cut has {len(textured.triangles)} triangles, not {len(output.corners)}; write the output with --raw")
+    # GLB has positions in single precision: the closest middle is the triangle's own. Slivers may share one, and then their corners tell.
+    corners = textured.positions[textured.triangles]
+    size = np.ptp(corners.reshape(-1, 3), axis=0).max()
+    middles = np.stack([each.mean(axis=1) for each in (corners, output.corners)])
+    _, near = cKDTree(middles[0]).query(middles[1], k=min(4, len(corners)))
+    sorted_corners = [np.sort(each, axis=1) for each in (corners, output.corners)]
+    off = np.abs(sorted_corners[0][near] - sorted_corners[1][:, None]).max(axis=(2, 3))
+    best, off = near[np.arange(len(near)), off.argmin(axis=1)], off.min(axis=1)
+    if off.max() > 1e-6 * size:
+        raise SystemExit(f"{path}: a triangle of the output is {off.max():g} from those of its cut; write the output with --raw")
+    of = textured.triangle_nodes[best]
+    return of, levels[of]
+
+
 def share(of, among):
     return f"{of.sum()} of {among.sum()} ({100 * of.sum() / max(among.sum(), 1):.3f} %)"
 
 
 def main():
-    if len(sys.argv) < 4:
-        sys.exit(__doc__)
-    source, step = lines.Input(sys.argv[1]), float(sys.argv[2])
-    for path in sys.argv[3:]:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--nodes", metavar="FILE.lodpack")
+    parser.add_argument("--list", action="store_true")
+    parser.add_argument("input")
+    parser.add_argument("step", type=float)
+    parser.add_argument("outputs", nargs="+")
+    arguments = parser.parse_args()
+    source, step = lines.Input(arguments.input), arguments.step
+    for path in arguments.outputs:
         output = lines.Output(path)
         border = Border(output)
         difference, input_range = border.difference(), border.input_range(source)
@@ -130,14 +162,29 @@ def main():
         is_larger = np.maximum(one, other) > LARGER * np.minimum(one, other)
         jump = border.input_jump(source).reshape(-1, POINTS).max(axis=1)
         is_same = np.repeat(jump <= SAME, POINTS)
+        all_points = np.ones(len(difference), bool)
+        kinds, listed = [("all", all_points), ("where texels of one side are larger", is_larger)], all_points
         print(f"{path}: {len(output.corners)} triangles, {len(difference) // POINTS} edges of borders")
-        for name, which in [("all", np.ones(len(difference), bool)), ("where texels of one side are larger", is_larger)]:
+        if arguments.nodes is not None:
+            of_nodes, of_levels = nodes(output, arguments.nodes)
+            is_arc, of_two_levels = (of[border.triangles[0]] != of[border.triangles[1]] for of in (of_nodes, of_levels))
+            kinds += [("arcs", is_arc), ("arcs where texels of one side are larger", is_arc & is_larger)]
+            kinds += [("arcs between levels", of_two_levels)] if of_two_levels.any() else []
+            listed = is_arc
+        for name, which in kinds:
             for of, among in [("", which), (", of edges along which the input does not jump", which & is_same)]:
                 print(
                     f"  {name}{of}: beyond a step at {share(among & is_beyond, among)}, brightness by {np.abs(brightness)[among].max(initial=0):.1f} at most; "
                     f"beyond {step:g} in sRGB at {(among & (most > step)).sum()}; seams at {(among & (most > step + input_range)).sum()}",
                     flush=True,
                 )
+        for point in np.flatnonzero(listed & is_same & is_beyond) if arguments.list else []:
+            length = np.linalg.norm(border.ends[point, 1] - border.ends[point, 0])
+            print(
+                f"  at {border.points[point].round(6).tolist()}: off by {', '.join(f'{steps[point]:.2f}' for steps in in_steps)} steps, "
+                f"{np.abs(difference[point]).max():.1f} in sRGB; texels {one[point] / length:.3g} and {other[point] / length:.3g} of the edge; "
+                f"the input's colours differ by {input_range[point]:.1f} within a texel, {jump[point // POINTS]:.1f} across"
+            )
 
 
 if __name__ == "__main__":

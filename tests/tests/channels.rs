@@ -514,21 +514,38 @@ fn colours_of_materials_without_textures_are_kept() {
 
 #[test]
 fn parts_on_a_large_ground_have_the_colour_of_their_material_alone() {
-    parts_on_a_large_ground(false);
+    parts_on_a_large_ground(ColoursOf::Materials);
 }
 
 #[test]
 fn parts_on_a_large_ground_have_their_colour_of_a_palette_alone() {
-    parts_on_a_large_ground(true);
+    parts_on_a_large_ground(ColoursOf::Palette);
 }
 
-fn parts_on_a_large_ground(are_in_palette: bool) {
+#[test]
+fn parts_on_a_large_ground_have_the_colour_of_their_vertices_alone() {
+    parts_on_a_large_ground(ColoursOf::Vertices);
+}
+
+/// Where parts have their colours from.
+#[derive(Clone, Copy, PartialEq)]
+enum ColoursOf {
+    Materials,
+    Palette,
+    Vertices,
+}
+
+fn parts_on_a_large_ground(from: ColoursOf) {
+    let are_in_palette = from == ColoursOf::Palette;
     let folder = Folder::empty();
     // Numbers that lie between two bytes.
     let colours = [[0.5, 0.7, 0.3], [0.9, 0.1, 0.1], [0.1, 0.3, 0.9], [0.9, 0.9, 0.7]];
     let (mut text, mut materials) = (String::from("mtllib yard.mtl\nusemtl c0\n"), String::new());
     for (number, [red, green, blue]) in colours.iter().enumerate() {
         materials += &format!("newmtl c{number}\nKd {red} {green} {blue}\n");
+    }
+    if from == ColoursOf::Vertices {
+        materials = "newmtl c0\n".to_owned();
     }
     if are_in_palette {
         materials = "newmtl c0\nmap_Kd palette.png\n".to_owned();
@@ -540,19 +557,25 @@ fn parts_on_a_large_ground(are_in_palette: bool) {
     let corner = |vertex: usize, material: usize| {
         if are_in_palette { format!("{vertex}/{}", material + 1) } else { vertex.to_string() }
     };
+    let place = |[x, y, z]: [f64; 3], material: usize| match (from, colours[material]) {
+        (ColoursOf::Vertices, [red, green, blue]) => format!("v {x} {y} {z} {red} {green} {blue}\n"),
+        _ => format!("v {x} {y} {z}\n"),
+    };
     let side = |corners: [usize; 4], material: usize| {
         let [a, b, c, d] = corners.map(|vertex| corner(vertex, material));
         format!("f {a} {b} {c}\nf {a} {c} {d}\n")
     };
-    text += "v -50 -50 0\nv 50 -50 0\nv 50 50 0\nv -50 50 0\n";
+    for [x, y] in [[-50.0, -50.0], [50.0, -50.0], [50.0, 50.0], [-50.0, 50.0]] {
+        text += &place([x, y, 0.0], 0);
+    }
     text += &side([1, 2, 3, 4], 0);
     // Boxes in a row, so near to the ground and to one another that a texel of the ground would lie across all of them.
     for (number, material) in [1, 2, 3, 1, 2].into_iter().enumerate() {
         let low = [3.0 * number as f64 - 7.0, -1.0, 0.25];
-        text += &format!("usemtl c{}\n", if are_in_palette { 0 } else { material });
+        text += &format!("usemtl c{}\n", if from == ColoursOf::Materials { material } else { 0 });
         for corner in 0..8 {
             let [x, y, z] = [0, 1, 2].map(|axis| low[axis] + 2.0 * f64::from(corner >> axis & 1));
-            text += &format!("v {x} {y} {z}\n");
+            text += &place([x, y, z], material);
         }
         let first = 5 + 8 * number;
         for corners in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
@@ -563,9 +586,10 @@ fn parts_on_a_large_ground(are_in_palette: bool) {
     folder.run("build yard.obj -o yard.lodpack");
     let bytes = folder.read("yard.lodpack");
     let file = open(&bytes);
-    // A palette is an image, and images lose something.
-    assert_eq!(file.channels()[0].is_exact, !are_in_palette);
-    let most = if are_in_palette { 6.0 } else { 0.51 };
+    // Materials without images are stored without loss, palettes and colours of vertices are not.
+    let is_exact = from == ColoursOf::Materials;
+    assert_eq!(file.channels()[0].is_exact, is_exact);
+    let most = if is_exact { 0.51 } else { 6.0 };
     let cut = file.select(&Query { tolerance: Some(0.0), ..Query::default() }).expect("a cut");
     let shown = file.extract_textured(&cut, &[0]).expect("sound");
     for (number, places) in shown.places.iter().enumerate() {

@@ -178,7 +178,7 @@ impl<'a> Painting<'a> {
             scale,
             appearance,
             is_label: appearance.scalars.iter().map(ScalarRange::is_label).collect(),
-            painter: studio.shader.painter(attributes),
+            painter: studio.shader.painter(attributes).with_areas(charted.areas),
             areas: charted.areas.map_or(&[], |areas| &areas.of_triangles),
             own_count: charted.atlas.charts[chart as usize].triangles.len(),
             larger: vec![],

@@ -99,6 +99,8 @@ pub struct ColourAreas {
     pub of_triangles: Vec<u32>,
     /// Where colours jump.
     pub jumps: Jumps,
+    /// The areas of which all vertices have one colour.
+    pub parts: BTreeSet<u32>,
 }
 
 impl ColourAreas {
@@ -109,7 +111,12 @@ impl ColourAreas {
         let count = sets.len() as u32;
         let area = |triangle| Some(find(sets, triangle)).filter(|set| known.contains(set)).unwrap_or(NONE);
         let of_triangles = (0..count).map(area).collect();
-        Self { of_triangles, jumps: Jumps::new(pairs) }
+        Self { of_triangles, jumps: Jumps::new(pairs), parts: BTreeSet::new() }
+    }
+
+    /// Whether a triangle belongs to an area of which all vertices have one colour.
+    pub fn are_part(&self, triangle: usize) -> bool {
+        self.of_triangles.get(triangle).is_some_and(|area| self.parts.contains(area))
     }
 
     /// All of them.

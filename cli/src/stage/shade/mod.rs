@@ -19,6 +19,7 @@ use glam::DVec3;
 
 use crate::mesh::appearance::{AlphaMode, Appearance, Material, TextureUse};
 use crate::mesh::attributes::RegionAttributes;
+use crate::stage::areas::ColourAreas;
 use crate::stage::bake::Points;
 use crate::storage::WorkError;
 use cache::TextureCache;
@@ -58,7 +59,13 @@ impl<'a> Shader<'a> {
 
     /// Evaluates the triangles of a region. Each thread has its own.
     pub fn painter<'s>(&'s self, region: &'s RegionAttributes) -> Painter<'s> {
-        Painter { appearance: self.appearance, textures: &self.textures, region, latest: Default::default() }
+        Painter {
+            appearance: self.appearance,
+            textures: &self.textures,
+            region,
+            areas: None,
+            latest: Default::default(),
+        }
     }
 }
 
@@ -67,6 +74,8 @@ pub struct Painter<'s> {
     appearance: &'s Appearance,
     textures: &'s TextureCache<'s>,
     region: &'s RegionAttributes,
+    /// Its areas, once they are known.
+    areas: Option<&'s ColourAreas>,
     /// The textures that were used last, by their use, with their keys.
     latest: [Option<(usize, Option<Arc<Texture>>)>; Use::COUNT],
 }
@@ -83,6 +92,12 @@ impl Drop for Painter<'_> {
 }
 
 impl<'s> Painter<'s> {
+    /// One that knows the areas of the region.
+    pub fn with_areas(mut self, areas: Option<&'s ColourAreas>) -> Self {
+        self.areas = areas;
+        self
+    }
+
     /// A triangle of the region, with the positions of its corners.
     pub fn face(&mut self, triangle: usize, corners: [DVec3; 3]) -> Face<'s> {
         let Appearance { layout, materials, .. } = self.appearance;
@@ -131,7 +146,8 @@ impl<'s> Painter<'s> {
         let colour = layout.colour.filter(|_| !hides);
         // About one texel per vertex: a vertex has two triangles.
         let vertex_density = if area > 0.0 { (1.0 / (2.0 * area).sqrt()) as f32 } else { 0.0 };
-        Face { appearance: self.appearance, material, corners, records, textures, colour, vertex_density }
+        let is_part = colour.is_some() && self.areas.is_some_and(|areas| areas.are_part(triangle));
+        Face { appearance: self.appearance, material, corners, records, textures, colour, is_part, vertex_density }
     }
 
     fn textured(
@@ -196,6 +212,8 @@ pub struct Face<'s> {
     textures: [Option<TexturedFace>; Use::COUNT],
     /// Place of the colour in records.
     colour: Option<usize>,
+    /// Whether it belongs to an area of which all vertices have one colour.
+    is_part: bool,
     vertex_density: f32,
 }
 
@@ -380,9 +398,19 @@ impl Face<'_> {
             .max(self.texture_density())
     }
 
+    /// Whether its colour is the same everywhere.
+    pub fn has_one_colour(&self) -> bool {
+        let are_alike = |place: usize| {
+            let [one, two, three] = self.records.map(|record| colour_at(record, place).map(f32::to_bits));
+            one == two && two == three
+        };
+        self.colour.is_none_or(are_alike) && self.are_textures_even()
+    }
+
     /// Whether it looks alike everywhere.
     pub fn is_even(&self) -> bool {
-        let has_values = self.colour.is_some() || self.appearance.maps.normal || !self.appearance.scalars.is_empty();
+        let has_colours = self.colour.is_some() && !self.is_part;
+        let has_values = has_colours || self.appearance.maps.normal || !self.appearance.scalars.is_empty();
         !has_values && self.are_textures_even()
     }
 
@@ -416,12 +444,17 @@ impl Face<'_> {
     fn interpolated_colour(&self, place: usize, weights: [f32; 3]) -> [f32; 4] {
         let mut sum = [0.0; 4];
         for (record, weight) in self.records.iter().zip(weights) {
-            // A vertex without a colour is white.
-            let colour = record.get(place..).and_then(|rest| rest.first_chunk()).unwrap_or(&[1.0; 4]);
+            let colour = colour_at(record, place);
             (0..4).for_each(|k| sum[k] += weight * colour[k]);
         }
         sum
     }
+}
+
+/// The colour of a record. A vertex without one is white.
+#[inline]
+fn colour_at(record: &[f32], place: usize) -> &[f32; 4] {
+    record.get(place..).and_then(|rest| rest.first_chunk()).unwrap_or(&[1.0; 4])
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use crate::mesh::appearance::{ScalarRange, Wrap};
 use crate::mesh::attributes::AttributeLayout;
 use crate::mesh::images::ImageSource;
 use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
+use crate::mesh::{Adjacency, Mesh};
 
 const CORNERS: [DVec3; 3] = [DVec3::ZERO, DVec3::X, DVec3::Y];
 
@@ -92,6 +93,69 @@ fn triangles_without_an_area_in_the_image_have_samples_of_their_vertices() {
     assert_eq!(densities([[0.3, 0.3], [0.3, 0.31], [0.31, 0.3]]), (true, 1.0, EVEN));
     assert_eq!(densities([[0.1, 0.3], [0.9, 0.3], [0.5, 0.3]]), (false, 0.0, 1.0));
     assert!(densities([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]).2 > 7.9);
+}
+
+/// What vertices of separate triangles show, of which all corners of each have the same record, but for `others`: triangles and their corners.
+fn coloured(
+    colours: &[[f32; 4]],
+    of_triangles: &[u32],
+    others: &[(usize, [u32; 3])],
+) -> (Appearance, RegionAttributes, Mesh) {
+    let mut layout = AttributeLayout::default();
+    layout.add_colour();
+    let materials = vec![Material::default()];
+    let appearance = Appearance { layout, has_colour: true, materials, ..Appearance::default() };
+    let mut corners: Vec<[u32; 3]> = of_triangles.iter().map(|&record| [record; 3]).collect();
+    others.iter().for_each(|&(triangle, other)| corners[triangle] = other);
+    let region = RegionAttributes { corners, records: colours.concat(), ..RegionAttributes::default() };
+    let count = of_triangles.len() as u32;
+    let positions = (0..count).flat_map(|triangle| CORNERS.map(|corner| corner + 2.0 * f64::from(triangle) * DVec3::X));
+    let mesh = Mesh {
+        positions: positions.collect(),
+        triangles: (0..count).map(|triangle| [0, 1, 2].map(|k| 3 * triangle + k)).collect(),
+    };
+    (appearance, region, mesh)
+}
+
+const RED: [f32; 4] = [1.0, 0.0, 0.0, 1.0];
+const BLUE: [f32; 4] = [0.0, 0.0, 0.6, 1.0];
+
+fn areas_of((appearance, region, mesh): &(Appearance, RegionAttributes, Mesh)) -> Option<ColourAreas> {
+    let shader = Shader::new(appearance, None, &std::env::temp_dir(), 0, &|_| ());
+    let adjacency = Adjacency::new(&mesh.triangles, mesh.positions.len());
+    shader.painter(region).colour_areas(mesh, &adjacency, 7)
+}
+
+#[test]
+fn parts_of_one_colour_are_an_area_wherever_they_are() {
+    let surface = coloured(&[RED, BLUE], &[0, 1, 0, 0, 1], &[]);
+    let areas = areas_of(&surface).unwrap();
+    assert_eq!(areas.of_triangles, [0, 1, 0, 0, 1]);
+    assert!(areas.jumps.are_between(0, 1) && areas.are_part(0) && areas.are_part(4) && !areas.are_part(5));
+    // No image reaches beyond them, so few samples are enough.
+    let (appearance, region, mesh) = &surface;
+    let shader = Shader::new(appearance, None, &std::env::temp_dir(), 0, &|_| ());
+    for (areas, is_even, density) in [(None, false, 1.0), (Some(&areas), true, EVEN)] {
+        let mut painter = shader.painter(region).with_areas(areas);
+        let face = painter.face(1, mesh.corners(1));
+        assert_eq!((face.is_even(), face.image_density(), face.material_density()), (is_even, density, 1.0));
+    }
+    // One colour jumps nowhere.
+    assert!(areas_of(&coloured(&[RED, BLUE], &[1; 5], &[])).is_none());
+}
+
+#[test]
+fn colours_that_run_within_a_triangle_and_noise_are_no_parts() {
+    assert!(areas_of(&coloured(&[RED, BLUE], &[0, 1, 0, 0, 1], &[(3, [0, 0, 1])])).is_none());
+    let many: Vec<[f32; 4]> =
+        (0..300).map(|number| [(number % 20) as f32 / 20.0, (number / 20) as f32 / 20.0, 0.0, 1.0]).collect();
+    let numbers: Vec<u32> = (0..300).collect();
+    assert!(areas_of(&coloured(&many, &numbers[..250], &[])).is_some());
+    assert!(areas_of(&coloured(&many, &numbers, &[])).is_none());
+    // A tetrahedron has an edge and a half for each triangle.
+    let (appearance, region, mut mesh) = coloured(&[RED, BLUE, [0.0, 1.0, 0.0, 1.0], [1.0; 4]], &[0, 1, 2, 3], &[]);
+    mesh.triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+    assert!(areas_of(&(appearance, region, mesh)).is_none());
 }
 
 #[test]
