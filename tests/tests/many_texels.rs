@@ -8,17 +8,17 @@ use lodpack::decode::ChannelImage;
 use serde_json::Value;
 use std::fs;
 
-/// Columns and rows of the photograph: more than a chart has by itself.
-const SIZE: [u32; 2] = [2560, 1280];
+/// Columns and rows of the photograph: more than a map shows of it.
+const SIZE: [u32; 2] = [4096, 2560];
 
-/// What the photograph shows at a texel: waves of ten texels.
+/// What the photograph shows at a texel: waves of six texels.
 fn photographed(x: f64, y: f64) -> [f64; 3] {
-    [x / 10.0, y / 10.0, (x + y) / 15.0].map(|phase| 127.5 + 90.0 * (phase * std::f64::consts::TAU).sin())
+    [x / 6.0, y / 6.0, (x + y) / 9.0].map(|phase| 127.5 + 90.0 * (phase * std::f64::consts::TAU).sin())
 }
 
 /// Writes a wall of two triangles, `more` of OBJ behind them.
 fn save_wall(folder: &Folder, more: &str) {
-    let wall = "mtllib wall.mtl\nusemtl wall\nv 0 0 0\nv 4 0 0\nv 4 0 2\nv 0 0 2\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
+    let wall = "mtllib wall.mtl\nusemtl wall\nv 0 0 0\nv 4 0 0\nv 4 0 2.5\nv 0 0 2.5\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
     fs::write(folder.path("wall.obj"), format!("{wall}{more}")).expect("writable");
     fs::write(folder.path("wall.mtl"), "newmtl wall\nmap_Kd wall.png\n").expect("writable");
     let texel = |x: u32, y: u32| {
@@ -42,7 +42,7 @@ fn a_photograph_on_two_triangles_keeps_its_texels_however_it_is_built() {
     assert_eq!(summary["fallbacks"]["coarser_images"].as_u64(), Some(0));
     // Levels that only texels need are hardly less exact.
     let errors = summary["levels"].as_array().expect("levels").iter().map(|level| level["certified_error"].as_f64());
-    assert!(errors.flatten().all(|error| error < 0.02), "{summary}");
+    assert!(errors.flatten().all(|error| error < 0.01), "{summary}");
 
     let bytes = folder.read("one.lodpack");
     let file = open(&bytes);
@@ -65,13 +65,14 @@ fn a_photograph_on_two_triangles_keeps_its_texels_however_it_is_built() {
             let mean = |of: &dyn Fn(usize) -> f64| (0..3).map(|k| weights[k] * of(k)).sum::<f64>();
             let got = image.interpolated([0, 1].map(|axis| mean(&|k| f64::from(places[k][axis]))));
             let [x, z] = [0, 2].map(|axis| mean(&|k| points[k][axis]));
-            let wanted = photographed(x / 4.0 * f64::from(SIZE[0]), (1.0 - z / 2.0) * f64::from(SIZE[1]));
+            let wanted = photographed(x / 4.0 * f64::from(SIZE[0]), (1.0 - z / 2.5) * f64::from(SIZE[1]));
             square += area * (0..3).map(|k| (got[k] - wanted[k]).powi(2)).sum::<f64>() / 3.0;
             area_in_all += area;
         }
     }
     let rms = (square / area_in_all).sqrt();
-    assert!(rms < 4.0 && texels > f64::from(SIZE[0] * SIZE[1]), "{rms} of 255, {texels} texels");
+    // In one map it would have half as many texels, and be off by 8.6.
+    assert!(rms < 6.0 && texels > 1.5 * f64::from(SIZE[0] * SIZE[1]), "{rms} of 255, {texels} texels");
 
     folder.run("build wall.obj -o seven.lodpack --threads 7");
     folder.run("build wall.obj -o small.lodpack --memory 256MiB");

@@ -18,7 +18,7 @@ const MOST_TEXELS: f64 = MOST_CHART_TEXELS / 16.0;
 /// Triangles that are added, about: with more texels in a region, triangles keep more.
 const MOST_ADDED: f64 = 65_536.0;
 
-/// The most texels of images on a chart: about twice as many, and twice as fine where the images are sharp, still fit in a map.
+/// The most texels of images on a chart. Files have about two for each, and maps hold as many twice over.
 const MOST_CHART_TEXELS: f64 = 2_097_152.0;
 
 /// What was added to a region.
