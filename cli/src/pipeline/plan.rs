@@ -25,10 +25,10 @@ use crate::storage::memory::{least_bytes, region_bytes};
 /// The tops of regions to which more may be added bring along what those of so many regions do. A merge of more leaves some of it out.
 const REGIONS_OF_EXTENSIBLE: u32 = 4;
 
-/// Images that repeat, as those of bricks do, have no more to show: of texels on the surface that are more than so many times those of the images,
+/// Where images repeat, as those of bricks do, a file shows the surface with so many times their texels at most,
 const MOST_REPEATS: f64 = 16.0;
-/// and more than so many, files show no more: 100 MB of them, about.
-const FEWEST_REPEATED: f64 = 1_073_741_824.0;
+/// or with so many where that is more: they take 100 MB, about.
+const MOST_REPEATED: f64 = 1_073_741_824.0;
 
 /// What is known once all regions are cut into charts. With it each region can be built by itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -119,7 +119,6 @@ pub(crate) fn prepare(
 ) -> Result<Prepared, PipelineError> {
     let Regions { mut store, stats, matching, doubled_vertices, repairs, appearance } = regions;
     let whole = Whole::of(&stats, input_triangles, &appearance, options)?;
-
     whole.note_repeats(progress);
 
     // Every chart is connected; every loop of a chart has at least three arcs.
@@ -230,13 +229,14 @@ impl Whole {
         if let Some(mut in_regions) = heights.filter(|_| has_tree) {
             let largest = options.division(found.input_triangles, &found.appearance).triangles;
             let may_grow = Some(largest).filter(|_| options.extensible && !self.alone);
+            let mut by_shape = by_shape.max().unwrap_or(0);
             if let Some(largest) = may_grow {
                 // A region that gets triangles later must not need more.
-                in_regions = in_regions.max(group::heights(2, largest, chart));
+                let most = group::heights(2, largest, chart);
+                (in_regions, by_shape) = (in_regions.max(most), by_shape.max(most));
             }
             let weight = counts.iter().map(|count| count.weight).sum();
             let above = group::heights(counts.len() as u64, weight, group::size(chart, in_regions));
-            let by_shape = by_shape.max().unwrap_or(0);
             let triangles = extent.triangles - extent.added_triangles;
             let above_by_shape = group::heights(counts.len() as u64, triangles, group::size(chart, by_shape));
             let of_texels = (in_regions + above).saturating_sub(by_shape + above_by_shape);
@@ -275,7 +275,7 @@ impl Whole {
 
 /// The share that a file shows of so many texels on the surface, where images have so many.
 fn texel_share(on_surface: f64, of_images: u64) -> f64 {
-    let most = FEWEST_REPEATED.max(MOST_REPEATS * of_images as f64);
+    let most = MOST_REPEATED.max(MOST_REPEATS * of_images as f64);
     if on_surface > most { most / on_surface } else { 1.0 }
 }
 
