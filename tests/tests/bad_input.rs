@@ -80,6 +80,16 @@ fn an_index_out_of_range_is_refused() {
 }
 
 #[test]
+fn text_in_utf_16_is_told_from_damage() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    for (name, order) in [("a.obj", u16::to_le_bytes as fn(u16) -> [u8; 2]), ("b.off", u16::to_be_bytes)] {
+        let bytes: Vec<u8> = std::iter::once(0xFEFF).chain(text.encode_utf16()).flat_map(order).collect();
+        let message = message(name, &bytes);
+        assert!(message.contains("UTF-16"), "{message}");
+    }
+}
+
+#[test]
 fn negative_obj_indices_count_from_the_end() {
     let (_, summary) = build_bytes("ok.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n").expect("legal");
     assert_eq!(summary.triangles, 1);

@@ -8,23 +8,36 @@ use lodpack::decode::ChannelImage;
 use serde_json::Value;
 use std::fs;
 
-/// Columns and rows of the photograph: more than a map shows of it.
+/// Columns and rows of a photograph: more than a map shows of it.
 const SIZE: [u32; 2] = [4096, 2560];
 
-/// What the photograph shows at a texel: waves of six texels.
-fn photographed(x: f64, y: f64) -> [f64; 3] {
-    [x / 6.0, y / 6.0, (x + y) / 9.0].map(|phase| 127.5 + 90.0 * (phase * std::f64::consts::TAU).sin())
+/// What a photograph shows at a texel: waves of six texels.
+fn texel(x: u32, y: u32) -> [f64; 3] {
+    let [x, y] = [x, y].map(|at| f64::from(at) + 0.5);
+    [x / 6.0, y / 6.0, (x + y) / 9.0].map(|phase| (127.5 + 90.0 * (phase * std::f64::consts::TAU).sin()).round())
 }
 
-/// Writes a wall of two triangles, `more` of OBJ behind them.
-fn save_wall(folder: &Folder, more: &str) {
+/// What it shows anywhere, between texels, too.
+fn photographed(place: [f64; 2]) -> [f64; 3] {
+    let first = [0, 1].map(|axis| (place[axis] - 0.5).clamp(0.0, f64::from(SIZE[axis] - 2)) as u32);
+    let [right, down] = [0, 1].map(|axis| (place[axis] - 0.5 - f64::from(first[axis])).clamp(0.0, 1.0));
+    let mut sum = [0.0; 3];
+    for (x, share) in [(0, 1.0 - right), (1, right)] {
+        for (y, share) in [(0, share * (1.0 - down)), (1, share * down)] {
+            let shown = texel(first[0] + x, first[1] + y);
+            (0..3).for_each(|k| sum[k] += share * shown[k]);
+        }
+    }
+    sum
+}
+
+/// Writes a wall of two triangles with a photograph of a size, `more` of OBJ behind them.
+fn save_wall(folder: &Folder, [width, height]: [u32; 2], more: &str) {
     let wall = "mtllib wall.mtl\nusemtl wall\nv 0 0 0\nv 4 0 0\nv 4 0 2.5\nv 0 0 2.5\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
     fs::write(folder.path("wall.obj"), format!("{wall}{more}")).expect("writable");
     fs::write(folder.path("wall.mtl"), "newmtl wall\nmap_Kd wall.png\n").expect("writable");
-    let texel = |x: u32, y: u32| {
-        image::Rgb(photographed(f64::from(x) + 0.5, f64::from(y) + 0.5).map(|number| number.round() as u8))
-    };
-    image::RgbImage::from_fn(SIZE[0], SIZE[1], texel).save(folder.path("wall.png")).expect("writable");
+    let bytes = |x, y| image::Rgb(texel(x, y).map(|number| number as u8));
+    image::RgbImage::from_fn(width, height, bytes).save(folder.path("wall.png")).expect("writable");
 }
 
 fn built(folder: &Folder, words: &str) -> Value {
@@ -36,7 +49,7 @@ fn built(folder: &Folder, words: &str) -> Value {
 #[test]
 fn a_photograph_on_two_triangles_keeps_its_texels_however_it_is_built() {
     let folder = Folder::empty();
-    save_wall(&folder, "");
+    save_wall(&folder, SIZE, "");
     let summary = built(&folder, "build wall.obj -o one.lodpack --threads 1 --json");
     assert_eq!((summary["input_triangles"].as_u64(), summary["triangles"].as_u64()), (Some(2), Some(2)));
     assert_eq!(summary["fallbacks"]["coarser_images"].as_u64(), Some(0));
@@ -65,7 +78,7 @@ fn a_photograph_on_two_triangles_keeps_its_texels_however_it_is_built() {
             let mean = |of: &dyn Fn(usize) -> f64| (0..3).map(|k| weights[k] * of(k)).sum::<f64>();
             let got = image.interpolated([0, 1].map(|axis| mean(&|k| f64::from(places[k][axis]))));
             let [x, z] = [0, 2].map(|axis| mean(&|k| points[k][axis]));
-            let wanted = photographed(x / 4.0 * f64::from(SIZE[0]), (1.0 - z / 2.5) * f64::from(SIZE[1]));
+            let wanted = photographed([x / 4.0 * f64::from(SIZE[0]), (1.0 - z / 2.5) * f64::from(SIZE[1])]);
             square += area * (0..3).map(|k| (got[k] - wanted[k]).powi(2)).sum::<f64>() / 3.0;
             area_in_all += area;
         }
@@ -87,7 +100,7 @@ fn a_photograph_on_two_triangles_keeps_its_texels_however_it_is_built() {
 #[test]
 fn images_that_repeat_absurdly_are_bounded_and_others_stay() {
     let folder = Folder::empty();
-    save_wall(&folder, "v 0 1 0\nv 4 1 0\nv 4 1 2\nvt 1e9 0\nvt 0 1e9\nf 5/1 6/5 7/6\nf 5/1 7/5 6/6\n");
+    save_wall(&folder, [2048, 1024], "v 0 1 0\nv 4 1 0\nv 4 1 2\nvt 1e9 0\nvt 0 1e9\nf 5/1 6/5 7/6\nf 5/1 7/5 6/6\n");
     let summary = built(&folder, "build wall.obj -o out.lodpack --json");
     assert!(summary["charts"].as_u64().is_some_and(|charts| charts < 100), "{summary}");
     folder.run("verify out.lodpack");

@@ -262,6 +262,8 @@ fn detect_format(source: &Source) -> Parsed<Format> {
         Format::AsciiStl
     } else if off::looks_like_off(text) {
         Format::Off
+    } else if extension != "stl" && [b"\xFF\xFE", b"\xFE\xFF"].into_iter().any(|mark| bytes.starts_with(mark)) {
+        return Err(source.syntax(Location::Byte(0), "this is text in UTF-16; save it as UTF-8"));
     } else {
         match extension.as_str() {
             "stl" => Format::BinaryStl,

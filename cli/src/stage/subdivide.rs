@@ -17,7 +17,6 @@ use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
 const MOST_TEXELS: f64 = MOST_CHART_TEXELS / 16.0;
 /// Triangles that are added, about: with more texels in a region, triangles keep more.
 const MOST_ADDED: f64 = 65_536.0;
-
 /// The most texels of images on a chart. Files have about two for each, and maps hold as many twice over.
 const MOST_CHART_TEXELS: f64 = 2_097_152.0;
 
@@ -40,7 +39,7 @@ pub fn subdivide(
     appearance: &Appearance,
     is_alone: bool,
 ) -> Subdivided {
-    let texels = texel_shares(attributes, appearance, mesh.triangles.len(), MOST_CHART_TEXELS);
+    let texels = texels_of_triangles(attributes, appearance, mesh.triangles.len());
     let sum: f64 = texels.iter().sum();
     if sum <= MOST_CHART_TEXELS {
         return Subdivided { texels: sum, ..Subdivided::default() };
@@ -63,16 +62,20 @@ pub fn subdivide(
     Subdivided { triangles: triangles as u64, vertices: vertices as u64, texels: sum }
 }
 
-/// The texels that each triangle shows of the image of which it shows most, as shares of the most that a chart should have; nothing if there are
-/// no images. `kept` is how many texels files have for each of them.
+/// The texels that triangles show of which a file keeps this share, as shares of the most that a chart should have; nothing if there are no images.
 pub fn texel_shares(attributes: &RegionAttributes, appearance: &Appearance, triangles: usize, kept: f64) -> Vec<f64> {
-    if appearance.texels == 0 {
-        return vec![];
-    }
-    let share = |triangle| texels_of(attributes, appearance, triangle) * kept / MOST_CHART_TEXELS;
-    (0..triangles).map(share).collect()
+    let mut shares = texels_of_triangles(attributes, appearance, triangles);
+    shares.iter_mut().for_each(|texels| *texels *= kept / MOST_CHART_TEXELS);
+    shares
 }
 
+/// The texels of images that each triangle shows; nothing if there are no images.
+fn texels_of_triangles(attributes: &RegionAttributes, appearance: &Appearance, triangles: usize) -> Vec<f64> {
+    let count = if appearance.texels > 0 { triangles } else { 0 };
+    (0..count).map(|triangle| texels_of(attributes, appearance, triangle)).collect()
+}
+
+/// The texels that a triangle shows of the image of which it shows most.
 fn texels_of(attributes: &RegionAttributes, appearance: &Appearance, triangle: usize) -> f64 {
     let Some(material) = appearance.materials.get(usize::from(attributes.material(triangle))) else { return 0.0 };
     let records = attributes.records_of(triangle, appearance.layout.stride);
