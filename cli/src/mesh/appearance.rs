@@ -147,6 +147,12 @@ impl Appearance {
         (self.has_colour || self.has_materials()) && !varies && !has_images
     }
 
+    /// Places of labels in records.
+    pub fn label_places(&self) -> Vec<usize> {
+        let is_label = |name: &String| self.scalars.iter().any(|range| range.name == *name && range.is_label());
+        self.layout.scalars.iter().filter(|(name, _)| is_label(name)).map(|(_, place)| *place).collect()
+    }
+
     /// Texels of images for each of so many triangles: a power of two, or 0, so that it changes rarely when more is added.
     pub fn texels_each(&self, triangles: u64) -> u64 {
         let texels = self.texels / triangles.max(1);
@@ -417,14 +423,27 @@ pub struct TextureUse {
 }
 
 impl TextureUse {
+    /// Where the image has the corners of a triangle with these records; none if one has no coordinates.
+    pub fn corners(&self, layout: &AttributeLayout, records: [&[f32]; 3]) -> Option<[[f64; 2]; 3]> {
+        let place = *layout.uv.get(usize::from(self.uv_set))?;
+        let corners = records.map(|record| self.placed(record.get(place..place + 2).unwrap_or(&[f32::NAN; 2])));
+        corners.iter().flatten().all(|value| value.is_finite()).then_some(corners)
+    }
+
     /// Coordinates of the surface where the image has them. They count in images, from its first row and column.
-    pub fn placed(&self, uv: &[f32]) -> [f64; 2] {
+    fn placed(&self, uv: &[f32]) -> [f64; 2] {
         let [u, v] = [f64::from(uv[0]), f64::from(uv[1])];
         match self.transform.map(|rows| rows.map(f64::from)) {
             Some([a, b, c, d, e, f]) => [a * u + b * v + c, d * u + e * v + f],
             None => [u, v],
         }
     }
+}
+
+/// How many images a triangle shows whose corners they have there.
+pub fn images_on([a, b, c]: [[f64; 2]; 3]) -> f64 {
+    let ([x, y], [z, w]) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+    (x * w - y * z).abs() / 2.0
 }
 
 /// What an image shows beyond its border.

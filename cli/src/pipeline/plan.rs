@@ -214,7 +214,7 @@ impl Whole {
     ) -> (Plan, Vec<RegionSize>) {
         let Self { extent, mut scale, .. } = self.clone();
         let source = SourceInfo {
-            triangle_count: extent.triangles - extent.added_triangles,
+            triangle_count: extent.undivided_triangles(),
             vertex_count: extent.vertices - extent.added_vertices - found.doubled_vertices,
             mean_edge_length: scale.mean_edge_length,
             area: extent.area,
@@ -222,9 +222,10 @@ impl Whole {
         };
         let chart = f64::from(scale.chart_triangles);
         let heights = counts.iter().map(|count| group::heights(count.charts, count.weight, chart)).max();
-        let by_shape = counts.iter().zip(stats).map(|(count, stats)| {
-            group::heights(count.charts, stats.extent.triangles - stats.extent.added_triangles, chart)
-        });
+        let by_shape = counts
+            .iter()
+            .zip(stats)
+            .map(|(count, stats)| group::heights(count.charts, stats.extent.undivided_triangles(), chart));
         let has_tree = options.has_tree();
         if let Some(mut in_regions) = heights.filter(|_| has_tree) {
             let largest = options.division(found.input_triangles, &found.appearance).triangles;
@@ -237,7 +238,7 @@ impl Whole {
             }
             let weight = counts.iter().map(|count| count.weight).sum();
             let above = group::heights(counts.len() as u64, weight, group::size(chart, in_regions));
-            let triangles = extent.triangles - extent.added_triangles;
+            let triangles = extent.undivided_triangles();
             let above_by_shape = group::heights(counts.len() as u64, triangles, group::size(chart, by_shape));
             let of_texels = (in_regions + above).saturating_sub(by_shape + above_by_shape);
             if in_regions + above > 0 {

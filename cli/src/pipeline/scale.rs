@@ -170,7 +170,7 @@ impl LevelPlan {
 /// How often the step of the lattice is halved for images: where colours jump at lines between triangles, lines that are off by a share of a texel
 /// show that share of it in the wrong colour.
 fn image_fineness(extent: &Extent, texels_each: u64, step: f64) -> u8 {
-    let texels = (extent.triangles - extent.added_triangles) as f64 * texels_each as f64;
+    let texels = extent.undivided_triangles() as f64 * texels_each as f64;
     let texel = (extent.area / texels).sqrt();
     // Comparisons with NaN are false: without texels nothing is halved.
     (0..MOST_FINER).take_while(|&halved| STEPS_PER_TEXEL * step > texel * power_of_two(halved)).count() as u8

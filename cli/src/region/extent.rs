@@ -91,9 +91,14 @@ impl Extent {
         }
     }
 
+    /// Triangles before any was divided.
+    pub fn undivided_triangles(&self) -> u64 {
+        self.triangles - self.added_triangles
+    }
+
     /// Mean length of the triangles' edges, each side of each triangle counted once.
     pub fn mean_edge_length(&self) -> f64 {
-        self.edge_lengths / (3 * (self.triangles - self.added_triangles)).max(1) as f64
+        self.edge_lengths / (3 * self.undivided_triangles()).max(1) as f64
     }
 
     /// How much the surface bends from a triangle to the next: the mean distance of their unit normals (0 to 2).

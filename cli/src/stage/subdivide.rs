@@ -9,7 +9,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use crate::mesh::appearance::{Appearance, ScalarRange, TextureUse};
+use crate::mesh::appearance::{Appearance, TextureUse, images_on};
 use crate::mesh::attributes::RegionAttributes;
 use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
 
@@ -47,7 +47,9 @@ pub fn subdivide(
     let most = MOST_TEXELS.max(sum / MOST_ADDED);
     let mut open: Vec<u32> = (0..).zip(&texels).filter(|(_, texels)| **texels > most).map(|(t, _)| t).collect();
     let before = [mesh.triangles.len(), mesh.positions.len()];
-    let mut refined = Refined { mesh, adjacency, attributes, appearance, is_alone, texels, means: HashMap::new() };
+    let (labels, means) = (appearance.label_places(), HashMap::new());
+    let stride = appearance.layout.stride;
+    let mut refined = Refined { mesh, adjacency, attributes, stride, labels, is_alone, texels, means };
     let limit = before[0] + 4 * MOST_ADDED as usize;
     while let Some(triangle) = open.pop() {
         if refined.texels[triangle as usize] > most && refined.texels.len() < limit {
@@ -80,13 +82,9 @@ fn texels_of(attributes: &RegionAttributes, appearance: &Appearance, triangle: u
     let Some(material) = appearance.materials.get(usize::from(attributes.material(triangle))) else { return 0.0 };
     let records = attributes.records_of(triangle, appearance.layout.stride);
     let of_texture = |texture: &TextureUse| {
-        let place = *appearance.layout.uv.get(usize::from(texture.uv_set))?;
         let [width, height] = appearance.image_sizes.get(texture.image as usize)?.map(f64::from);
-        let places = records.map(|record| record.get(place..place + 2).map(|uv| texture.placed(uv)));
-        let [Some(a), Some(b), Some(c)] = places else { return None };
-        let shown = ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs() / 2.0;
-        // Without coordinates, nothing is shown. However often an image repeats, there is no more in it.
-        (!shown.is_nan()).then(|| shown.min(1.0) * width * height)
+        // However often an image repeats, there is no more in it.
+        Some(images_on(texture.corners(&appearance.layout, records)?).min(1.0) * width * height)
     };
     material.textures().filter_map(of_texture).fold(0.0, f64::max)
 }
@@ -96,7 +94,10 @@ struct Refined<'a> {
     mesh: &'a mut Mesh,
     adjacency: &'a mut Adjacency,
     attributes: &'a mut RegionAttributes,
-    appearance: &'a Appearance,
+    /// Numbers in a record.
+    stride: usize,
+    /// Which of them are labels.
+    labels: Vec<usize>,
     is_alone: bool,
     /// Of each triangle.
     texels: Vec<f64>,
@@ -202,21 +203,14 @@ impl Refined<'_> {
 
     /// The record in the middle between two: means, but of labels that of the first.
     fn mean(&mut self, records: [u32; 2]) -> u32 {
-        let stride = self.appearance.layout.stride;
+        let stride = self.stride;
         let [low, high] = [records[0].min(records[1]), records[0].max(records[1])];
         if let Some(&known) = self.means.get(&[low, high]) {
             return known;
         }
-        let place = |record: u32| record as usize * stride;
-        let mut mean: Vec<f32> = (0..stride)
-            .map(|k| 0.5 * (self.attributes.records[place(low) + k] + self.attributes.records[place(high) + k]))
-            .collect();
-        let labels = self.appearance.scalars.iter().filter(|range| range.is_label());
-        for name in labels.map(|range: &ScalarRange| &range.name) {
-            if let Some((_, k)) = self.appearance.layout.scalars.iter().find(|(known, _)| known == name) {
-                mean[*k] = self.attributes.records[place(low) + k];
-            }
-        }
+        let [one, other] = [low, high].map(|record| &self.attributes.records[record as usize * stride..][..stride]);
+        let mut mean: Vec<f32> = one.iter().zip(other).map(|(one, other)| 0.5 * (one + other)).collect();
+        self.labels.iter().for_each(|&place| mean[place] = one[place]);
         let number = (self.attributes.records.len() / stride) as u32;
         self.attributes.records.extend(mean);
         self.means.insert([low, high], number);

@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::mesh::appearance::{AlphaMode, Appearance, Material, TextureUse};
+use crate::mesh::appearance::{AlphaMode, Appearance, Material, TextureUse, images_on};
 use crate::mesh::attributes::RegionAttributes;
 use crate::stage::areas::ColourAreas;
 use crate::stage::bake::Points;
@@ -158,16 +158,10 @@ impl<'s> Painter<'s> {
         records: [&[f32]; 3],
         area: f64,
     ) -> Option<TexturedFace> {
-        let place = *self.appearance.layout.uv.get(usize::from(texture_use.uv_set))?;
-        let uv = records.map(|record| texture_use.placed(record.get(place..place + 2).unwrap_or(&[f32::NAN; 2])));
-        if uv.iter().flatten().any(|value| !value.is_finite()) {
-            return None;
-        }
+        let uv = texture_use.corners(&self.appearance.layout, records)?;
         let texture = self.texture(which, meaning.key(texture_use.image))?;
         let [width, height] = texture.size().map(f64::from);
-        let side = |i: usize| [uv[i][0] - uv[0][0], uv[i][1] - uv[0][1]];
-        let ([x, y], [z, w]) = (side(1), side(2));
-        let texels = (x * w - y * z).abs() / 2.0 * width * height;
+        let texels = images_on(uv) * width * height;
         let density = if area > 0.0 { (texels / area).sqrt() as f32 } else { 0.0 };
         Some(TexturedFace { texture, uv, wrap: texture_use.wrap, density })
     }
