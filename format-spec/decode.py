@@ -1653,6 +1653,28 @@ TURNS = [
 ]
 
 
+FINE_TURNS = [
+    (1.0, 0.0),
+    (0.9996988186962042, 0.024541228522912288),
+    (0.9987954562051724, 0.049067674327418015),
+    (0.9972904566786902, 0.07356456359966743),
+    (0.9951847266721969, 0.0980171403295606),
+    (0.99247953459871, 0.1224106751992162),
+    (0.989176509964781, 0.14673047445536175),
+    (0.9852776423889412, 0.17096188876030122),
+]
+
+
+def turned(along, across, turn):
+    c, s = turn
+    return add(scale(along, c), scale(across, s)), sub(scale(across, c), scale(along, s))
+
+
+def texel_size(exponent):
+    e = min(exponent, 127)
+    return float(2 ** (e // 2)) * (1.4142135623730951 if e % 2 == 1 else 1.0)
+
+
 class Map:
     """The map of a block: `place(triangle, point)` says where a point of a triangle lies."""
 
@@ -1664,21 +1686,22 @@ class Map:
         width = bits.number(NumberChances())
         self.axes, self.normals, self.sizes = [], [], []
         for _ in range(piece_count):
-            first, larger = bits.raw(6), 0
+            first, larger, longer, is_down, fine_turn = bits.raw(6), 0, 0, 0, None
             if first == 63:
                 larger, first = bits.raw(5), bits.raw(6)
-            e = min(exponent + larger, 127)
-            size = float(2 ** (e // 2)) * (1.4142135623730951 if e % 2 == 1 else 1.0)
+            if first == 63:
+                longer, is_down, fine_turn, first = bits.raw(4), bits.raw(1), bits.raw(3), bits.raw(6)
+            texel = [texel_size(exponent + larger + (longer if is_down == k else 0)) for k in range(2)]
             axis = (first - 31, bits.raw(6) - 31, bits.raw(6) - 31)
             must(max(axis) <= 31 and axis != (0, 0, 0), "a piece of a map has no axis")
-            c, s = TURNS[bits.raw(3)]
             k = min(range(3), key=lambda k: abs(axis[k]))
             f = frame(vector(axis), tuple(1.0 if j == k else 0.0 for j in range(3)))
-            u = scale(add(scale(f.along, c), scale(f.across, s)), 1 / size)
-            v = scale(sub(scale(f.across, c), scale(f.along, s)), 1 / size)
-            self.axes.append((u, v))
+            u, v = turned(f.along, f.across, TURNS[bits.raw(3)])
+            if fine_turn is not None:
+                u, v = turned(u, v, FINE_TURNS[fine_turn])
+            self.axes.append((scale(u, 1 / texel[0]), scale(v, 1 / texel[1])))
             self.normals.append(f.normal)
-            self.sizes.append(size)
+            self.sizes.append(tuple(texel))
         self.labels = decode_labels(bits, piece_count, patch.triangles)
         bits.end()
         points = [vector(p) for p in patch.border + patch.interior]
@@ -1866,16 +1889,16 @@ def directions(rows, map_):
     """Directions as three bytes, 128 + 127 times each coordinate; 0 beside all pieces."""
     result = [[(0, 0, 0)] * map_.width for _ in range(map_.height)]
     pieces = zip(map_.axes, map_.normals, map_.sizes, map_.ranges)
-    for (u, v), normal, size, ((left, right), (top, bottom)) in pieces:
-        u, v = scale(u, size), scale(v, size)
+    for (u, v), normal, (length, width), ((left, right), (top, bottom)) in pieces:
+        u, v = scale(u, length), scale(v, width)
         for y in range(int(top), int(bottom) + 1):
             for x in range(int(left), int(right) + 1):
                 a, b = ((byte - 128) / 127 for byte in rows[y][x])
                 square = a * a + b * b
                 if square > 1:
                     a, b, square = a / math.sqrt(square), b / math.sqrt(square), 1.0
-                length = math.sqrt(2 - square)
-                along = add(add(scale(u, a * length), scale(v, b * length)), scale(normal, 1 - square))
+                reach = math.sqrt(2 - square)
+                along = add(add(scale(u, a * reach), scale(v, b * reach)), scale(normal, 1 - square))
                 result[y][x] = tuple(int(k * 127 + 128 + 0.5) for k in along)
     return result
 

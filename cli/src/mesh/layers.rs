@@ -118,8 +118,8 @@ impl Layer {
 
 /// The tangent and the normal of all points of a piece: the direction of a row of texels, and the axis.
 pub(super) fn frame(piece: &Piece) -> [[f64; 3]; 2] {
-    let (axis, size) = piece.frame();
-    [piece.across()[0].map(|x| x * size), axis]
+    let [along, _, axis] = piece.frame();
+    [along, axis]
 }
 
 /// Normals relative to the frames of their pieces.

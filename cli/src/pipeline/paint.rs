@@ -182,6 +182,7 @@ impl<'a> Painting<'a> {
             areas: charted.areas.map_or(&[], |areas| &areas.of_triangles),
             own_count: charted.atlas.charts[chart as usize].triangles.len(),
             larger: vec![],
+            growths: vec![],
             along_boundary: arcs.along_boundary(charted, chart),
         };
         let mut painted = Painted::default();
@@ -210,7 +211,7 @@ impl<'a> Painting<'a> {
             } else {
                 let exponent = coarser(usual, usize::from(scale.finest()) - level);
                 let fewer = area_of_texel(exponent - before.min(exponent));
-                let coarse = Coarse { exponent, texels: painted.surfels.count() as f64 / fewer };
+                let coarse = Coarse { exponent, texels: painted.surfels.usual_count() / fewer };
                 let finer = std::iter::once(&painted.surfels);
                 before = exponent;
                 (exponent, baker.bake_coarser(&patch, finer, Some(&mut source), coarse))
@@ -300,7 +301,7 @@ struct Painted {
 impl Painted {
     /// How many texels stand for its own at a coarser level.
     fn texels_at(&self, level: usize) -> f64 {
-        self.surfels.count() as f64 / area_of_texel(2 * self.level.saturating_sub(level) as u32)
+        self.surfels.usual_count() / area_of_texel(2 * self.level.saturating_sub(level) as u32)
     }
 
     /// Gives a block its texels.

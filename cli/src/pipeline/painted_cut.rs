@@ -20,7 +20,7 @@ use super::texels::exponent_of;
 use crate::mesh::NONE;
 use crate::stage::areas::{Areas, ColourAreas};
 use crate::stage::bake::{
-    BakedPatch, Baker, Images, Located, MAX_TEXELS, Points, Sampled, Source, Storage, Stored, larger,
+    BakedPatch, Baker, Images, Located, MAX_TEXELS, Points, Sampled, Source, Storage, Stored, growth_over, larger,
 };
 
 /// The step of quantisation of images that are not stored.
@@ -217,12 +217,14 @@ struct PaintedNode<'a> {
     size: f64,
     /// Whether all of them have it.
     is_even: bool,
+    /// Whether some are longer than wide.
+    has_long: bool,
     range: [[f64; 2]; 2],
 }
 
 /// The size of the smallest texels of a map, lattice units.
 fn smallest_texel(map: &Map) -> Option<f64> {
-    map.pieces.iter().map(|piece| piece.frame().1).min_by(f64::total_cmp)
+    map.pieces.iter().map(|piece| piece.texel_size()).min_by(f64::total_cmp)
 }
 
 /// The triangles of a cut that have images.
@@ -247,8 +249,9 @@ impl<'a> CutSource<'a> {
             let images: Vec<&ChannelImage> = texture.images.iter().map(Option::as_ref).collect::<Option<_>>()?;
             let range = [[0.5; 2], map.size.map(|length| f64::from(length) - 0.5)];
             let size = smallest_texel(map)?;
-            let is_even = map.pieces.iter().all(|piece| piece.frame().1 < size * MORE);
-            Some(PaintedNode { images: Images::new(storage, images), size, is_even, range })
+            let is_even = map.pieces.iter().all(|piece| piece.texel_size() < size * MORE);
+            let has_long = map.pieces.iter().any(|piece| piece.texel()[0] != piece.texel()[1]);
+            Some(PaintedNode { images: Images::new(storage, images), size, is_even, has_long, range })
         };
         let nodes: Vec<_> = cut.textures.iter().map(node).collect();
         let is_known = |&number: &u32| {
@@ -298,6 +301,16 @@ impl Source for CutSource<'_> {
 
     fn larger(&self, triangle: usize) -> u8 {
         larger(self.texel_size(triangle) / texel_size(self.exponent) * MORE)
+    }
+
+    fn has_long(&self) -> bool {
+        self.nodes.iter().flatten().any(|node| node.has_long)
+    }
+
+    fn growth(&self, triangle: usize) -> Option<[DVec3; 2]> {
+        let places = self.cut.places[self.own[triangle] as usize].map(|place| place.map(f64::from));
+        let size = self.texel_size(triangle);
+        Some(growth_over(self.corners(triangle), places)?.map(|growth| growth * size))
     }
 
     fn corners(&self, triangle: usize) -> [DVec3; 3] {

@@ -7,13 +7,13 @@ use lodpack::LatticePoint;
 use lodpack::index::{ChannelInfo, ChannelKind};
 
 use super::Scale;
-use super::density::{Density, larger_by_density};
+use super::density::{Density, asked_by_images};
 use super::sharp::Sharpness;
 use crate::mesh::NONE;
 use crate::mesh::appearance::{
     Appearance, COLOUR, DRAWING, EMISSIVE, METALLIC, MaterialMaps, NORMAL, OCCLUSION, ROUGHNESS, ScalarRange,
 };
-use crate::stage::bake::{MAX_EXPONENT, Points, Source, Storage, Stored};
+use crate::stage::bake::{MAX_EXPONENT, Points, Source, Storage, Stored, area_of_texel};
 use crate::stage::shade::Painter;
 
 /// Steps between the least and the largest value of a scalar that is not whole: 12 bits, of which neighbours predict most.
@@ -31,6 +31,7 @@ const SMALL: usize = 1000;
 const SMALL_TEXELS: f64 = 4096.0;
 /// or so many times as many along each direction: they take next to no bytes, and what few texels blur is all that there is.
 const SMALL_FINER: f64 = 16.0;
+
 /// How much larger than wanted texels may be, because their size is a power of the root of two.
 const LARGER: f64 = 1.1;
 
@@ -169,6 +170,8 @@ pub(super) struct InputSource<'a> {
     pub own_count: usize,
     /// How much larger the texels of each of those should be than the smallest; empty if all are alike.
     pub larger: Vec<u8>,
+    /// How fast texels of images grow over each, per size of such texels; empty if there are about as many in all directions.
+    pub growths: Vec<Option<[DVec3; 2]>>,
     /// Points from which the chart's border runs on along the boundary of the mesh.
     pub along_boundary: HashSet<LatticePoint>,
 }
@@ -182,7 +185,8 @@ impl InputSource<'_> {
     pub fn density(&mut self) -> Option<[f64; 2]> {
         let has_others = self.appearance.has_colour || self.appearance.has_materials();
         let has_images = has_others && !self.appearance.images.is_empty();
-        let (mut densities, mut sums, mut sharpness) = (vec![], [0.0; 3], Sharpness::default());
+        let (mut densities, mut growths) = (vec![], vec![]);
+        let (mut sums, mut sharpness) = ([0.0; 3], Sharpness::default());
         let mut is_even = true;
         for triangle in 0..self.own.len() {
             let points = self.points(triangle);
@@ -195,6 +199,7 @@ impl InputSource<'_> {
             if has_images {
                 sharpness.look(&face, points, mean);
                 densities.push(Density { mean, most: f64::from(face.most_density()), area });
+                growths.push(face.texel_growth());
             }
         }
         let [sum, least, area] = sums;
@@ -204,12 +209,36 @@ impl InputSource<'_> {
         }
         if has_images {
             let triangles: Vec<[u32; 3]> = self.own.iter().map(|&triangle| self.all[triangle as usize]).collect();
-            self.larger = larger_by_density(&triangles, &densities);
+            let asked = asked_by_images(&triangles, &densities);
+            self.larger = asked.larger;
+            if let Some(stretched) = asked.stretched {
+                mean = mean.max(stretched);
+                self.growths = self.growths_per_size(growths, &densities, mean);
+            }
         }
         if !is_even && self.all.len() <= SMALL {
             mean *= (SMALL_TEXELS / (area * mean * mean)).sqrt().clamp(1.0, SMALL_FINER);
         }
         Some([if sharpness.is_sharp() { FINER_IF_SHARP * mean } else { mean }, area])
+    }
+}
+
+impl InputSource<'_> {
+    /// Divides what grows by how many texels each triangle has, where there are so many in the mean.
+    fn growths_per_size(
+        &self,
+        growths: Vec<Option<[DVec3; 2]>>,
+        densities: &[Density],
+        mean: f64,
+    ) -> Vec<Option<[DVec3; 2]>> {
+        let fewer = |triangle: usize| area_of_texel(self.larger(triangle).into());
+        let area: f64 = densities.iter().map(|density| density.area).sum();
+        let shares = densities.iter().enumerate().map(|(triangle, density)| density.area / fewer(triangle));
+        let finest = mean * (area / shares.sum::<f64>()).sqrt();
+        let per_size = |(triangle, growth): (usize, Option<[DVec3; 2]>)| {
+            growth.map(|growth| growth.map(|growth| growth * (fewer(triangle).sqrt() / finest)))
+        };
+        growths.into_iter().enumerate().map(per_size).collect()
     }
 }
 
@@ -237,6 +266,14 @@ impl Source for InputSource<'_> {
 
     fn larger(&self, triangle: usize) -> u8 {
         self.larger.get(triangle).copied().unwrap_or(0)
+    }
+
+    fn has_long(&self) -> bool {
+        !self.growths.is_empty()
+    }
+
+    fn growth(&self, triangle: usize) -> Option<[DVec3; 2]> {
+        *self.growths.get(triangle)?
     }
 
     fn ends_along(&self, start: LatticePoint) -> bool {

@@ -129,7 +129,7 @@ mod tests {
     fn what_nothing_was_stored_for_gets_the_value_of_the_nearest_texel() {
         // A triangle covers half of its rectangle.
         let (positions, triangles) = (vec![[0, 0, 0], [640, 0, 0], [0, 640, 0]], vec![[0, 1, 2]]);
-        let shapes = [PieceShape { axis: [0, 0, 1], larger: 0 }];
+        let shapes = [PieceShape { axis: [0, 0, 1], ..PieceShape::default() }];
         let (map, _) = encode_map(&positions, &triangles, 8, &shapes, &[0], 1 << 20).unwrap();
         let covered = Covered::new(&map, &positions, &triangles);
         let count = covered.is_covered.iter().filter(|&&is_covered| is_covered).count();

@@ -194,7 +194,7 @@ impl Streamer {
         self.picture().roots().try_fold(0.0, |most, drawn| {
             let Some(texture) = drawn.texture() else { return Ok(most) };
             let pieces = texture.texture.map.iter().flat_map(|map| &map.pieces);
-            let Some(size) = pieces.map(|piece| piece.frame().1).min_by(f64::total_cmp) else { return Ok(most) };
+            let Some(size) = pieces.map(|piece| piece.texel_size()).min_by(f64::total_cmp) else { return Ok(most) };
             Ok(view.error_px(index.root_bounds(drawn.surface.root)?, size * step)?.max(most))
         })
     }

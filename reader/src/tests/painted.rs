@@ -48,7 +48,8 @@ fn texels(positions: &[LatticePoint], triangles: &[[u32; 3]], seed: u64) -> Vec<
     let labels: Vec<usize> = triangles.iter().map(label).collect();
     let used: Vec<usize> = (0..6).filter(|number| labels.contains(number)).collect();
     let labels: Vec<u16> = labels.iter().map(|label| used.binary_search(label).unwrap() as u16).collect();
-    let shapes: Vec<PieceShape> = used.iter().map(|&number| PieceShape { axis: SHAPES[number], larger: 0 }).collect();
+    let shapes: Vec<PieceShape> =
+        used.iter().map(|&number| PieceShape { axis: SHAPES[number], ..PieceShape::default() }).collect();
     let (map, bytes) = encode_map(positions, triangles, 16, &shapes, &labels, 1 << 20).unwrap();
     let [width, height] = map.size;
     let texels = || (0..height).flat_map(|y| (0..width).map(move |x| (u64::from(x), u64::from(y))));

@@ -58,7 +58,7 @@ pub use crate::codec::{
         irregular::{EncodeError, PatchTarget, encode_patch, encode_refined_patch},
     },
     texels::{
-        PieceShape, Seen, SeenPoint, encode_exact_image, encode_exact_normals, encode_image, encode_map,
+        LongTexels, PieceShape, Seen, SeenPoint, encode_exact_image, encode_exact_normals, encode_image, encode_map,
         encode_normals, encode_seen_image, encode_values, lost_squares, texel_size,
     },
 };

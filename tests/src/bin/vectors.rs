@@ -17,7 +17,7 @@ use lodpack::{
 use lodpack::{
     index::SourceInfo,
     write::{
-        PieceShape, Quantisation, RootRecord, Slide, SymbolBuffer, WantedSample, encode_exact_image,
+        LongTexels, PieceShape, Quantisation, RootRecord, Slide, SymbolBuffer, WantedSample, encode_exact_image,
         encode_exact_normals, encode_map, encode_values, quantise_arcs, write_listed,
     },
 };
@@ -407,9 +407,19 @@ fn painted_cube(
             let RootPatch { patch, loops, .. } = file.decode_root(number as u32, level)?;
             let border = loops.iter().flatten().map(|vertex| vertex.position);
             let positions: Vec<LatticePoint> = border.chain(patch.interior.iter().copied()).collect();
-            // One root has texels of another size.
-            let larger = if number == 4 { 3 } else { 0 };
-            let shapes = [PieceShape { axis: axis_of(&positions), larger }];
+            // One root has texels of another size, and one such as are longer than wide and lie aslant.
+            let axis = axis_of(&positions);
+            let long = LongTexels {
+                across: [0, 1, 2].map(|k| axis[(k + 1) % 3] + 2 * axis[(k + 2) % 3]),
+                finer: 2,
+                coarser: 3,
+            };
+            let shape = PieceShape { axis, ..PieceShape::default() };
+            let shapes = [match number {
+                3 => PieceShape { larger: 1, long: Some(long), ..shape },
+                4 => PieceShape { larger: 3, ..shape },
+                _ => shape,
+            }];
             let labels = vec![0; patch.triangles.len()];
             let (map, bytes) = encode_map(&positions, &patch.triangles, 10, &shapes, &labels, 1 << 20)?;
             let streams = [vec![bytes], images(number, level, &map)].concat();

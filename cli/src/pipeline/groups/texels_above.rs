@@ -32,7 +32,7 @@ impl KnownTop {
         let image = |channel: &Stored| channel.decode(images.next()?, &map);
         let images = storage.channels().iter().map(image).collect::<Option<Vec<_>>>()?;
         let images = Images::new(storage, images);
-        let sizes = map.pieces.iter().map(|piece| piece.frame().1).collect();
+        let sizes = map.pieces.iter().map(|piece| piece.texel_size()).collect();
         Some(Self { positions, triangles: node.surface.triangles.clone(), map, sizes, images })
     }
 

@@ -118,7 +118,7 @@ pub(super) struct Edge {
     pub triangles: [u32; 2],
     /// What lies on each side.
     sides: [Side; 2],
-    /// The size of the smaller texels beside it.
+    /// The shorter side of the smaller texels beside it.
     pub size: f64,
 }
 
@@ -152,7 +152,7 @@ pub(super) struct Beside {
     pub place: Place,
     /// Whether it is so far from the point that it makes a difference.
     is_far: bool,
-    /// The size of a texel of the patch there.
+    /// The shorter side of a texel of the patch there.
     pub size: f64,
 }
 
@@ -173,7 +173,7 @@ impl Borders {
             patch.triangles[triangle as usize].iter().map(|&corner| patch.position(corner)).sum::<DVec3>() / 3.0
         };
         let piece = |triangle: u32| map.labels[triangle as usize];
-        let size = |triangle: u32| projections[usize::from(piece(triangle))].size;
+        let size = |triangle: u32| projections[usize::from(piece(triangle))].sides[0];
         for ((number, corners), beside) in (0..).zip(patch.triangles).zip(neighbours(patch.triangles)) {
             for (edge, &other) in beside.iter().enumerate() {
                 // Each edge once.

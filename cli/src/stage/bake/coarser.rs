@@ -44,7 +44,7 @@ pub(super) fn gather_surfels<'a>(
     let mut hint = Hint::default();
     for surfels in surfels {
         for run in &surfels.runs {
-            let fineness = if f64::from(run.size).sqrt() > LARGE * finder.size { 2 } else { 1 };
+            let fineness = if run.longer_side() > LARGE * finder.size { 2 } else { 1 };
             let points = Lattice::new(surfels, run, patch.origin(), fineness);
             finder.divide(&points, &mut hint, |block, below| gathering.add(&points, block, &below));
         }

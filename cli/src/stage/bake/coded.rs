@@ -151,7 +151,7 @@ mod tests {
     /// A map of one piece with many texels.
     fn map() -> Map {
         let positions = [[0, 0, 0], [3000, 0, 0], [0, 2000, 0]];
-        let shapes = [PieceShape { axis: [0, 0, 1], larger: 0 }];
+        let shapes = [PieceShape { axis: [0, 0, 1], ..PieceShape::default() }];
         encode_map(&positions, &[[0, 1, 2]], 12, &shapes, &[0], 1 << 20).unwrap().0
     }
 

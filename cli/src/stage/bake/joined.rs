@@ -65,6 +65,11 @@ impl Pieces {
                         && shared(piece) > least
                         && self.larger_of(piece) == self.larger_of(own)
                         && triangles.leans(triangle, directions[usize::from(piece)], STEEP)
+                        && self.growths_fit(
+                            triangle,
+                            self.growths.get(usize::from(piece)),
+                            directions[usize::from(piece)],
+                        )
                         && areas.as_ref().is_none_or(|areas| areas.fits(triangle, piece))
                 };
                 let fitting = labels.into_iter().flatten().filter(fits);
@@ -96,6 +101,7 @@ impl Pieces {
                 let direction = direction_of(&self.shapes[usize::from(other)]);
                 self.larger_of(other) == self.larger_of(piece as u16)
                     && own.iter().all(|&triangle| triangles.leans(triangle, direction, FLAT))
+                    && own.iter().all(|&t| self.growths_fit(t, self.growths.get(usize::from(other)), direction))
                     && areas.as_ref().is_none_or(|areas| own.iter().all(|&triangle| areas.fits(triangle, other)))
             };
             let best = self.beside(&own, patch, triangles).into_iter().find(fits).unwrap_or(piece as u16);
@@ -144,6 +150,7 @@ impl Pieces {
             if has_part && self.shapes.len() + 1 < usize::from(u16::MAX) {
                 piece = self.shapes.len() as u16;
                 self.shapes.push(self.shapes[usize::from(before)]);
+                self.growths.extend(self.growths.get(usize::from(before)).copied());
                 is_known.push(true);
             }
             open.push(seed as u32);
@@ -199,8 +206,8 @@ mod tests {
     use super::*;
     use crate::stage::areas::Jumps;
 
-    const UP: PieceShape = PieceShape { axis: [0, 0, 31], larger: 0 };
-    const ASIDE: PieceShape = PieceShape { axis: [31, 0, 0], larger: 0 };
+    const UP: PieceShape = PieceShape { axis: [0, 0, 31], larger: 0, long: None };
+    const ASIDE: PieceShape = PieceShape { axis: [31, 0, 0], larger: 0, long: None };
 
     /// Squares in a row, of two triangles each, that lead up a slope.
     fn slope(count: i64) -> (Vec<LatticePoint>, Vec<[u32; 3]>) {

@@ -17,6 +17,7 @@ mod grouped;
 mod images;
 mod joined;
 mod lanes;
+mod long;
 mod pieces;
 mod projection;
 mod raster;
@@ -51,6 +52,7 @@ pub use gather::barycentric;
 use gather::gather;
 pub use grouped::Grouped;
 pub use images::Images;
+pub use long::growth_over;
 use pieces::{Pieces, divide};
 use raster::Drawn;
 use rim::{Outline, Rim};
@@ -154,6 +156,16 @@ pub trait Source {
         0
     }
 
+    /// Whether its texels are longer than wide somewhere.
+    fn has_long(&self) -> bool {
+        false
+    }
+
+    /// How fast two coordinates that count texels grow over a triangle, per size of a texel that is not longer than wide.
+    fn growth(&self, _triangle: usize) -> Option<[DVec3; 2]> {
+        None
+    }
+
     /// Appends the values at points of a triangle: of each point those of all channels. They are means over `footprint` lattice units.
     fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>);
 }
@@ -246,7 +258,7 @@ impl<'s> Baker<'s> {
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         let sums = gather(patch, &mapped.map, (&self.drawn, &[]), &mut source.source, sums);
         self.kept = finished(sums, patch, &mapped.map, &self.drawn);
-        let mut surfels = self.surfels(patch, &mapped.map);
+        let mut surfels = self.surfels(patch, &mapped);
         let is_full = mapped.is_full;
         let streams;
         (streams, surfels.rim) = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
@@ -314,7 +326,7 @@ impl<'s> Baker<'s> {
         let mapped = self.mapped(patch, exponent, sizes, Some(&outline))?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         self.kept = gather_surfels(patch, &mapped.map, &self.drawn, finer, sums);
-        let mut surfels = self.surfels(patch, &mapped.map);
+        let mut surfels = self.surfels(patch, &mapped);
         let is_full = mapped.is_full;
         let streams;
         (streams, surfels.rim) = self.streams(patch, mapped, |map, shown| {
@@ -328,8 +340,8 @@ impl<'s> Baker<'s> {
         Some(Baked { streams, surfels, is_full })
     }
 
-    fn surfels(&self, patch: &BakedPatch<'_>, map: &Map) -> Surfels {
-        Surfels::new(patch, map, &self.drawn, &self.kept.sums, self.storage)
+    fn surfels(&self, patch: &BakedPatch<'_>, Mapped { map, usual, .. }: &Mapped) -> Surfels {
+        Surfels::new(patch, (map, usual), &self.drawn, &self.kept.sums, self.storage)
     }
 
     /// The map and the image of each channel, and what the outer border should show. `wanted` says what borders should, if colours have no
@@ -392,7 +404,8 @@ impl<'s> Baker<'s> {
             self.drawn.complete(patch, &map);
             let borders = Borders::new(patch, &map, outline.filter(|outline| !outline.is_empty()));
             borders.add_used(&mut self.drawn.is_used);
-            return Some(Mapped { map, bytes, borders, is_full: exponent > wanted });
+            let usual = pieces.usual_areas(&map, exponent);
+            return Some(Mapped { map, bytes, borders, usual, is_full: exponent > wanted });
         }
         None
     }
@@ -404,6 +417,8 @@ struct Mapped {
     /// As it is stored.
     bytes: Vec<u8>,
     borders: Borders,
+    /// Of each piece the area of texels that are not longer than wide.
+    usual: Vec<f64>,
     /// Whether its texels are larger than they should be, because it holds no more.
     is_full: bool,
 }

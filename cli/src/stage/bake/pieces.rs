@@ -3,11 +3,13 @@
 use std::collections::{BinaryHeap, HashMap};
 
 use glam::DVec3;
+use lodpack::decode::texels::Map;
 use lodpack::write::PieceShape;
 
 use super::BakedPatch;
 use super::joined::{STEEP, Triangles};
-use super::sizes::Sizes;
+use super::long::Growth;
+use super::sizes::{Sizes, area_of_texel};
 use crate::mesh::{NONE, sides};
 use crate::stage::areas::Areas;
 
@@ -23,6 +25,8 @@ pub(super) struct Pieces {
     /// The piece of each triangle.
     pub labels: Vec<u16>,
     sizes: Sizes,
+    /// What the first triangle of each piece shows, if texels may be longer than wide.
+    pub growths: Vec<Growth>,
 }
 
 /// A triangle that waits to be added to a piece.
@@ -83,12 +87,13 @@ pub(super) fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
 /// between which colours jump, nor texels of several sizes.
 pub(super) fn divide(patch: &BakedPatch<'_>, sizes: Sizes) -> Pieces {
     let all: Vec<u32> = (0..patch.triangles.len() as u32).collect();
-    let mut pieces = Pieces { shapes: vec![], labels: vec![u16::MAX; patch.triangles.len()], sizes };
+    let mut pieces = Pieces { shapes: vec![], labels: vec![u16::MAX; patch.triangles.len()], sizes, growths: vec![] };
     let triangles = Triangles::new(patch);
     pieces.grow(&all, patch, &triangles);
     pieces.join(patch, &triangles);
     pieces.divide_apart(&triangles);
     pieces.remove_empty();
+    pieces.lengthen(&triangles);
     pieces
 }
 
@@ -100,6 +105,7 @@ impl Pieces {
         self.grow(hidden, patch, &triangles);
         self.divide_apart(&triangles);
         self.remove_empty();
+        self.lengthen(&triangles);
     }
 
     fn grow(&mut self, seeds: &[u32], patch: &BakedPatch<'_>, triangles: &Triangles) {
@@ -125,7 +131,7 @@ impl Pieces {
                 let piece = self.shapes.len() as u16;
                 let (members, sum) = self.grow_piece(seed, piece, triangles, patch.areas);
                 let axis = axis_of(sum);
-                let shape = PieceShape { axis, larger: self.larger(seed) };
+                let shape = PieceShape { axis, larger: self.larger(seed), long: None };
                 let direction = direction_of(&shape);
                 for &member in members.iter().filter(|&&member| member != seed && !only_once) {
                     if !triangles.leans(member, direction, STEEP) {
@@ -134,6 +140,7 @@ impl Pieces {
                     }
                 }
                 self.shapes.push(shape);
+                self.growths.extend(self.sizes.growths.get(seed as usize));
             }
         }
     }
@@ -158,7 +165,8 @@ impl Pieces {
                 let lengths = area.length() * sum.length();
                 if lengths > 0.0 { area.dot(sum) / lengths } else { 1.0 }
             };
-            if cosine(area, sum) < FLAT || self.larger(triangle) != self.larger(seed) {
+            let is_alike = || self.growths_fit(triangle, self.sizes.growths.get(seed as usize), sum);
+            if cosine(area, sum) < FLAT || self.larger(triangle) != self.larger(seed) || !is_alike() {
                 continue;
             }
             if let Some(colours) = colours {
@@ -182,6 +190,12 @@ impl Pieces {
         (members, sum)
     }
 
+    /// Whether texels of one shape show a triangle and a piece that began like this.
+    pub fn growths_fit(&self, triangle: u32, of_piece: Option<&Growth>, normal: DVec3) -> bool {
+        let of_triangle = self.sizes.growths.get(triangle as usize);
+        of_triangle.zip(of_piece).is_none_or(|(one, other)| one.fits(other, normal.normalize_or_zero()))
+    }
+
     /// How much larger the texels of a triangle are than the smallest.
     fn larger(&self, triangle: u32) -> u8 {
         self.sizes.larger.get(triangle as usize).copied().unwrap_or(0)
@@ -190,6 +204,29 @@ impl Pieces {
     /// How much larger those of a piece are.
     pub fn larger_of(&self, piece: u16) -> u8 {
         self.shapes[usize::from(piece)].larger
+    }
+
+    /// Gives pieces texels that are longer than wide, where what they show is.
+    fn lengthen(&mut self, triangles: &Triangles) {
+        if self.sizes.growths.is_empty() {
+            return;
+        }
+        let mut sums = vec![Growth::default(); self.shapes.len()];
+        for ((&label, growth), area) in self.labels.iter().zip(&self.sizes.growths).zip(&triangles.areas) {
+            sums[usize::from(label)].add(growth, area.length());
+        }
+        for (shape, sum) in self.shapes.iter_mut().zip(sums) {
+            shape.long = sum.long(direction_of(shape));
+        }
+    }
+
+    /// Of each piece of a map the area of texels that are not longer than wide.
+    pub fn usual_areas(&self, map: &Map, exponent: u32) -> Vec<f64> {
+        let mut areas = vec![1.0; map.pieces.len()];
+        for (&own, &label) in self.labels.iter().zip(&map.labels) {
+            areas[usize::from(label)] = area_of_texel(exponent + u32::from(self.larger_of(own)));
+        }
+        areas
     }
 
     /// Renumbers pieces, without those that have no triangle.
@@ -205,7 +242,9 @@ impl Pieces {
             })
             .collect();
         self.labels.iter_mut().for_each(|label| *label = numbers[usize::from(*label)]);
-        let mut used = is_used.into_iter();
-        self.shapes.retain(|_| used.next().unwrap_or(false));
+        let mut used = is_used.iter();
+        self.shapes.retain(|_| used.next() == Some(&true));
+        let mut used = is_used.iter();
+        self.growths.retain(|_| used.next() == Some(&true));
     }
 }

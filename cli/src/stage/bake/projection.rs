@@ -18,8 +18,12 @@ pub(super) struct Projection {
     rows: [DVec3; 3],
     /// The axis.
     pub normal: DVec3,
-    /// Size of a texel, lattice units.
+    /// Size of a texel, lattice units: the side of a square of its area.
     pub size: f64,
+    /// Its shorter and its longer side.
+    pub sides: [f64; 2],
+    /// The squares of the length and the width of a texel, and of that of a step of depth.
+    squares: [f64; 3],
     /// Smallest and largest place that it shows.
     pub range: [[f64; 2]; 2],
     /// Around what may be shown.
@@ -47,7 +51,7 @@ pub(super) fn projections(patch: &BakedPatch<'_>, map: &Map) -> Vec<Projection> 
 
 impl Projection {
     fn new(patch: &BakedPatch<'_>, piece: &Piece) -> Self {
-        let (normal, size) = piece.frame();
+        let ([.., normal], size, [length, width]) = (piece.frame(), piece.texel_size(), piece.texel());
         let normal = DVec3::from(normal);
         let [across, down] = piece.across().map(DVec3::from);
         Self {
@@ -55,6 +59,8 @@ impl Projection {
             rows: [across, down, normal / size],
             normal,
             size,
+            sides: [length.min(width), length.max(width)],
+            squares: [length, width, size].map(|side| side * side),
             range: piece.range(),
             bounds: [DVec3::INFINITY, DVec3::NEG_INFINITY],
             reach: (patch.reach * REACH / size + REACH_TEXELS) as f32,
@@ -91,8 +97,8 @@ impl Projection {
 
     /// How points differ whose places and depths do.
     pub fn step(&self, place: [f64; 2], depth: f64) -> DVec3 {
-        // The rows are at right angles, and as long as the inverse of a texel.
+        // The rows are at right angles, and as long as the inverses of a texel's sides.
         let steps = [place[0], place[1], depth];
-        (0..3).map(|k| self.rows[k] * (steps[k] * self.size * self.size)).sum()
+        (0..3).map(|k| self.rows[k] * (steps[k] * self.squares[k])).sum()
     }
 }

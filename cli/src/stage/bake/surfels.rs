@@ -38,6 +38,8 @@ pub(super) struct Run {
     pub normal: DVec3,
     /// The area of a texel.
     pub size: f32,
+    /// That of a texel which is not longer than wide where it lies.
+    pub usual: f32,
     /// For each row a bit for each texel that is covered.
     pub rows: [u16; SIDE],
     /// The first of its texels.
@@ -80,21 +82,32 @@ impl Surfels {
         &self.values[number * bytes..][..bytes]
     }
 
-    /// The covered texels of a patch.
-    pub(super) fn new(patch: &BakedPatch<'_>, map: &Map, drawn: &Drawn, values: &[f32], storage: &Storage) -> Self {
+    /// How many texels there would be if none were longer than wide.
+    pub fn usual_count(&self) -> f64 {
+        self.runs.iter().map(|run| run.covered() * f64::from(run.size / run.usual)).sum()
+    }
+
+    /// The covered texels of a patch. `usual` is of each piece the area of texels that are not longer than wide.
+    pub(super) fn new(
+        patch: &BakedPatch<'_>,
+        (map, usual): (&Map, &[f64]),
+        drawn: &Drawn,
+        values: &[f32],
+        storage: &Storage,
+    ) -> Self {
         let count = drawn.is_covered.iter().filter(|&&is_covered| is_covered).count();
         let mut this = Self {
             depths: Vec::with_capacity(count),
             values: Vec::with_capacity(count * storage.packed_bytes()),
             ..Self::default()
         };
-        for projection in projections(patch, map) {
+        for (projection, &usual) in projections(patch, map).iter().zip(usual) {
             let [left, top] = projection.range[0].map(|x| x as usize);
             let [right, bottom] = projection.range[1].map(|x| x as usize);
             for y in (top..=bottom).step_by(SIDE) {
                 for x in (left..=right).step_by(SIDE) {
                     let texels = [x, y, (x + SIDE - 1).min(right), (y + SIDE - 1).min(bottom)];
-                    this.add(patch, &projection, texels, map.size[0] as usize, drawn, values, storage);
+                    this.add(patch, (projection, usual), texels, map.size[0] as usize, drawn, values, storage);
                 }
             }
         }
@@ -107,7 +120,7 @@ impl Surfels {
     fn add(
         &mut self,
         patch: &BakedPatch<'_>,
-        projection: &Projection,
+        (projection, usual): (&Projection, f64),
         [left, top, right, bottom]: [usize; 4],
         width: usize,
         drawn: &Drawn,
@@ -168,6 +181,7 @@ impl Surfels {
             steps: [beside, below, projection.step([0.0; 2], f64::from(step)).as_vec3()],
             normal: projection.normal,
             size: (projection.size * projection.size) as f32,
+            usual: usual as f32,
             rows,
             first,
             areas,

@@ -32,6 +32,14 @@ impl<S: Source> Source for &mut S {
         (**self).larger(triangle)
     }
 
+    fn has_long(&self) -> bool {
+        (**self).has_long()
+    }
+
+    fn growth(&self, triangle: usize) -> Option<[DVec3; 2]> {
+        (**self).growth(triangle)
+    }
+
     fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>) {
         (**self).shade(triangle, points, footprint, values);
     }
@@ -726,7 +734,7 @@ fn sizes_and_error(streams: &[Vec<u8>], positions: &[LatticePoint], triangles: &
             largest = largest.max((shown - f64::from(wanted)).abs());
         }
     }
-    ((0..triangles.len()).map(|number| map.piece(number).frame().1).collect(), largest)
+    ((0..triangles.len()).map(|number| map.piece(number).texel_size()).collect(), largest)
 }
 
 #[test]
@@ -761,4 +769,95 @@ fn a_label_keeps_finer_texels_at_all_levels() {
     let (sizes, error) = sizes_and_error(&streams, &positions, &triangles);
     assert!(error < 6.0, "{error}");
     assert_eq!([sizes[8], sizes[0]], [4.0, 32.0]);
+}
+
+/// A floor of squares with stripes, and how fast its image grows along both axes.
+struct Stripes(Vec<[DVec3; 3]>, Option<[f64; 2]>);
+
+/// From stripe to stripe.
+const PERIOD: f64 = 24.0;
+
+fn stripe(x: f64) -> f32 {
+    (0.5 + 0.4 * (x / PERIOD * std::f64::consts::TAU).sin()) as f32
+}
+
+impl Source for Stripes {
+    fn triangle_count(&self) -> usize {
+        self.0.len()
+    }
+
+    fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.0[triangle]
+    }
+
+    fn has_long(&self) -> bool {
+        self.1.is_some()
+    }
+
+    fn growth(&self, _: usize) -> Option<[DVec3; 2]> {
+        self.1.map(|[x, y]| [DVec3::X * x, DVec3::Y * y])
+    }
+
+    fn shade(&mut self, triangle: usize, points: &[Points], _: f32, values: &mut Vec<f32>) {
+        let corners = self.corners(triangle);
+        for weights in points.iter().flat_map(|points| points.weights()) {
+            let x: f64 = (0..3).map(|k| corners[k].x * f64::from(weights[k])).sum();
+            values.extend([stripe(x); 3]);
+        }
+    }
+}
+
+#[test]
+fn texels_are_long_where_images_are_stretched() {
+    let (positions, triangles) = floor();
+    let corners = |corners: &[u32; 3]| corners.map(|corner| to_f64(positions[corner as usize]));
+    let corners: Vec<[DVec3; 3]> = triangles.iter().map(corners).collect();
+    let patch =
+        BakedPatch { positions: &positions, triangles: &triangles, reach: 0.0, areas: None, finer: 0, is_sharp: false };
+    let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
+    // Width and length of texels, how many there are, and how far brightness is off in the mean.
+    let measured = |streams: &[Vec<u8>]| {
+        let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).expect("sound");
+        let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+        let piece = &map.pieces[0];
+        let ([length, width], [u, v, _]) = (piece.texel(), piece.frame());
+        let across = if length < width { u } else { v };
+        let points = (0..500).map(|k| DVec3::new(1.5 * f64::from(k) + 3.0, 1.4 * f64::from(k) + 5.0, 0.0));
+        let off = |point: DVec3| {
+            let shown = image.interpolated(piece.unbounded(point.to_array()))[0];
+            (shown - f64::from(srgb_byte(stripe(point.x)))).abs()
+        };
+        let error = points.map(off).sum::<f64>() / 500.0;
+        ([length.min(width), length.max(width)], across[0].abs(), map.size[0] * map.size[1], error)
+    };
+    let are_long = |[width, length]: [f64; 2], wanted: f64| {
+        assert!((width / wanted - 1.0).abs() < 1e-9 && (length / width - 16.0).abs() < 1e-6, "{length} {width}");
+    };
+    let mut baker = Baker::new(&storage);
+    let mut baked = |growth| {
+        let mut source = Stripes(corners.clone(), growth);
+        bake(&mut baker, &patch, &mut source, 8).expect("it has an image")
+    };
+    let (sides, _, even_count, even_error) = measured(&baked(None).streams);
+    assert_eq!(sides, [16.0; 2]);
+    let Baked { streams, surfels, .. } = baked(Some([8.0, 0.0]));
+    let (sides, across, count, error) = measured(&streams);
+    are_long(sides, 4.0);
+    assert!(across > 0.9999, "{across}");
+    assert!(count.abs_diff(even_count) < even_count / 5, "{count} {even_count}");
+    // Six texels from stripe to stripe, between which colours are interpolated.
+    assert!(error < 6.0 && even_error > 8.0 * error, "{error} {even_error}");
+    // What shows no more than it did takes fewer.
+    let (sides, _, fewer, _) = measured(&baked(Some([1.0, 0.0])).streams);
+    assert_eq!(sides, [16.0, 32.0]);
+    assert!(fewer < even_count * 3 / 5, "{fewer} {even_count}");
+
+    assert!((surfels.usual_count() / surfels.count() as f64 - 1.0).abs() < 1e-6);
+    const NO_STRIPES: Option<&mut Located<Stripes>> = None;
+    let coarse = baker.bake_coarser(&patch, std::iter::once(&surfels), NO_STRIPES, Coarse::even(10));
+    are_long(measured(&coarse.expect("it has an image").streams).0, 8.0);
+    let mut source = Located::new(Stripes(corners.clone(), Some([8.0, 0.0])));
+    let (sides, _, _, error) = measured(&baker.bake_cut(&patch, &mut source, 8).expect("it has an image").streams);
+    are_long(sides, 4.0);
+    assert!(even_error > 4.0 * error, "{error} {even_error}");
 }

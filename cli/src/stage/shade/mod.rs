@@ -20,7 +20,7 @@ use glam::DVec3;
 use crate::mesh::appearance::{AlphaMode, Appearance, Material, TextureUse, images_on};
 use crate::mesh::attributes::RegionAttributes;
 use crate::stage::areas::ColourAreas;
-use crate::stage::bake::Points;
+use crate::stage::bake::{Points, growth_over};
 use crate::storage::WorkError;
 use cache::TextureCache;
 use texture::{Meaning, Texture};
@@ -412,6 +412,14 @@ impl Face<'_> {
     pub fn least_density(&self) -> f32 {
         let of_texture = |face: &TexturedFace| face.most_along(&self.corners).min(self.vertex_density);
         self.textures.iter().flatten().map(of_texture).fold(0.0, f32::max)
+    }
+
+    /// How fast the places in its image grow, in texels per unit of length; in that with most texels.
+    pub fn texel_growth(&self) -> Option<[DVec3; 2]> {
+        let most = self.textures.iter().flatten().max_by(|one, other| one.density.total_cmp(&other.density));
+        let face = most.filter(|face| !face.is_even())?;
+        let size = face.texture.size().map(f64::from);
+        growth_over(self.corners, face.uv.map(|uv| [uv[0] * size[0], uv[1] * size[1]]))
     }
 
     /// Texels of its textures.

@@ -23,11 +23,14 @@ pub(super) const LONGEST: u32 = 1 << 14;
 const MAX_EXPONENT: u32 = 127;
 /// Axes have coordinates of at most this.
 const AXIS_LIMIT: i32 = 31;
-/// Stands before the axis of a piece with larger texels.
+/// Stands before the axis of a piece with larger texels, and twice before that of one whose texels are longer than wide.
 const LARGER: u32 = 63;
 /// Texels of a piece are larger by at most this power of the root of two.
 #[cfg(feature = "write")]
 const MOST_LARGER: u8 = 31;
+/// They are longer than wide by at most this power of the root of two.
+#[cfg(feature = "write")]
+const MOST_LONGER: u8 = 15;
 /// Cosine and sine of the turns of a piece in its plane: k / 8 of a right angle.
 const TURNS: [[f64; 2]; 8] = [
     [1.0, 0.0],
@@ -38,6 +41,17 @@ const TURNS: [[f64; 2]; 8] = [
     [0.555_570_233_019_602_3, 0.831_469_612_302_545_2],
     [0.382_683_432_365_089_8, 0.923_879_532_511_286_7],
     [0.195_090_322_016_128_33, 0.980_785_280_403_230_4],
+];
+/// Those of the turns of long texels beyond that: k / 64 of a right angle.
+const FINE_TURNS: [[f64; 2]; 8] = [
+    [1.0, 0.0],
+    [0.999_698_818_696_204_2, 0.024_541_228_522_912_288],
+    [0.998_795_456_205_172_4, 0.049_067_674_327_418_015],
+    [0.997_290_456_678_690_2, 0.073_564_563_599_667_43],
+    [0.995_184_726_672_196_9, 0.098_017_140_329_560_6],
+    [0.992_479_534_598_71, 0.122_410_675_199_216_2],
+    [0.989_176_509_964_781, 0.146_730_474_455_361_75],
+    [0.985_277_642_388_941_2, 0.170_961_888_760_301_22],
 ];
 
 /// A part of a patch, projected along an axis onto a rectangle of the image.
@@ -72,13 +86,24 @@ impl Piece {
         self.range
     }
 
-    /// The direction of its axis and the size of a texel, lattice units.
-    pub fn frame(&self) -> ([f64; 3], f64) {
+    /// The length and the width of a texel, lattice units: along a row of the image, and along a column.
+    pub fn texel(&self) -> [f64; 2] {
+        let [length, width] = self.across.map(|across| 1.0 / dot(across, across).sqrt());
+        // What differs by less was rounded.
+        [length, if (width / length - 1.0).abs() < 1e-9 { length } else { width }]
+    }
+
+    /// The directions of a row and of a column of texels, and that of its axis; all of length 1.
+    pub fn frame(&self) -> [[f64; 3]; 3] {
         let [a, b] = self.across;
-        let normal = crate::codec::vector::cross(a, b);
-        let squared = dot(a, a);
-        let size = 1.0 / squared.sqrt();
-        (scale(normal, size * size), size)
+        let [length, width] = self.texel();
+        [scale(a, length), scale(b, width), scale(crate::codec::vector::cross(a, b), length * width)]
+    }
+
+    /// The size of a texel, lattice units: the side of a square of its area.
+    pub fn texel_size(&self) -> f64 {
+        let [length, width] = self.texel();
+        if length == width { length } else { (length * width).sqrt() }
     }
 }
 
@@ -100,11 +125,55 @@ struct Shape {
     turn: u8,
     /// How much larger its texels are than those of the map, as a power of the root of two.
     larger: u8,
+    long: Option<Long>,
+}
+
+/// How texels are longer than wide.
+#[derive(Clone, Copy, Debug)]
+struct Long {
+    /// By how much, as a power of the root of two.
+    longer: u8,
+    /// Whether they are so along columns of the image, else along rows.
+    is_down: bool,
+    /// A turn beyond that of the piece.
+    turn: u8,
 }
 
 impl Shape {
-    /// What a lattice point is multiplied with.
-    fn across(self, exponent: u32) -> [Vec3; 2] {
+    fn decode(bits: &mut BitDecoder<'_>) -> Result<Self> {
+        let (mut first, mut larger, mut long) = (bits.raw(6), 0, None);
+        if first == LARGER {
+            (larger, first) = (bits.raw(5) as u8, bits.raw(6));
+        }
+        if first == LARGER {
+            let [longer, down, turn] = [4, 1, 3].map(|count| bits.raw(count) as u8);
+            (long, first) = (Some(Long { longer, is_down: down == 1, turn }), bits.raw(6));
+        }
+        let axis = [first, bits.raw(6), bits.raw(6)].map(|x| x as i32 - AXIS_LIMIT);
+        if axis == [0; 3] || axis.iter().any(|&x| x > AXIS_LIMIT) {
+            return Err(Error::format("a piece of a map has no axis"));
+        }
+        Ok(Self { axis, turn: bits.raw(3) as u8, larger, long })
+    }
+
+    #[cfg(feature = "write")]
+    fn encode(self, bits: &mut BitEncoder) {
+        if self.larger > 0 || self.long.is_some() {
+            bits.raw(6, LARGER);
+            bits.raw(5, u32::from(self.larger));
+        }
+        if let Some(Long { longer, is_down, turn }) = self.long {
+            bits.raw(6, LARGER);
+            bits.raw(4, u32::from(longer));
+            bits.raw(1, u32::from(is_down));
+            bits.raw(3, u32::from(turn));
+        }
+        self.axis.iter().for_each(|&x| bits.raw(6, (x + AXIS_LIMIT) as u32));
+        bits.raw(3, u32::from(self.turn));
+    }
+
+    /// The directions of rows and columns.
+    fn directions(self) -> [Vec3; 2] {
         let axis = self.axis.map(f64::from);
         let mut least = 0;
         for k in 1..3 {
@@ -115,11 +184,22 @@ impl Shape {
         let mut direction = [0.0; 3];
         direction[least] = 1.0;
         let frame = LocalFrame::new(axis, direction);
-        let [cosine, sine] = TURNS[usize::from(self.turn) % TURNS.len()];
-        let inverse = 1.0 / texel_size((exponent + u32::from(self.larger)).min(MAX_EXPONENT));
-        let u = add(scale(frame.along, cosine), scale(frame.across, sine));
-        let v = sub(scale(frame.across, cosine), scale(frame.along, sine));
-        [scale(u, inverse), scale(v, inverse)]
+        let turned = |[along, across]: [Vec3; 2], [cosine, sine]: [f64; 2]| {
+            [add(scale(along, cosine), scale(across, sine)), sub(scale(across, cosine), scale(along, sine))]
+        };
+        let directions = turned([frame.along, frame.across], TURNS[usize::from(self.turn) % TURNS.len()]);
+        match self.long {
+            Some(long) => turned(directions, FINE_TURNS[usize::from(long.turn) % FINE_TURNS.len()]),
+            None => directions,
+        }
+    }
+
+    /// What a lattice point is multiplied with.
+    fn across(self, exponent: u32) -> [Vec3; 2] {
+        let inverse = |larger: u8| 1.0 / texel_size((exponent + u32::from(larger)).min(MAX_EXPONENT));
+        let longer = |is_so: bool| self.long.map_or(0, |long| if long.is_down == is_so { long.longer } else { 0 });
+        let [u, v] = self.directions();
+        [scale(u, inverse(self.larger + longer(false))), scale(v, inverse(self.larger + longer(true)))]
     }
 }
 
@@ -234,16 +314,7 @@ impl Map {
         let mut across = vec![];
         for _ in 0..count {
             bits.check()?;
-            let mut first = bits.raw(6);
-            let mut larger = 0;
-            if first == LARGER {
-                (larger, first) = (bits.raw(5) as u8, bits.raw(6));
-            }
-            let axis = [first, bits.raw(6), bits.raw(6)].map(|x| x as i32 - AXIS_LIMIT);
-            if axis == [0; 3] || axis.iter().any(|&x| x > AXIS_LIMIT) {
-                return Err(Error::format("a piece of a map has no axis"));
-            }
-            across.push(Shape { axis, turn: bits.raw(3) as u8, larger }.across(exponent));
+            across.push(Shape::decode(&mut bits)?.across(exponent));
         }
         let labels = decode_labels(&mut bits, count, triangles)?;
         bits.finish()?;
@@ -314,23 +385,63 @@ fn decode_labels(bits: &mut BitDecoder<'_>, pieces: usize, triangles: &[[u32; 3]
 
 /// The shape of a piece before it has a place.
 #[cfg(feature = "write")]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PieceShape {
     /// The direction along which it is projected: from -31 to 31 each, not all 0.
     pub axis: [i8; 3],
     /// How much larger its texels are than those of the map, as a power of the root of two: at most 31.
     pub larger: u8,
+    /// How they are longer than wide, if they are.
+    pub long: Option<LongTexels>,
+}
+
+/// Texels that are longer than wide.
+#[cfg(feature = "write")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LongTexels {
+    /// The direction across them, along which they are finer: about at right angles to the piece's axis, of any length but 0.
+    pub across: [i8; 3],
+    /// By how much they are finer in that direction, as a power of the root of two.
+    pub finer: u8,
+    /// By how much they are coarser in the other one. Together at most 15.
+    pub coarser: u8,
 }
 
 #[cfg(feature = "write")]
 impl PieceShape {
-    fn turned(self, turn: u8) -> Shape {
-        Shape { axis: self.axis.map(i32::from), turn, larger: self.larger.min(MOST_LARGER) }
+    /// How much finer than those of the map texels are along one direction.
+    fn finer(&self) -> u8 {
+        self.long.map_or(0, |long| long.finer.min(MOST_LONGER)).saturating_sub(self.larger)
+    }
+
+    /// The shape, where texels of the map are so much finer than they were to be.
+    fn shape(&self, turn: u8, finer: u8) -> Shape {
+        let larger = self.larger.min(MOST_LARGER) + finer;
+        let axis = self.axis.map(i32::from);
+        let Some(LongTexels { across, finer, coarser }) = self.long else {
+            return Shape { axis, turn, larger: larger.min(MOST_LARGER), long: None };
+        };
+        let longest = larger.saturating_add(coarser);
+        let larger = larger.saturating_sub(finer).min(MOST_LARGER);
+        let longer = (longest - larger).min(MOST_LONGER);
+        let across = across.map(f64::from);
+        let all = (0..TURNS.len() * FINE_TURNS.len() * 2).map(|number| {
+            let [turn, rest] = [number / 16, number % 16];
+            let long = Long { longer, is_down: rest % 2 == 1, turn: (rest / 2) as u8 };
+            Shape { axis, turn: turn as u8, larger, long: Some(long) }
+        });
+        // The direction that is not the long one.
+        let fitness = |shape: &Shape| {
+            let [u, v] = shape.directions();
+            dot(if shape.long.is_some_and(|long| long.is_down) { u } else { v }, across).abs()
+        };
+        let none = Shape { axis, turn, larger, long: None };
+        all.max_by(|one, other| fitness(one).total_cmp(&fitness(other))).unwrap_or(none)
     }
 }
 
-/// Codes a map: texels of 2^(exponent / 2) lattice units where they are not larger, pieces along these axes, and the piece of each triangle. Pieces
-/// may get other numbers.
+/// Codes a map: texels of 2^(exponent / 2) lattice units where they are not larger or longer, pieces along these axes, and the piece of each triangle.
+/// Pieces may get other numbers.
 ///
 /// # Errors
 /// If the pieces break a rule of the format, or have more texels than `limit`.
@@ -343,14 +454,24 @@ pub fn encode_map(
     labels: &[u16],
     limit: u64,
 ) -> Result<(Map, Vec<u8>)> {
-    let exponent = exponent.min(MAX_EXPONENT);
     if labels.len() != triangles.len() || labels.iter().any(|&label| usize::from(label) >= shapes.len()) {
         return Err(Error::model("a triangle names a piece of a map that does not exist"));
     }
-    // The turn whose rectangle is smallest.
+    let exponent = exponent.min(MAX_EXPONENT);
+    let finer = shapes.iter().map(PieceShape::finer).max().unwrap_or(0).min(exponent as u8);
+    let exponent = exponent - u32::from(finer);
+    // The turn whose rectangle is smallest, unless texels are long.
     let mut best: Vec<Option<(f64, Shape, [u32; 2])>> = vec![None; shapes.len()];
     for turn in 0..TURNS.len() as u8 {
-        let turned: Vec<Shape> = shapes.iter().map(|shape| shape.turned(turn)).collect();
+        if turn > 0 && shapes.iter().all(|shape| shape.long.is_some()) {
+            break;
+        }
+        let turned: Vec<Shape> = (shapes.iter().zip(&best))
+            .map(|(shape, best)| match (shape.long, best) {
+                (Some(_), Some((_, shape, _))) => *shape,
+                _ => shape.shape(turn, finer),
+            })
+            .collect();
         let across: Vec<[Vec3; 2]> = turned.iter().map(|shape| shape.across(exponent)).collect();
         for ((extent, shape), best) in
             extents(&across, labels, positions, triangles).into_iter().zip(turned).zip(&mut best)
@@ -389,12 +510,7 @@ pub fn encode_map(
     bits.number(&mut NumberChances::default(), shapes.len() as u32 - 1);
     bits.number(&mut NumberChances::default(), width);
     for shape in &shapes {
-        if shape.larger > 0 {
-            bits.raw(6, LARGER);
-            bits.raw(5, u32::from(shape.larger));
-        }
-        shape.axis.iter().for_each(|&x| bits.raw(6, (x + AXIS_LIMIT) as u32));
-        bits.raw(3, u32::from(shape.turn));
+        shape.encode(&mut bits);
     }
     encode_labels(&mut bits, shapes.len(), triangles, &labels);
     Ok((Map::new(&across, width, labels, positions, triangles, limit)?, bits.finish()))
@@ -456,7 +572,7 @@ mod tests {
     #[test]
     fn maps_come_back_and_their_pieces_do_not_overlap() {
         let (positions, triangles, labels) = roof();
-        let shapes = [[-7, 0, 7], [7, 0, 7], [0, 0, 1]].map(|axis| PieceShape { axis, larger: 0 });
+        let shapes = [[-7, 0, 7], [7, 0, 7], [0, 0, 1]].map(|axis| PieceShape { axis, ..PieceShape::default() });
         let (map, bytes) = encode_map(&positions, &triangles, 9, &shapes, &labels, 1 << 20).unwrap();
         assert_eq!(Map::decode(&bytes, &positions, &triangles, 1 << 20).unwrap(), map);
         assert!(bytes.len() < 30, "{}", bytes.len());
@@ -472,7 +588,7 @@ mod tests {
             }
         }
         // A texel is as large as it says.
-        let (normal, size) = map.pieces[0].frame();
+        let ([.., normal], size) = (map.pieces[0].frame(), map.pieces[0].texel_size());
         assert!((size - 2.0_f64.powf(4.5)).abs() < 1e-9 && (dot(normal, normal) - 1.0).abs() < 1e-9);
     }
 
@@ -481,13 +597,13 @@ mod tests {
         let (positions, triangles, labels) = roof();
         let of = |larger: [u8; 3]| {
             let axes = [[-7, 0, 7], [7, 0, 7], [0, 0, 1]];
-            let shapes = [0, 1, 2].map(|k| PieceShape { axis: axes[k], larger: larger[k] });
+            let shapes = [0, 1, 2].map(|k| PieceShape { axis: axes[k], larger: larger[k], long: None });
             encode_map(&positions, &triangles, 9, &shapes, &labels, 1 << 20).unwrap()
         };
         let (map, bytes) = of([4, 0, 3]);
         assert_eq!(Map::decode(&bytes, &positions, &triangles, 1 << 20).unwrap(), map);
         for (triangle, exponent) in [(0, 6.5), (50, 4.5), (100, 6.0)] {
-            let (_, size) = map.piece(triangle).frame();
+            let size = map.piece(triangle).texel_size();
             assert!((size - 2.0_f64.powf(exponent)).abs() < 1e-9, "{size}");
         }
         // What has the size of the map costs nothing, and a size of its own eleven bits.
@@ -506,9 +622,58 @@ mod tests {
     }
 
     #[test]
+    fn texels_may_be_longer_than_wide_in_any_direction() {
+        let (positions, triangles, labels) = roof();
+        let long = |across, finer, coarser| Some(LongTexels { across, finer, coarser });
+        let of = |exponent: u32, larger: u8, long: Option<LongTexels>| {
+            let mut shapes = [[-7, 0, 7], [7, 0, 7], [0, 0, 1]].map(|axis| PieceShape { axis, larger: 2, long: None });
+            shapes[2] = PieceShape { larger, long, ..shapes[2] };
+            let (map, bytes) = encode_map(&positions, &triangles, exponent, &shapes, &labels, 1 << 20).unwrap();
+            assert_eq!(Map::decode(&bytes, &positions, &triangles, 1 << 20).unwrap(), map);
+            for (triangle, corners) in triangles.iter().enumerate() {
+                for point in corners.map(|corner| positions[corner as usize]) {
+                    assert_eq!(map.piece(triangle).unbounded(to_f64(point)), map.piece(triangle).place(point));
+                }
+            }
+            (map, bytes)
+        };
+        let size = |exponent: f64| 2.0_f64.powf(exponent / 2.0);
+        let close = |one: f64, other: f64| (one / other - 1.0).abs() < 1e-9;
+        for step in 0..36 {
+            let (sine, cosine) = (f64::from(step) * std::f64::consts::PI / 36.0).sin_cos();
+            let across = [cosine, sine, 0.0].map(|x| (x * 127.0).round() as i8);
+            let (map, _) = of(9, 1, long(across, 3, 4));
+            let ground = map.piece(100);
+            assert!(close(map.piece(0).texel()[0], size(11.0)) && close(map.piece(0).texel()[1], size(11.0)));
+            let [length, width] = ground.texel();
+            let [u, v, axis] = ground.frame();
+            let (shorter, longer, direction) = if length < width { (length, width, u) } else { (width, length, v) };
+            assert!(close(shorter, size(7.0)) && close(longer, size(14.0)), "{length} {width}");
+            assert!(close(ground.texel_size(), size(10.5)));
+            // A turn is off by less than a degree.
+            assert!(dot(direction, [cosine, sine, 0.0]).abs() > (1.0_f64).to_radians().cos(), "{direction:?} {step}");
+            assert!(close(dot(axis, [0.0, 0.0, 1.0]), 1.0) && dot(u, v).abs() < 1e-12);
+        }
+        // No finer than the lattice, and no longer than can be written.
+        let sides = |map: &Map| map.piece(100).texel();
+        let [length, width] = sides(&of(2, 0, long([1, 0, 0], 5, 3)).0);
+        assert!(close(length.min(width), 1.0) && close(length.max(width), size(5.0)), "{length} {width}");
+        let [length, width] = sides(&of(4, 200, long([0, 90, 3], 255, 255)).0);
+        assert!(length.is_finite() && width.is_finite());
+        let (_, bytes) = of(9, 0, long([3, 4, 0], 2, 2));
+        for at in 0..bytes.len() {
+            for flipped in 1..=255 {
+                let mut damaged = bytes.clone();
+                damaged[at] ^= flipped;
+                let _ = Map::decode(&damaged, &positions, &triangles, 1 << 20);
+            }
+        }
+    }
+
+    #[test]
     fn damaged_maps_are_refused_or_decoded_but_never_panic() {
         let (positions, triangles, labels) = roof();
-        let shapes = [[-7, 0, 7], [7, 0, 7], [0, 0, 1]].map(|axis| PieceShape { axis, larger: 0 });
+        let shapes = [[-7, 0, 7], [7, 0, 7], [0, 0, 1]].map(|axis| PieceShape { axis, ..PieceShape::default() });
         let (_, bytes) = encode_map(&positions, &triangles, 9, &shapes, &labels, 1 << 20).unwrap();
         for at in 0..bytes.len() {
             for flip in 1..=255 {

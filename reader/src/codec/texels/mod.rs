@@ -28,9 +28,9 @@ pub use image::Image;
 pub use image::{encode_image, encode_seen_image};
 #[cfg(feature = "write")]
 pub use loss::lost_squares;
-pub use map::{Map, Piece};
 #[cfg(feature = "write")]
-pub use map::{PieceShape, encode_map, texel_size};
+pub use map::{LongTexels, PieceShape, encode_map, texel_size};
+pub use map::{Map, Piece};
 #[cfg(feature = "write")]
 pub use normals::{encode_exact_normals, encode_normals};
 #[cfg(feature = "write")]

@@ -14,13 +14,6 @@ use crate::error::Result;
 const MIDDLE: f64 = 128.0;
 const REACH: f64 = 127.0;
 
-/// The two directions along the image, and the axis; all of length 1.
-fn frame(piece: &Piece) -> [[f64; 3]; 3] {
-    let (axis, size) = piece.frame();
-    let [u, v] = piece.across().map(|across| across.map(|x| x * size));
-    [u, v, axis]
-}
-
 /// The texels of a piece's rectangle: left, top, right and bottom, of which the last two are outside.
 fn rectangle(piece: &Piece) -> [usize; 4] {
     let [low, high] = piece.range();
@@ -52,7 +45,7 @@ impl Image<u8> {
         let width = map.size[0] as usize;
         let mut data = vec![0; projected.data.len() / 2 * 3];
         for piece in &map.pieces {
-            let frame = frame(piece);
+            let frame = piece.frame();
             let [left, top, right, bottom] = rectangle(piece);
             for y in top..bottom {
                 let row = y * width + left..y * width + right;
@@ -97,7 +90,7 @@ fn projected_image(map: &Map, directions: &[[f32; 3]]) -> Image<u8> {
     let mut image = Image::filled(map.size, &[MIDDLE as u8; 2]);
     let width = map.size[0] as usize;
     for piece in &map.pieces {
-        let frame = frame(piece);
+        let frame = piece.frame();
         let [left, top, right, bottom] = rectangle(piece);
         for y in top..bottom {
             for texel in y * width + left..y * width + right {
@@ -129,7 +122,7 @@ mod tests {
     #[test]
     fn directions_of_a_hemisphere_come_back_within_a_degree_and_others_at_its_edge() {
         let positions = [[0, 0, 0], [4000, 0, -3000], [0, 4000, 0]];
-        let shapes = [PieceShape { axis: [3, 0, 4], larger: 0 }];
+        let shapes = [PieceShape { axis: [3, 0, 4], ..PieceShape::default() }];
         let (map, _) = encode_map(&positions, &[[0, 1, 2]], 12, &shapes, &[0], 1 << 20).unwrap();
         let count = (map.size[0] * map.size[1]) as usize;
         let axis = [0.6, 0.0, 0.8];
