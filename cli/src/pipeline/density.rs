@@ -78,7 +78,7 @@ pub(super) fn asked_by_images(triangles: &[[u32; 3]], densities: &[Density]) -> 
     let of_set = |set: &u32| {
         let [sum, area] = sums[set];
         // Without an area nothing is shown.
-        if area > 0.0 && sum * sum >= FEW * area { (sum / area).clamp(least, MOST * mean) } else { mean }
+        if area > 0.0 && sum * sum >= FEW * area { (sum / area).max(least).min(MOST * mean) } else { mean }
     };
     let of_sets: Vec<f64> = sets.iter().map(of_set).collect();
     let finest = of_sets.iter().copied().fold(0.0, f64::max);
