@@ -143,6 +143,11 @@ pub(super) struct OnMap<'a> {
 }
 
 impl OnMap<'_> {
+    /// The size of the smallest texels.
+    pub fn least_size(&self) -> f64 {
+        self.projections.iter().map(|projection| projection.size).fold(f64::INFINITY, f64::min)
+    }
+
     /// The least and the greatest place that the piece of a triangle shows.
     pub fn range(&self, triangle: u32) -> [[f64; 2]; 2] {
         self.projections[usize::from(self.map.labels[triangle as usize])].range

@@ -42,9 +42,11 @@ pub(super) fn gather_surfels<'a>(
         values: vec![],
     };
     let mut hint = Hint::default();
+    let least = finder.places.least_size();
     for surfels in surfels {
         for run in &surfels.runs {
-            let fineness = if run.longer_side() > LARGE * finder.size { 2 } else { 1 };
+            // Long texels lie along long ones, so areas say which are larger.
+            let fineness = if f64::from(run.size).sqrt() > LARGE * least { 2 } else { 1 };
             let points = Lattice::new(surfels, run, patch.origin(), fineness);
             finder.divide(&points, &mut hint, |block, below| gathering.add(&points, block, &below));
         }
