@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::spread_points::weights_of;
+use crate::stage::bake::weight_growth;
 use crate::stage::shade::Face;
 
 /// Texels of the input for each point that is looked at.
@@ -39,8 +40,7 @@ impl Sharpness {
         if !(square > 0.0 && texels > 0.0 && texels.is_finite()) {
             return;
         }
-        // By how much the weights of the second and third corner grow along each direction.
-        let growth = [sides[1].cross(normal) / square, normal.cross(sides[0]) / square];
+        let growth = weight_growth(corners);
         let along = sides[0].normalize();
         let steps = [along, normal.normalize().cross(along)]
             .map(|step| growth.map(|growth| growth.dot(step) / density))

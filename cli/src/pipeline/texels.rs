@@ -31,7 +31,6 @@ const SMALL: usize = 1000;
 const SMALL_TEXELS: f64 = 4096.0;
 /// or so many times as many along each direction: they take next to no bytes, and what few texels blur is all that there is.
 const SMALL_FINER: f64 = 16.0;
-
 /// How much larger than wanted texels may be, because their size is a power of the root of two.
 const LARGER: f64 = 1.1;
 
@@ -185,8 +184,7 @@ impl InputSource<'_> {
     pub fn density(&mut self) -> Option<[f64; 2]> {
         let has_others = self.appearance.has_colour || self.appearance.has_materials();
         let has_images = has_others && !self.appearance.images.is_empty();
-        let (mut densities, mut growths) = (vec![], vec![]);
-        let (mut sums, mut sharpness) = ([0.0; 3], Sharpness::default());
+        let (mut densities, mut sums, mut sharpness) = (vec![], [0.0; 3], Sharpness::default());
         let mut is_even = true;
         for triangle in 0..self.own.len() {
             let points = self.points(triangle);
@@ -199,7 +197,6 @@ impl InputSource<'_> {
             if has_images {
                 sharpness.look(&face, points, mean);
                 densities.push(Density { mean, most: f64::from(face.most_density()), area });
-                growths.push(face.texel_growth());
             }
         }
         let [sum, least, area] = sums;
@@ -213,7 +210,7 @@ impl InputSource<'_> {
             self.larger = asked.larger;
             if let Some(stretched) = asked.stretched {
                 mean = mean.max(stretched);
-                self.growths = self.growths_per_size(growths, &densities, mean);
+                self.growths = self.growths_per_size(&densities, mean);
             }
         }
         if !is_even && self.all.len() <= SMALL {
@@ -221,24 +218,18 @@ impl InputSource<'_> {
         }
         Some([if sharpness.is_sharp() { FINER_IF_SHARP * mean } else { mean }, area])
     }
-}
 
-impl InputSource<'_> {
-    /// Divides what grows by how many texels each triangle has, where there are so many in the mean.
-    fn growths_per_size(
-        &self,
-        growths: Vec<Option<[DVec3; 2]>>,
-        densities: &[Density],
-        mean: f64,
-    ) -> Vec<Option<[DVec3; 2]>> {
-        let fewer = |triangle: usize| area_of_texel(self.larger(triangle).into());
+    /// How fast texels grow, per size of those that each triangle has if there are so many in the mean.
+    fn growths_per_size(&mut self, densities: &[Density], mean: f64) -> Vec<Option<[DVec3; 2]>> {
+        let fewer: Vec<f64> = (0..self.own.len()).map(|triangle| area_of_texel(self.larger(triangle).into())).collect();
         let area: f64 = densities.iter().map(|density| density.area).sum();
-        let shares = densities.iter().enumerate().map(|(triangle, density)| density.area / fewer(triangle));
-        let finest = mean * (area / shares.sum::<f64>()).sqrt();
-        let per_size = |(triangle, growth): (usize, Option<[DVec3; 2]>)| {
-            growth.map(|growth| growth.map(|growth| growth * (fewer(triangle).sqrt() / finest)))
+        let texels: f64 = densities.iter().zip(&fewer).map(|(density, fewer)| density.area / fewer).sum();
+        let finest = mean * (area / texels).sqrt();
+        let per_size = |(triangle, fewer): (usize, f64)| {
+            let face = self.painter.face(self.own[triangle] as usize, self.points(triangle));
+            face.texel_growth().map(|growth| growth.map(|growth| growth * (fewer.sqrt() / finest)))
         };
-        growths.into_iter().enumerate().map(per_size).collect()
+        fewer.into_iter().enumerate().map(per_size).collect()
     }
 }
 

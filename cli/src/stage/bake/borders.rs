@@ -173,7 +173,7 @@ impl Borders {
             patch.triangles[triangle as usize].iter().map(|&corner| patch.position(corner)).sum::<DVec3>() / 3.0
         };
         let piece = |triangle: u32| map.labels[triangle as usize];
-        let size = |triangle: u32| projections[usize::from(piece(triangle))].sides[0];
+        let size = |triangle: u32| projections[usize::from(piece(triangle))].shorter;
         for ((number, corners), beside) in (0..).zip(patch.triangles).zip(neighbours(patch.triangles)) {
             for (edge, &other) in beside.iter().enumerate() {
                 // Each edge once.

@@ -195,7 +195,7 @@ pub(super) struct Finder<'a, P> {
     normals: Vec<DVec3>,
     /// In the plane of each triangle, at right angles to each side.
     inwards: Vec<[DVec3; 3]>,
-    /// The least size of what places count.
+    /// The shortest side of what places count.
     pub size: f64,
 }
 
@@ -204,7 +204,7 @@ impl<'a> Finder<'a, OnMap<'a>> {
     pub fn on_map(patch: &BakedPatch<'a>, map: &'a Map, drawn: &'a Drawn) -> Self {
         let positions = (0..patch.positions.len() as u32).map(|vertex| patch.position(vertex)).collect();
         let places = OnMap { map, drawn, projections: projections(patch, map) };
-        let size = places.projections.iter().map(|projection| projection.sides[0]).fold(f64::INFINITY, f64::min);
+        let size = places.projections.iter().map(|projection| projection.shorter).fold(f64::INFINITY, f64::min);
         Self::new(positions, patch.triangles, places, size)
     }
 }

@@ -65,11 +65,7 @@ impl Pieces {
                         && shared(piece) > least
                         && self.larger_of(piece) == self.larger_of(own)
                         && triangles.leans(triangle, directions[usize::from(piece)], STEEP)
-                        && self.growths_fit(
-                            triangle,
-                            self.growths.get(usize::from(piece)),
-                            directions[usize::from(piece)],
-                        )
+                        && self.fits_texels_of(triangle, piece, directions[usize::from(piece)])
                         && areas.as_ref().is_none_or(|areas| areas.fits(triangle, piece))
                 };
                 let fitting = labels.into_iter().flatten().filter(fits);
@@ -101,7 +97,7 @@ impl Pieces {
                 let direction = direction_of(&self.shapes[usize::from(other)]);
                 self.larger_of(other) == self.larger_of(piece as u16)
                     && own.iter().all(|&triangle| triangles.leans(triangle, direction, FLAT))
-                    && own.iter().all(|&t| self.growths_fit(t, self.growths.get(usize::from(other)), direction))
+                    && own.iter().all(|&triangle| self.fits_texels_of(triangle, other, direction))
                     && areas.as_ref().is_none_or(|areas| own.iter().all(|&triangle| areas.fits(triangle, other)))
             };
             let best = self.beside(&own, patch, triangles).into_iter().find(fits).unwrap_or(piece as u16);
@@ -149,8 +145,7 @@ impl Pieces {
             // Beyond this number, parts stay together.
             if has_part && self.shapes.len() + 1 < usize::from(u16::MAX) {
                 piece = self.shapes.len() as u16;
-                self.shapes.push(self.shapes[usize::from(before)]);
-                self.growths.extend(self.growths.get(usize::from(before)).copied());
+                self.add_like(before);
                 is_known.push(true);
             }
             open.push(seed as u32);

@@ -118,12 +118,17 @@ fn rounded(times: f64) -> u8 {
 
 /// How fast two coordinates grow over a triangle, of which the values at its corners are known. None if it has no area.
 pub fn growth_over(corners: [DVec3; 3], values: [[f64; 2]; 3]) -> Option<[DVec3; 2]> {
-    let [b, c] = [1, 2].map(|k| corners[k] - corners[0]);
-    let normal = b.cross(c);
-    let squared = normal.length_squared();
-    let [along, across] = [c.cross(normal), normal.cross(b)].map(|side| side / squared);
-    let growth = [0, 1].map(|k| along * (values[1][k] - values[0][k]) + across * (values[2][k] - values[0][k]));
+    let [second, third] = weight_growth(corners);
+    let growth = [0, 1].map(|k| second * (values[1][k] - values[0][k]) + third * (values[2][k] - values[0][k]));
     growth.iter().all(|growth| growth.is_finite()).then_some(growth)
+}
+
+/// How fast the weights of the second and the third corner of a triangle grow over it. Not finite if it has no area.
+pub fn weight_growth(corners: [DVec3; 3]) -> [DVec3; 2] {
+    let [second, third] = [1, 2].map(|k| corners[k] - corners[0]);
+    let normal = second.cross(third);
+    let square = normal.length_squared();
+    [third.cross(normal) / square, normal.cross(second) / square]
 }
 
 #[cfg(test)]

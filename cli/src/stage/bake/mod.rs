@@ -52,7 +52,7 @@ pub use gather::barycentric;
 use gather::gather;
 pub use grouped::Grouped;
 pub use images::Images;
-pub use long::growth_over;
+pub use long::{growth_over, weight_growth};
 use pieces::{Pieces, divide};
 use raster::Drawn;
 use rim::{Outline, Rim};
@@ -423,5 +423,7 @@ struct Mapped {
     is_full: bool,
 }
 
+#[cfg(test)]
+mod size_tests;
 #[cfg(test)]
 mod tests;

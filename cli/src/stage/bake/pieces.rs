@@ -26,7 +26,7 @@ pub(super) struct Pieces {
     pub labels: Vec<u16>,
     sizes: Sizes,
     /// What the first triangle of each piece shows, if texels may be longer than wide.
-    pub growths: Vec<Growth>,
+    growths: Vec<Growth>,
 }
 
 /// A triangle that waits to be added to a piece.
@@ -165,7 +165,7 @@ impl Pieces {
                 let lengths = area.length() * sum.length();
                 if lengths > 0.0 { area.dot(sum) / lengths } else { 1.0 }
             };
-            let is_alike = || self.growths_fit(triangle, self.sizes.growths.get(seed as usize), sum);
+            let is_alike = || self.fits(triangle, self.sizes.growths.get(seed as usize), sum);
             if cosine(area, sum) < FLAT || self.larger(triangle) != self.larger(seed) || !is_alike() {
                 continue;
             }
@@ -190,8 +190,13 @@ impl Pieces {
         (members, sum)
     }
 
-    /// Whether texels of one shape show a triangle and a piece that began like this.
-    pub fn growths_fit(&self, triangle: u32, of_piece: Option<&Growth>, normal: DVec3) -> bool {
+    /// Whether texels of one shape show a triangle and a piece, which is projected along a direction.
+    pub fn fits_texels_of(&self, triangle: u32, piece: u16, direction: DVec3) -> bool {
+        self.fits(triangle, self.growths.get(usize::from(piece)), direction)
+    }
+
+    /// The same of a piece that began like this.
+    fn fits(&self, triangle: u32, of_piece: Option<&Growth>, normal: DVec3) -> bool {
         let of_triangle = self.sizes.growths.get(triangle as usize);
         of_triangle.zip(of_piece).is_none_or(|(one, other)| one.fits(other, normal.normalize_or_zero()))
     }
@@ -227,6 +232,12 @@ impl Pieces {
             areas[usize::from(label)] = area_of_texel(exponent + u32::from(self.larger_of(own)));
         }
         areas
+    }
+
+    /// Adds a piece that begins like another one.
+    pub fn add_like(&mut self, piece: u16) {
+        self.shapes.push(self.shapes[usize::from(piece)]);
+        self.growths.extend(self.growths.get(usize::from(piece)).copied());
     }
 
     /// Renumbers pieces, without those that have no triangle.

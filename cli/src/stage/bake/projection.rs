@@ -20,8 +20,8 @@ pub(super) struct Projection {
     pub normal: DVec3,
     /// Size of a texel, lattice units: the side of a square of its area.
     pub size: f64,
-    /// Its shorter and its longer side.
-    pub sides: [f64; 2],
+    /// Its shorter side.
+    pub shorter: f64,
     /// The squares of the length and the width of a texel, and of that of a step of depth.
     squares: [f64; 3],
     /// Smallest and largest place that it shows.
@@ -59,7 +59,7 @@ impl Projection {
             rows: [across, down, normal / size],
             normal,
             size,
-            sides: [length.min(width), length.max(width)],
+            shorter: length.min(width),
             squares: [length, width, size].map(|side| side * side),
             range: piece.range(),
             bounds: [DVec3::INFINITY, DVec3::NEG_INFINITY],

@@ -126,15 +126,10 @@ impl Run {
         self.rows.iter().map(|row| row.count_ones()).sum::<u32>().into()
     }
 
-    /// The longer side of a texel.
-    pub fn longer_side(&self) -> f64 {
-        let [length, width, _] = self.steps.map(|step| f64::from(step.length()));
-        length.max(width)
-    }
-
     /// Whether texels are longer than wide.
     fn is_long(&self) -> bool {
-        self.longer_side() > f64::from(self.size).sqrt() * ROUNDED
+        let [length, width, _] = self.steps.map(|step| f64::from(step.length()));
+        length.max(width) > f64::from(self.size).sqrt() * ROUNDED
     }
 
     /// How fast their coordinates grow, per size of a texel that is not.

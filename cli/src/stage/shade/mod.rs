@@ -234,19 +234,19 @@ impl TexturedFace {
         (0..2).all(|k| span(k) <= ALIKE)
     }
 
-    /// Texels per unit of length, in the direction in which there are most.
-    fn most_along(&self, corners: &[DVec3; 3]) -> f32 {
+    /// How fast places in the image grow over the triangle, in texels per unit of length. None if it has no area.
+    fn growth(&self, corners: [DVec3; 3]) -> Option<[DVec3; 2]> {
         let size = self.texture.size().map(f64::from);
-        let texels = [1, 2].map(|i| [0, 1].map(|k| (self.uv[i][k] - self.uv[0][k]) * size[k]));
-        let sides = [1, 2].map(|i| corners[i] - corners[0]);
-        let products = |dot: &dyn Fn(usize, usize) -> f64| [dot(0, 0), dot(0, 1), dot(1, 1)];
-        let [a, b, c] = products(&|i, j| texels[i][0] * texels[j][0] + texels[i][1] * texels[j][1]);
-        let [p, q, r] = products(&|i, j| sides[i].dot(sides[j]));
+        growth_over(corners, self.uv.map(|uv| [uv[0] * size[0], uv[1] * size[1]]))
+    }
+
+    /// Texels per unit of length, in the direction in which there are most.
+    fn most_along(&self, corners: [DVec3; 3]) -> f32 {
+        let Some([u, v]) = self.growth(corners) else { return self.density };
         // The greater root of what the squares of lengths grow by.
-        let determinant = p * r - q * q;
-        let half = 0.5 * (a * r - 2.0 * b * q + c * p) / determinant;
-        let square = half + (half * half - (a * c - b * b) / determinant).max(0.0).sqrt();
-        if determinant > 0.0 && square.is_finite() { square.sqrt() as f32 } else { self.density }
+        let half = 0.5 * (u.length_squared() + v.length_squared());
+        let square = half + (half * half - u.cross(v).length_squared()).max(0.0).sqrt();
+        if square.is_finite() { square.sqrt() as f32 } else { self.density }
     }
 
     fn filter(&self, footprint: f32) -> texture::Filter<'_> {
@@ -410,16 +410,14 @@ impl Face<'_> {
 
     /// As many as there are at least in the mean of all triangles: along a ramp, where these have no area in the image, those of vertices at most.
     pub fn least_density(&self) -> f32 {
-        let of_texture = |face: &TexturedFace| face.most_along(&self.corners).min(self.vertex_density);
+        let of_texture = |face: &TexturedFace| face.most_along(self.corners).min(self.vertex_density);
         self.textures.iter().flatten().map(of_texture).fold(0.0, f32::max)
     }
 
     /// How fast the places in its image grow, in texels per unit of length; in that with most texels.
     pub fn texel_growth(&self) -> Option<[DVec3; 2]> {
         let most = self.textures.iter().flatten().max_by(|one, other| one.density.total_cmp(&other.density));
-        let face = most.filter(|face| !face.is_even())?;
-        let size = face.texture.size().map(f64::from);
-        growth_over(self.corners, face.uv.map(|uv| [uv[0] * size[0], uv[1] * size[1]]))
+        most.filter(|face| !face.is_even())?.growth(self.corners)
     }
 
     /// Texels of its textures.
@@ -433,7 +431,7 @@ impl Face<'_> {
 
     /// As [`Face::image_density`], along the direction in which there are most of them.
     pub fn most_density(&self) -> f32 {
-        let along = |face: &TexturedFace| face.most_along(&self.corners);
+        let along = |face: &TexturedFace| face.most_along(self.corners);
         self.textures.iter().flatten().map(along).fold(self.image_density(), f32::max)
     }
 

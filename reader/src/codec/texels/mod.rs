@@ -18,6 +18,7 @@ mod map;
 mod normals;
 #[cfg(feature = "write")]
 mod seen;
+mod shape;
 mod transform;
 mod values;
 
@@ -29,11 +30,13 @@ pub use image::{encode_image, encode_seen_image};
 #[cfg(feature = "write")]
 pub use loss::lost_squares;
 #[cfg(feature = "write")]
-pub use map::{LongTexels, PieceShape, encode_map, texel_size};
+pub use map::encode_map;
 pub use map::{Map, Piece};
 #[cfg(feature = "write")]
 pub use normals::{encode_exact_normals, encode_normals};
 #[cfg(feature = "write")]
 pub use seen::{Seen, SeenPoint};
+#[cfg(feature = "write")]
+pub use shape::{LongTexels, PieceShape, texel_size};
 #[cfg(feature = "write")]
 pub use values::encode_values;
