@@ -1729,6 +1729,7 @@ class Map:
             self.ranges.append(((left + 0.5, left + w - 0.5), (top + 0.5, top + h - 0.5)))
             left, height = left + w, max(height, h)
         self.width, self.height = width, top + height
+        must(max(self.width, self.height) <= 16384, "a map is longer than 16384 texels")
 
     def place(self, triangle, point):
         label = self.labels[triangle]

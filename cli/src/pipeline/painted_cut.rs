@@ -20,7 +20,8 @@ use super::texels::exponent_of;
 use crate::mesh::NONE;
 use crate::stage::areas::{Areas, ColourAreas};
 use crate::stage::bake::{
-    BakedPatch, Baker, Images, Located, MAX_TEXELS, Points, Sampled, Source, Storage, Stored, growth_over, larger,
+    BakedPatch, Baker, Images, Located, MAX_TEXELS_OF_CUT, Points, Sampled, Source, Storage, Stored, growth_over,
+    larger,
 };
 
 /// The step of quantisation of images that are not stored.
@@ -172,11 +173,12 @@ impl<'a> CutPainter<'a> {
     fn painted(&self, finished: &Finished, exponent: u32) -> Option<TexturedMesh> {
         let target = self.target(finished);
         let mut source = Located::new(CutSource::new(self));
-        let baked = Baker::new(&self.storage).bake_cut(&target.patch(), &mut source, exponent)?;
+        let finer = self.exponent.saturating_sub(exponent);
+        let baked = Baker::new(&self.storage).bake_cut(&target.patch(), &mut source, exponent, finer)?;
         let mut streams = baked.streams.into_iter();
         let bytes = TexelBytes { level: 0, map: streams.next()?, images: streams.collect() };
         let whole = Patch { triangles: finished.triangles.clone(), ..Patch::default() };
-        let texture = Texture::decode(&bytes, self.channels, &target.points, &whole, MAX_TEXELS).ok()?;
+        let texture = Texture::decode(&bytes, self.channels, &target.points, &whole, MAX_TEXELS_OF_CUT).ok()?;
         let map = texture.map.as_ref()?;
         let place = |(number, corners): (usize, &[u32; 3])| {
             corners.map(|corner| map.piece(number).place(target.points[corner as usize]).map(|x| x as f32))

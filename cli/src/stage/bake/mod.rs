@@ -69,6 +69,8 @@ pub use watched::Watched;
 pub const MAX_EXPONENT: u32 = 127;
 /// The most texels of a patch.
 pub const MAX_TEXELS: u64 = 1 << 24;
+/// And of a reduced cut, which is a single patch with a single map: what lies in pieces of few triangles fills a third of it.
+pub const MAX_TEXELS_OF_CUT: u64 = 1 << 25;
 /// Bytes of a texel of a patch as its map shows it.
 const DRAWN_BYTES: usize = 16;
 /// And of its number among those of its borders.
@@ -254,7 +256,7 @@ impl<'s> Baker<'s> {
     pub fn bake<S: Source>(&mut self, patch: &BakedPatch<'_>, source: &mut Located<S>, exponent: u32) -> Option<Baked> {
         let sizes = Sizes::of_source(patch, source);
         let exponent = sizes.exponent(patch, exponent, || patch.whole_area() / area_of_texel(exponent));
-        let mapped = self.mapped(patch, exponent, sizes, None)?;
+        let mapped = self.mapped(patch, (exponent, Room::Usual), sizes, None)?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         let sums = gather(patch, &mapped.map, (&self.drawn, &[]), &mut source.source, sums);
         self.kept = finished(sums, patch, &mapped.map, &self.drawn);
@@ -272,7 +274,8 @@ impl<'s> Baker<'s> {
         source: &mut Located<S>,
         exponent: u32,
     ) -> Option<Baked> {
-        let mapped = self.closest(patch, &mut source.source, exponent, Sizes::default(), Means::Light)?;
+        let mapped =
+            self.closest(patch, &mut source.source, (exponent, Room::Usual), Sizes::default(), Means::Light)?;
         let is_full = mapped.is_full;
         let (streams, _) = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
         // Nobody makes coarser ones of them.
@@ -280,14 +283,16 @@ impl<'s> Baker<'s> {
     }
 
     /// As [`Baker::bake_closest`], of a cut that is looked at as closely as its source, but both sides of borders show the mean of what both do.
+    /// `finer` is how much finer its texels are than those of the source, as a power of the root of two.
     pub fn bake_cut<S: Source>(
         &mut self,
         patch: &BakedPatch<'_>,
         source: &mut Located<S>,
         exponent: u32,
+        finer: u32,
     ) -> Option<Baked> {
         let sizes = Sizes::of_source(patch, source);
-        let mapped = self.closest(patch, &mut source.source, exponent, sizes, Means::Roots)?;
+        let mapped = self.closest(patch, &mut source.source, (exponent, Room::OfCut { finer }), sizes, Means::Roots)?;
         let is_full = mapped.is_full;
         let (streams, _) = self.streams(patch, mapped, |_, shown| shown.means(patch));
         Some(Baked { streams, surfels: Surfels::default(), is_full })
@@ -298,11 +303,11 @@ impl<'s> Baker<'s> {
         &mut self,
         patch: &BakedPatch<'_>,
         source: &mut impl Source,
-        exponent: u32,
+        (exponent, room): (u32, Room),
         sizes: Sizes,
         means: Means,
     ) -> Option<Mapped> {
-        let mapped = self.mapped(patch, exponent, sizes, None)?;
+        let mapped = self.mapped(patch, (exponent, room), sizes, None)?;
         let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         let taken = show_closest(patch, &mapped.map, &self.drawn, source, &mut sums, means);
         let sums = gather(patch, &mapped.map, (&self.drawn, &taken), source, sums);
@@ -323,7 +328,7 @@ impl<'s> Baker<'s> {
         // A piece covers less than the surface that it shows.
         let wanted = || coarse.texels * patch.whole_area() / covered_area(finer.clone());
         let exponent = sizes.exponent(patch, coarse.exponent, wanted);
-        let mapped = self.mapped(patch, exponent, sizes, Some(&outline))?;
+        let mapped = self.mapped(patch, (exponent, Room::Usual), sizes, Some(&outline))?;
         let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
         self.kept = gather_surfels(patch, &mapped.map, &self.drawn, finer, sums);
         let mut surfels = self.surfels(patch, &mapped);
@@ -379,7 +384,7 @@ impl<'s> Baker<'s> {
     fn mapped(
         &mut self,
         patch: &BakedPatch<'_>,
-        mut exponent: u32,
+        (mut exponent, room): (u32, Room),
         sizes: Sizes,
         outline: Option<&Outline<'_>>,
     ) -> Option<Mapped> {
@@ -388,7 +393,9 @@ impl<'s> Baker<'s> {
         let mut pieces = divide(patch, sizes);
         for round in 0.. {
             let Pieces { shapes, labels, .. } = &pieces;
-            let Ok((map, bytes)) = encode_map(positions, triangles, exponent, shapes, labels, MAX_TEXELS) else {
+            let Ok((map, bytes)) =
+                encode_map(positions, triangles, exponent, shapes, labels, room.most(exponent - wanted))
+            else {
                 // Fewer texels, until they fit.
                 exponent += 1;
                 if exponent > MAX_EXPONENT {
@@ -408,6 +415,26 @@ impl<'s> Baker<'s> {
             return Some(Mapped { map, bytes, borders, usual, is_full: exponent > wanted });
         }
         None
+    }
+}
+
+/// How many texels a map may have.
+#[derive(Clone, Copy)]
+enum Room {
+    Usual,
+    /// More where they are no finer than those of the source, which they are by this power of the root of two: finer ones show little more.
+    OfCut {
+        finer: u32,
+    },
+}
+
+impl Room {
+    /// The most of them where they are larger than asked for, by a power of the root of two.
+    fn most(self, larger: u32) -> u64 {
+        match self {
+            Self::OfCut { finer } if larger >= finer => MAX_TEXELS_OF_CUT,
+            _ => MAX_TEXELS,
+        }
     }
 }
 

@@ -89,7 +89,7 @@ fn a_label_keeps_finer_texels_at_all_levels() {
     assert!(error < 6.0, "{error}");
     assert!((0..18).all(|number| (coarser[number] / sizes[number] - 2.0).abs() < 1e-9), "{coarser:?}");
 
-    let streams = baker.bake_cut(&patch, &mut Located::new(source), 4).expect("it has an image").streams;
+    let streams = baker.bake_cut(&patch, &mut Located::new(source), 4, 0).expect("it has an image").streams;
     let (sizes, error) = sizes_and_error(&streams, &positions, &triangles);
     assert!(error < 6.0, "{error}");
     assert_eq!([sizes[8], sizes[0]], [4.0, 32.0]);
@@ -181,7 +181,7 @@ fn texels_are_long_where_images_are_stretched() {
     let coarse = baker.bake_coarser(&patch, std::iter::once(&surfels), NO_STRIPES, Coarse::even(10));
     are_long(measured(&coarse.expect("it has an image").streams).0, 8.0);
     let mut source = Located::new(Stripes(corners.clone(), Some([8.0, 0.0])));
-    let (sides, _, _, error) = measured(&baker.bake_cut(&patch, &mut source, 8).expect("it has an image").streams);
+    let (sides, _, _, error) = measured(&baker.bake_cut(&patch, &mut source, 8, 0).expect("it has an image").streams);
     are_long(sides, 4.0);
     assert!(even_error > 4.0 * error, "{error} {even_error}");
 }

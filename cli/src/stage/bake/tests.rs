@@ -565,7 +565,7 @@ fn texels_show_what_lies_closest_however_far_it_is() {
     let mut baker = Baker::new(&storage);
     let mut error = |is_closest: bool| {
         let baked = match is_closest {
-            true => baker.bake_cut(&patch, &mut Located::new(&mut source), 2),
+            true => baker.bake_cut(&patch, &mut Located::new(&mut source), 2, 0),
             false => bake(&mut baker, &patch, &mut source, 2),
         };
         let streams = baked.expect("it has an image").streams;
@@ -609,7 +609,8 @@ fn the_far_side_of_a_sheet_counts_a_little() {
     let patch =
         BakedPatch { positions: &positions, triangles: &triangles, reach: 6.0, areas: None, finer: 0, is_sharp: false };
     let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
-    let streams = Baker::new(&storage).bake_cut(&patch, &mut Located::new(Sheet), 2).expect("it has an image").streams;
+    let streams =
+        Baker::new(&storage).bake_cut(&patch, &mut Located::new(Sheet), 2, 0).expect("it has an image").streams;
     let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).expect("sound");
     let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
     let shown = image.interpolated(map.piece(0).unbounded([40.0, 24.0, 0.0]))[0];
@@ -651,7 +652,8 @@ fn shown_of_cut(
 ) -> Vec<f64> {
     let patch = BakedPatch { positions, triangles, reach: 6.0, areas: None, finer: 0, is_sharp: false };
     let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
-    let streams = Baker::new(&storage).bake_cut(&patch, &mut Located::new(source), 2).expect("it has an image").streams;
+    let streams =
+        Baker::new(&storage).bake_cut(&patch, &mut Located::new(source), 2, 0).expect("it has an image").streams;
     let map = Map::decode(&streams[0], positions, triangles, MAX_TEXELS).expect("sound");
     let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
     at.iter().map(|&(triangle, point)| image.interpolated(map.piece(triangle).unbounded(point))[0]).collect()

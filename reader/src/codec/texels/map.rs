@@ -214,6 +214,9 @@ impl Map {
         let rectangles = extents.iter().map(|&extent| rectangle(extent)).collect::<Result<Vec<_>>>()?;
         let too_large = || Error::format("the pieces of a map do not fit into its width");
         let (places, height) = packed(&rectangles, width).ok_or_else(too_large)?;
+        if width.max(height) > LONGEST {
+            return Err(Error::format("a map is longer than 16384 texels"));
+        }
         within(limit, u64::from(width) * u64::from(height), "number of texels of a map")?;
         let pieces = (0..across.len()).map(|number| {
             let [place, size] = [places[number], rectangles[number]].map(|pair| pair.map(f64::from));
@@ -311,9 +314,11 @@ pub fn encode_map(
     let fitting = widths.map(|width| width.max(widest));
     let measured = fitting.filter_map(|width| {
         let (_, height) = packed(&rectangles, width)?;
-        Some((u64::from(width) * u64::from(height), width))
+        (height.max(width) <= LONGEST).then_some((u64::from(width) * u64::from(height), width))
     });
-    let Some((_, width)) = measured.min() else { return Err(Error::model("a map has no pieces")) };
+    let Some((_, width)) = measured.min() else {
+        return Err(Error::model("a map has no pieces, or is longer than 16384 texels"));
+    };
 
     let mut number_of = vec![0; order.len()];
     (0..).zip(&order).for_each(|(number, &piece)| number_of[piece] = number);
@@ -406,6 +411,27 @@ mod tests {
         // A texel is as large as it says.
         let ([.., normal], size) = (map.pieces[0].frame(), map.pieces[0].texel_size());
         assert!((size - 2.0_f64.powf(4.5)).abs() < 1e-9 && (dot(normal, normal) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn no_map_is_higher_than_an_image_may_be() {
+        // Strips that fill the least area in one column: 20 by 1,000 each, turned so that they are higher than wide.
+        let (mut positions, mut triangles, mut labels) = (vec![], vec![], vec![]);
+        for strip in 0..20 {
+            let first = positions.len() as u32;
+            positions.extend([[0, 0], [20, 0], [20, 1000], [0, 1000]].map(|[x, y]| [x + 40 * i64::from(strip), y, 0]));
+            triangles.extend([[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|corner| first + corner)));
+            labels.extend([strip; 2]);
+        }
+        let shapes = |across: [i8; 3]| {
+            let long = Some(LongTexels { across, finer: 0, coarser: 1 });
+            vec![PieceShape { axis: [0, 0, 1], larger: 0, long }; 20]
+        };
+        let encode = |across, limit| encode_map(&positions, &triangles, 0, &shapes(across), &labels, limit);
+        for across in [[127, 0, 0], [0, 127, 0]] {
+            let (map, _) = encode(across, 1 << 24).unwrap();
+            assert!(map.size.iter().all(|&length| length <= LONGEST), "{:?}", map.size);
+        }
     }
 
     #[test]

@@ -299,6 +299,9 @@ impl Drawn {
         let Some((finished, painted)) = finished else {
             bail!("no surface like this one has only {} triangles; ask for more with --triangles", count(most));
         };
+        if self.textured.is_some() && painted.is_none() {
+            messages::tell("note", "no image can be made for so few triangles: what is written has its shape alone");
+        }
         let textured = painted.zip(self.textured.map(|(_, look)| look));
         Ok(Self {
             positions: finished.positions,
