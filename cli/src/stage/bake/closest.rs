@@ -21,8 +21,6 @@ pub(super) const SPACING: f64 = 0.7;
 const CHUNK: usize = 1024;
 /// nor do their points, about.
 const POINTS_OF_CHUNK: f64 = 4_194_304.0;
-/// And how much closer they are where texels have several sizes: few points tell which are around a triangle.
-const CLOSER: f64 = 0.7;
 /// Blocks of so few points are not divided.
 const FEW: usize = 48;
 /// What is so many texels beyond a plane may be taken to lie in it.
@@ -88,19 +86,17 @@ pub(super) fn show_closest(
     let origin = patch.origin();
     let sources: Vec<[DVec3; 3]> =
         (0..source.triangle_count()).map(|triangle| source.corners(triangle).map(|corner| corner - origin)).collect();
-    let spacings: Vec<f64> = sources.par_iter().map(|&corners| SPACING * finder.size_around(corners)).collect();
     let mut values = vec![];
     let mut next = 0;
     while next < sources.len() {
         let first = next;
-        next += chunk(&sources[first..], &spacings[first..]);
-        let find = |(&corners, &spacing): (&[DVec3; 3], &f64)| {
-            let rows = Rows::new(corners, spacing);
+        next += chunk(&sources[first..], size * SPACING);
+        let find = |&corners: &[DVec3; 3]| {
+            let rows = Rows::new(corners, size * SPACING);
             let (texels, _) = finder.find(corners, &rows);
             (rows, texels)
         };
-        let some = sources[first..next].par_iter().zip(&spacings[first..next]);
-        let found: Vec<(Rows, Vec<u32>)> = some.map(find).collect();
+        let found: Vec<(Rows, Vec<u32>)> = sources[first..next].par_iter().map(find).collect();
         for (triangle, (Rows { rows, area, .. }, texels)) in (first..).zip(found) {
             if texels.iter().all(|&texel| texel == NOWHERE) {
                 continue;
@@ -108,7 +104,7 @@ pub(super) fn show_closest(
             // In texels, as what is projected.
             let weight = (area / texels.len() as f64 / (size * size)) as f32;
             values.clear();
-            source.shade(triangle, &rows, spacings[triangle] as f32, &mut values);
+            source.shade(triangle, &rows, (size * SPACING) as f32, &mut values);
             if means == Means::Roots {
                 sums.storage.take_roots(&mut values);
             }
@@ -133,13 +129,13 @@ pub(super) fn show_closest(
 }
 
 /// How many of some triangles are looked at together, whose points are so far from one another.
-fn chunk(triangles: &[[DVec3; 3]], spacings: &[f64]) -> usize {
+fn chunk(triangles: &[[DVec3; 3]], spacing: f64) -> usize {
     let mut points = 0.0;
-    let has_room = |(corners, spacing): &(&[DVec3; 3], &f64)| {
-        points += 0.5 * doubled_area(**corners).length() / (*spacing * *spacing);
+    let has_room = |corners: &&[DVec3; 3]| {
+        points += 0.5 * doubled_area(**corners).length() / (spacing * spacing);
         points <= POINTS_OF_CHUNK
     };
-    triangles.iter().zip(spacings).take(CHUNK).take_while(has_room).count().max(1)
+    triangles.iter().take(CHUNK).take_while(has_room).count().max(1)
 }
 
 /// Where on images points of a patch are.
@@ -225,20 +221,6 @@ impl<'a> Finder<'a, OnMap<'a>> {
         let places = OnMap { map, drawn, projections: projections(patch, map) };
         let size = places.projections.iter().map(|projection| projection.shorter).fold(f64::INFINITY, f64::min);
         Self::new(positions, patch.triangles, places, size)
-    }
-
-    /// The shortest side of texels that a triangle of the source is closest to, as far as few of its points tell; less where sides differ.
-    fn size_around(&self, corners: [DVec3; 3]) -> f64 {
-        let OnMap { map, projections, .. } = &self.places;
-        if projections.iter().all(|projection| projection.shorter == self.size) {
-            return self.size;
-        }
-        let middle = corners.iter().sum::<DVec3>() / 3.0;
-        let mut hint = Hint::default();
-        let points = [middle].into_iter().chain(corners.map(|corner| corner.lerp(middle, 0.25)));
-        let labels = points.filter_map(|point| map.labels.get(self.bvh.close(point, 0.0, &mut hint) as usize));
-        let shortest = labels.map(|&label| projections[usize::from(label)].shorter).fold(f64::INFINITY, f64::min);
-        CLOSER * if shortest.is_finite() { shortest } else { self.size }
     }
 }
 
@@ -442,13 +424,13 @@ mod tests {
         let of_side = |side: f64| [DVec3::ZERO, DVec3::X * side, DVec3::Y * side];
         // Half a million points each.
         let many = vec![of_side(1000.0); 20];
-        assert_eq!(chunk(&many, &[1.0; 20]), 8);
-        assert_eq!(chunk(&many, &[0.5; 20]), 2);
+        assert_eq!(chunk(&many, 1.0), 8);
+        assert_eq!(chunk(&many, 0.5), 2);
         // More than there may be, none, and no number at all.
-        assert_eq!(chunk(&many, &[0.1; 20]), 1);
-        assert_eq!(chunk(&[of_side(0.0); 3], &[1.0; 3]), 3);
-        assert_eq!(chunk(&[of_side(f64::NAN); 3], &[1.0; 3]), 1);
-        assert_eq!(chunk(&vec![of_side(1.0); 2000], &[1.0; 2000]), CHUNK);
+        assert_eq!(chunk(&many, 0.1), 1);
+        assert_eq!(chunk(&[of_side(0.0); 3], 1.0), 3);
+        assert_eq!(chunk(&[of_side(f64::NAN); 3], 1.0), 1);
+        assert_eq!(chunk(&vec![of_side(1.0); 2000], 1.0), CHUNK);
     }
 
     #[test]

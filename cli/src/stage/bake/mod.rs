@@ -71,6 +71,8 @@ pub const MAX_EXPONENT: u32 = 127;
 pub const MAX_TEXELS: u64 = 1 << 24;
 /// And of a reduced cut, which is a single patch with a single map: what lies in pieces of few triangles fills a third of it.
 pub const MAX_TEXELS_OF_CUT: u64 = 1 << 25;
+/// Texels of a reduced cut that are larger than those of the cut by this power of the root of two, or by less, show about as much.
+const LITTLE_LARGER: u32 = 1;
 /// Bytes of a texel of a patch as its map shows it.
 const DRAWN_BYTES: usize = 16;
 /// And of its number among those of its borders.
@@ -389,15 +391,18 @@ impl<'s> Baker<'s> {
         outline: Option<&Outline<'_>>,
     ) -> Option<Mapped> {
         let BakedPatch { positions, triangles, .. } = *patch;
-        let wanted = exponent;
+        let (wanted, mut most) = (exponent, MAX_TEXELS);
         let mut pieces = divide(patch, sizes);
         for round in 0.. {
             let Pieces { shapes, labels, .. } = &pieces;
-            let Ok((map, bytes)) =
-                encode_map(positions, triangles, exponent, shapes, labels, room.most(exponent - wanted))
-            else {
+            let Ok((map, bytes)) = encode_map(positions, triangles, exponent, shapes, labels, most) else {
                 // Fewer texels, until they fit.
                 exponent += 1;
+                if let (Room::OfCut { finer }, MAX_TEXELS) = (room, most)
+                    && exponent > wanted + finer + LITTLE_LARGER
+                {
+                    (exponent, most) = (wanted + finer, MAX_TEXELS_OF_CUT);
+                }
                 if exponent > MAX_EXPONENT {
                     return None;
                 }
@@ -422,20 +427,11 @@ impl<'s> Baker<'s> {
 #[derive(Clone, Copy)]
 enum Room {
     Usual,
-    /// More where they are no finer than those of the source, which they are by this power of the root of two: finer ones show little more.
+    /// More, if its texels would be larger than those of the source by more than a little. They are finer than these by a power of the root of two,
+    /// which shows little.
     OfCut {
         finer: u32,
     },
-}
-
-impl Room {
-    /// The most of them where they are larger than asked for, by a power of the root of two.
-    fn most(self, larger: u32) -> u64 {
-        match self {
-            Self::OfCut { finer } if larger >= finer => MAX_TEXELS_OF_CUT,
-            _ => MAX_TEXELS,
-        }
-    }
 }
 
 /// A map, and the borders of its pieces.
