@@ -371,6 +371,28 @@ fn pages_are_no_larger_than_somebody_asks_for() {
 }
 
 #[test]
+fn cuts_of_small_parts_that_lie_far_apart_have_no_more_texels_than_these() {
+    let folder = Folder::empty();
+    let mut mesh = Mesh::default();
+    for part in 0..200 {
+        // On a sphere of radius 100, of which they cover less than a millionth.
+        let (turn, height) = (f64::from(part) * 2.4, (f64::from(part) + 0.5) / 100.0 - 1.0);
+        let across = (1.0 - height * height).sqrt();
+        let middle = 100.0 * DVec3::new(across * turn.cos(), across * turn.sin(), height);
+        let corner = |k: u32| middle + 0.05 * DVec3::AXES[k as usize];
+        mesh.positions.extend([0, 1, 2].map(corner));
+        mesh.triangles.push([0, 1, 2].map(|k| 3 * part + k));
+    }
+    save_coloured(&mesh, &folder.path("parts.ply"));
+    folder.run("build parts.ply -o parts.lodpack");
+    folder.run("extract parts.lodpack -o few.glb --triangles 20");
+    let few = document(&folder.path("few.glb"));
+    assert!(few["accessors"][0]["count"].as_u64().is_some_and(|count| count > 3) && !few["images"].is_null(), "{few}");
+    let bytes = folder.read("few.glb").len();
+    assert!(bytes < 20_000, "{bytes}");
+}
+
+#[test]
 fn images_are_jpeg_where_somebody_asks_for_it_and_factors_where_all_texels_are_the_same() {
     let folder = Folder::empty();
     save_two_coloured(&folder);

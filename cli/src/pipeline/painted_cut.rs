@@ -35,6 +35,8 @@ const FINER: u32 = 4;
 const FINE_TEXELS: f64 = 4_194_304.0;
 /// Sizes of texels that differ by less are alike.
 const MORE: f64 = 1.01;
+/// How many times as large as the cut what was made from it has to be for its texels to be larger.
+const MUCH_LARGER: f64 = 2.0;
 /// A reduced cut may be so many times as far off as the nearest one, if it shows more.
 const FARTHER: f64 = 3.0;
 /// About how many cells of a reduced cut are compared,
@@ -92,10 +94,15 @@ impl<'a> CutPainter<'a> {
     /// The size of texels of which the cut has about so many.
     fn exponent_for(&self, texels: f64) -> u32 {
         let Mesh { positions, triangles, .. } = &self.cut.mesh;
-        let corners = |corners: &[u32; 3]| corners.map(|vertex| DVec3::from(positions[vertex as usize]));
-        let doubled = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();
-        let area = 0.5 * triangles.iter().map(corners).map(doubled).sum::<f64>();
-        exponent_of((area / texels).sqrt() / self.lattice.step())
+        exponent_of((area(positions, triangles) / texels).sqrt() / self.lattice.step())
+    }
+
+    /// The size of texels that a reduced cut gets. What is much larger than the cut, as where parts that lie far apart have merged, has no more of them
+    /// than the cut would have, since it has no more to show.
+    fn exponent_on(&self, finished: &Finished) -> u32 {
+        let (shown, cut) = (self.shown_exponent(), &self.cut.mesh);
+        let spread = area(&finished.positions, &finished.triangles) / area(&cut.positions, &cut.triangles);
+        if spread > MUCH_LARGER { exponent_of(texel_size(shown) * spread.sqrt()) } else { shown }
     }
 
     /// The size of texels that are shown.
@@ -127,7 +134,7 @@ impl<'a> CutPainter<'a> {
             finished_ways(positions, whole, error, Ways::Each(areas), self.lattice, triangles),
             Recollapse::new(positions, whole, error, areas, self.lattice, triangles),
         )?;
-        let painted = self.painted(&best, self.shown_exponent());
+        let painted = self.painted(&best, self.exponent_on(&best));
         Some((best, painted))
     }
 
@@ -193,6 +200,14 @@ impl<'a> CutPainter<'a> {
             textures: vec![texture],
         })
     }
+}
+
+fn area(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> f64 {
+    let doubled = |corners: &[u32; 3]| {
+        let [a, b, c] = corners.map(|vertex| DVec3::from(positions[vertex as usize]));
+        (b - a).cross(c - a).length()
+    };
+    0.5 * triangles.iter().map(doubled).sum::<f64>()
 }
 
 /// How these channels are stored. None if one of them is of a kind that nothing is known of.

@@ -43,21 +43,23 @@ pub(super) struct Joint {
     most: u8,
     /// Whether they differ by more.
     is_off: bool,
+    /// Whether the other side is not at hand.
+    is_alone: bool,
 }
 
 impl Joint {
     /// Where both sides show what they should if they show the same.
     fn pair([one, other]: [[(u32, f32); 4]; 2]) -> Self {
         let (one, other) = (one.iter().copied(), other.iter().map(|&(texel, share)| (texel, -share)));
-        Self::new(one.chain(other), Vector::default(), MOST_BETWEEN)
+        Self::new(one.chain(other), Vector::default(), MOST_BETWEEN, false)
     }
 
     fn alone(one: [(u32, f32); 4], [red, green, blue]: [f32; 3]) -> Self {
-        Self::new(one.into_iter().chain([(one[0].0, 0.0); 4]), [red, green, blue, 0.0], MOST_OFF)
+        Self::new(one.into_iter().chain([(one[0].0, 0.0); 4]), [red, green, blue, 0.0], MOST_OFF, true)
     }
 
-    fn new(parts: impl Iterator<Item = (u32, f32)>, wanted: Vector, most: u8) -> Self {
-        let mut this = Self { texels: [0; 8], shares: [0.0; 8], wanted, most, is_off: false };
+    fn new(parts: impl Iterator<Item = (u32, f32)>, wanted: Vector, most: u8, is_alone: bool) -> Self {
+        let mut this = Self { texels: [0; 8], shares: [0.0; 8], wanted, most, is_off: false, is_alone };
         for (k, part) in parts.enumerate() {
             (this.texels[k], this.shares[k]) = part;
         }
@@ -75,22 +77,29 @@ impl Joint {
 
     /// The sum of some numbers of texels, as much of each as is shown.
     fn sum(&self, values: &[Vector]) -> Vector {
-        self.parts().fold(Vector::default(), |sum, (texel, share)| plus(sum, values[texel], share))
+        let mut sum = Vector::default();
+        for half in 0..self.sides() {
+            // Of loops like this one compilers make vectors.
+            for k in 4 * half..4 * half + 4 {
+                sum = plus(sum, values[self.texels[k] as usize], self.shares[k]);
+            }
+        }
+        sum
     }
 
     /// What both sides show. Of a side that is not at hand, what it should.
     fn shown(&self, values: &[Vector]) -> [Vector; 2] {
         let (mut one, mut other) = (Vector::default(), self.wanted);
-        for (k, (texel, share)) in self.parts().enumerate() {
-            let (side, share) = if k < 4 { (&mut one, share) } else { (&mut other, -share) };
-            *side = plus(*side, values[texel], share);
+        for k in 0..4 {
+            one = plus(one, values[self.texels[k] as usize], self.shares[k]);
+            other = plus(other, values[self.texels[k + 4] as usize], -self.shares[k + 4]);
         }
         [one, other]
     }
 
-    /// How much of what is missing the one side has to make up for.
-    fn part_of_one(&self) -> f32 {
-        if self.shares[4..] == [0.0; 4] { 1.0 } else { 0.5 }
+    /// How many sides are at hand.
+    fn sides(&self) -> usize {
+        if self.is_alone { 1 } else { 2 }
     }
 
     fn differs(&self, values: &[Vector]) -> bool {
@@ -261,7 +270,8 @@ impl Around {
     fn scales(&self) -> Vec<Vector> {
         let mut needed = vec![(Vector::default(), 0.0); self.values.len()];
         for joint in &self.joints {
-            let ([one, other], part) = (joint.shown(&self.values), joint.part_of_one());
+            // How much of what is missing the one side has to make up for.
+            let ([one, other], part) = (joint.shown(&self.values), 1.0 / joint.sides() as f32);
             let missing = zipped(other, one, |other, one| part * (other - one));
             for (texel, share) in joint.parts() {
                 let (sum, shares) = &mut needed[texel];
@@ -280,8 +290,11 @@ impl Around {
 
 /// Adds to the texels of a point what is given, as much as it shows of each.
 fn spread(sums: &mut [Vector], joint: &Joint, value: Vector) {
-    for (texel, share) in joint.parts() {
-        sums[texel] = plus(sums[texel], value, share);
+    for half in 0..joint.sides() {
+        for k in 4 * half..4 * half + 4 {
+            let sum = &mut sums[joint.texels[k] as usize];
+            *sum = plus(*sum, value, joint.shares[k]);
+        }
     }
 }
 

@@ -13,6 +13,9 @@ use crate::stage::certify::{Feet, Numbers, Single, TOGETHER};
 
 /// About so many points of a patch tell how far it is from the surface.
 const OWN_POINTS: f64 = 4096.0;
+/// A patch with so many times the cells of the surface, or more, is not watched. A triangle has those of the rectangle around it, so usual patches have twice
+/// as many.
+const MUCH_LARGER: f64 = 8.0;
 /// A triangle may turn until the cosine of the angle is this.
 const TURNS: f64 = 0.5;
 
@@ -201,7 +204,7 @@ impl<'a> Watched<'a> {
         let mut this = Self { points, positions, triangles, around, found, reach, states, totals, spacing };
         this.states =
             (0..this.triangles.len() as u32).map(|t| this.state(t, &this.positions)).collect::<Option<_>>()?;
-        if this.states.iter().map(|state| state.cells.len() as u64).sum::<u64>() > MOST_CELLS {
+        if this.states.iter().map(|state| state.cells.len() as u64).sum::<u64>() > this.most_cells() {
             return None;
         }
         let size = points.surface.size() as f32;
@@ -285,6 +288,14 @@ impl<'a> Watched<'a> {
         lengths.fold(f64::INFINITY, f64::min)
     }
 
+    /// How many cells a patch may have that is much larger than the surface, as where parts that lie far apart have merged: most show nothing, and each
+    /// move makes those of some triangles anew.
+    fn most_cells(&self) -> u64 {
+        let Grouped { surface, area, .. } = self.points;
+        // The conversion saturates.
+        MOST_CELLS.min((MUCH_LARGER * area / (surface.size() * surface.size())) as u64 + self.triangles.len() as u64)
+    }
+
     /// A triangle of which nothing is seen yet. None if it has too many cells.
     fn state(&self, triangle: u32, positions: &[DVec3]) -> Option<Triangle> {
         let corners = self.triangles[triangle as usize].map(|v| positions[v as usize]);
@@ -294,7 +305,7 @@ impl<'a> Watched<'a> {
         let [columns, rows] =
             single.extent().map(|length| (f64::from(length) / self.points.surface.size()).ceil().max(1.0) as u32);
         let count = u64::from(columns) * u64::from(rows);
-        (count <= MOST_CELLS).then(|| Triangle {
+        (count <= self.most_cells()).then(|| Triangle {
             single,
             normal: doubled_area(corners),
             bounds: relative.into_iter().fold(Bounds::NOTHING, |bounds, corner| bounds.with(corner.as_vec3())),
@@ -497,8 +508,10 @@ mod tests {
         assert!(is_watched(&sampled, positions.clone()));
         assert!(!is_watched(&nothing, positions.clone()));
         assert!(!is_watched(&sampled, vec![DVec3::ONE; positions.len()]));
-        // Far larger than what it shows.
-        assert!(!is_watched(&sampled, positions.iter().map(|point| point * 1e6).collect()));
+        // Larger than what it shows, by little and by far.
+        for (size, wanted) in [(1.4, true), (4.0, false), (1e6, false)] {
+            assert_eq!(is_watched(&sampled, positions.iter().map(|point| point * size).collect()), wanted, "{size}");
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::args::{ExtractArgs, GroundChoice, ImagesChoice, NormalsChoice, Output
 use crate::interrupt;
 use crate::messages;
 use crate::output::{PendingFile, bytes, count, length, say};
+use crate::progress_bar::Terminal;
 use anyhow::{Context, Result, bail};
 use lodpack::decode::TexturedMesh;
 use lodpack::index::{ChannelInfo, ChannelKind};
@@ -21,6 +22,7 @@ use lodpack_cli::mesh::shaded::{Shading, write_shaded_mesh};
 use lodpack_cli::mesh::smooth::{Creases, Fans};
 use lodpack_cli::mesh::textured::{material_file, write_textured_obj, write_textured_ply};
 use lodpack_cli::pipeline::{CutPainter, Topology, cut_to_finish, finish, is_nearer};
+use lodpack_cli::progress::Progress;
 use serde::Serialize;
 use std::fs::File;
 use std::io::{self, ErrorKind};
@@ -79,7 +81,11 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     for (_, part) in &drawn {
         tell(part, tolerance, format, args);
     }
-    output.write(args, format, &drawn)?;
+    {
+        let progress = Terminal::while_waiting();
+        progress.begin("write", 0);
+        output.write(args, format, &drawn)?;
+    }
     let sum = |count: fn(&Drawn) -> usize| drawn.iter().map(|(_, part)| count(part) as u64).sum::<u64>();
     let largest = |error: fn(&Drawn) -> f64| drawn.iter().map(|(_, part)| error(part)).fold(0.0, f64::max);
     // What is farthest off says what keeps all of it from being finer.
@@ -202,6 +208,8 @@ fn mesh_of(
 ) -> Result<(Drawn, u64)> {
     let (look, channels) = look_of(file, format, args);
     tell_of_numbers(file, format, args);
+    let progress = Terminal::while_waiting();
+    progress.begin("read", 0);
     let finishing = args.triangles.filter(|_| !args.raw && !args.context && args.nodes.is_none());
     let query = Query {
         volume: args.bbox.map(|bbox| bbox.0.into()),
@@ -229,7 +237,8 @@ fn mesh_of(
     let known: Vec<&ChannelInfo> =
         channels.iter().filter_map(|&channel| file.channels().get(usize::from(channel))).collect();
     if let Some(most) = finishing.filter(|&most| drawn.triangles.len() as u64 > most) {
-        drawn = drawn.finished(&file.lattice(), most, &known)?;
+        progress.begin("simplify", 0);
+        drawn = drawn.finished(&file.lattice(), most, &known, &progress)?;
         if let Some(coarser) = coarser.filter(|coarser| is_nearer(coarser, drawn.error)) {
             drawn = draw(&coarser)?;
             cut = coarser;
@@ -286,7 +295,7 @@ impl Drawn {
     }
 
     /// The cut, simplified to a number of triangles; `channels` are those of its images.
-    fn finished(self, lattice: &Lattice, most: u64, channels: &[&ChannelInfo]) -> Result<Self> {
+    fn finished(self, lattice: &Lattice, most: u64, channels: &[&ChannelInfo], progress: &Terminal) -> Result<Self> {
         let triangles = usize::try_from(most).unwrap_or(usize::MAX);
         let error = self.error_everywhere;
         let painter = self.textured.as_ref().and_then(|(cut, _)| CutPainter::new(cut, channels, lattice));
@@ -300,7 +309,7 @@ impl Drawn {
             bail!("no surface like this one has only {} triangles; ask for more with --triangles", count(most));
         };
         if self.textured.is_some() && painted.is_none() {
-            messages::tell("note", "no image can be made for so few triangles: what is written has its shape alone");
+            progress.note("no image can be made for so few triangles: what is written has its shape alone");
         }
         let textured = painted.zip(self.textured.map(|(_, look)| look));
         Ok(Self {

@@ -38,6 +38,8 @@ struct Shared {
     ended: Condvar,
     style: ProgressStyle,
     drawn: bool,
+    /// Whether a stage leaves a line with its time.
+    leaves_times: bool,
     start: Instant,
     /// The directory whose size is reported as disk space in use.
     work: Option<PathBuf>,
@@ -61,29 +63,34 @@ struct Stage {
 impl Terminal {
     /// For a command with these stages.
     pub fn new(style: ProgressStyle, stages: Stages) -> Self {
-        Self::with(style, Course::new(stages.iter().copied()), None)
+        Self::with(style, Course::new(stages.iter().copied()), None, true)
+    }
+
+    /// For a command that takes no time, mostly, and nobody knows how much else: whoever waits sees that it is alive, and nothing stays of that.
+    pub fn while_waiting() -> Self {
+        Self::with(ProgressStyle::Auto, Course::new([]), None, false)
     }
 
     /// For a command that repeats a stage, with these amounts of work.
     pub fn repeated(style: ProgressStyle, stage: &'static str, amounts: impl Iterator<Item = u64>) -> Self {
-        Self::with(style, Course::new(amounts.map(|amount| (stage, amount as f64))), None)
+        Self::with(style, Course::new(amounts.map(|amount| (stage, amount as f64))), None, true)
     }
 
     /// For a command with a work directory, whose stages have these shares of the time.
     pub fn through(style: ProgressStyle, stages: impl Iterator<Item = (&'static str, f64)>, work: &Path) -> Self {
-        Self::with(style, Course::new(stages), Some(work))
+        Self::with(style, Course::new(stages), Some(work), true)
     }
 
     /// For a command with a work directory.
     pub fn working_in(style: ProgressStyle, stages: Stages, work: &Path) -> Self {
-        Self::with(style, Course::new(stages.iter().copied()), Some(work))
+        Self::with(style, Course::new(stages.iter().copied()), Some(work), true)
     }
 
-    fn with(style: ProgressStyle, course: Course, work: Option<&Path>) -> Self {
+    fn with(style: ProgressStyle, course: Course, work: Option<&Path>, leaves_times: bool) -> Self {
         let (start, drawn) = (Instant::now(), style == ProgressStyle::Auto && std::io::stderr().is_terminal());
         let state = State { course, current: None, last_line: start, has_ended: false };
         let (state, ended, work) = (Mutex::new(state), Condvar::new(), work.map(Path::to_owned));
-        let shared = Arc::new(Shared { state, ended, style, drawn, start, work });
+        let shared = Arc::new(Shared { state, ended, style, drawn, leaves_times, start, work });
         let interval = match style {
             ProgressStyle::Json => Some(MOST_JSON_INTERVAL),
             ProgressStyle::Auto if !drawn => Some(MOST_TEXT_INTERVAL),
@@ -164,7 +171,7 @@ impl Shared {
     fn finish(&self, state: &mut State) {
         if let Some(stage) = state.current.take() {
             stage.bar.finish_and_clear();
-            if self.style == ProgressStyle::Auto {
+            if self.style == ProgressStyle::Auto && self.leaves_times {
                 messages::line(format_args!("{:<10} {:>8.2} s", stage.name, stage.start.elapsed().as_secs_f64()));
                 state.last_line = Instant::now();
             }
@@ -229,7 +236,10 @@ impl Progress for Terminal {
         self.shared.finish(&mut state);
         state.course.begin(stage, total);
         let bar = if self.shared.drawn { ProgressBar::new(total) } else { ProgressBar::hidden() };
-        let template = "{msg:<16} {bar:40} {percent:>3} %  {elapsed}  remaining {eta}";
+        let template = match total {
+            0 => "{msg:<16} {elapsed}",
+            _ => "{msg:<16} {bar:40} {percent:>3} %  {elapsed}  remaining {eta}",
+        };
         if let Ok(style) = indicatif::ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
