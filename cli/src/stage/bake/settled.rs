@@ -43,23 +43,21 @@ pub(super) struct Joint {
     most: u8,
     /// Whether they differ by more.
     is_off: bool,
-    /// Whether the other side is not at hand.
-    is_alone: bool,
 }
 
 impl Joint {
     /// Where both sides show what they should if they show the same.
     fn pair([one, other]: [[(u32, f32); 4]; 2]) -> Self {
         let (one, other) = (one.iter().copied(), other.iter().map(|&(texel, share)| (texel, -share)));
-        Self::new(one.chain(other), Vector::default(), MOST_BETWEEN, false)
+        Self::new(one.chain(other), Vector::default(), MOST_BETWEEN)
     }
 
     fn alone(one: [(u32, f32); 4], [red, green, blue]: [f32; 3]) -> Self {
-        Self::new(one.into_iter().chain([(one[0].0, 0.0); 4]), [red, green, blue, 0.0], MOST_OFF, true)
+        Self::new(one.into_iter().chain([(one[0].0, 0.0); 4]), [red, green, blue, 0.0], MOST_OFF)
     }
 
-    fn new(parts: impl Iterator<Item = (u32, f32)>, wanted: Vector, most: u8, is_alone: bool) -> Self {
-        let mut this = Self { texels: [0; 8], shares: [0.0; 8], wanted, most, is_off: false, is_alone };
+    fn new(parts: impl Iterator<Item = (u32, f32)>, wanted: Vector, most: u8) -> Self {
+        let mut this = Self { texels: [0; 8], shares: [0.0; 8], wanted, most, is_off: false };
         for (k, part) in parts.enumerate() {
             (this.texels[k], this.shares[k]) = part;
         }
@@ -78,11 +76,9 @@ impl Joint {
     /// The sum of some numbers of texels, as much of each as is shown.
     fn sum(&self, values: &[Vector]) -> Vector {
         let mut sum = Vector::default();
-        for half in 0..self.sides() {
-            // Of loops like this one compilers make vectors.
-            for k in 4 * half..4 * half + 4 {
-                sum = plus(sum, values[self.texels[k] as usize], self.shares[k]);
-            }
+        // As loops, of which compilers make vectors.
+        for k in 0..8 {
+            sum = plus(sum, values[self.texels[k] as usize], self.shares[k]);
         }
         sum
     }
@@ -97,9 +93,9 @@ impl Joint {
         [one, other]
     }
 
-    /// How many sides are at hand.
-    fn sides(&self) -> usize {
-        if self.is_alone { 1 } else { 2 }
+    /// How much of what is missing the one side has to make up for.
+    fn part_of_one(&self) -> f32 {
+        if self.shares[4..] == [0.0; 4] { 1.0 } else { 0.5 }
     }
 
     fn differs(&self, values: &[Vector]) -> bool {
@@ -270,8 +266,7 @@ impl Around {
     fn scales(&self) -> Vec<Vector> {
         let mut needed = vec![(Vector::default(), 0.0); self.values.len()];
         for joint in &self.joints {
-            // How much of what is missing the one side has to make up for.
-            let ([one, other], part) = (joint.shown(&self.values), 1.0 / joint.sides() as f32);
+            let ([one, other], part) = (joint.shown(&self.values), joint.part_of_one());
             let missing = zipped(other, one, |other, one| part * (other - one));
             for (texel, share) in joint.parts() {
                 let (sum, shares) = &mut needed[texel];
@@ -290,11 +285,9 @@ impl Around {
 
 /// Adds to the texels of a point what is given, as much as it shows of each.
 fn spread(sums: &mut [Vector], joint: &Joint, value: Vector) {
-    for half in 0..joint.sides() {
-        for k in 4 * half..4 * half + 4 {
-            let sum = &mut sums[joint.texels[k] as usize];
-            *sum = plus(*sum, value, joint.shares[k]);
-        }
+    for k in 0..8 {
+        let sum = &mut sums[joint.texels[k] as usize];
+        *sum = plus(*sum, value, joint.shares[k]);
     }
 }
 
