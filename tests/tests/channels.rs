@@ -375,7 +375,7 @@ fn cuts_of_small_parts_that_lie_far_apart_have_no_more_texels_than_these() {
     let folder = Folder::empty();
     let mut mesh = Mesh::default();
     for part in 0..200 {
-        // On a sphere of radius 100, of which they cover less than a millionth.
+        // On a sphere of radius 100, of which they cover some millionths.
         let (turn, height) = (f64::from(part) * 2.4, (f64::from(part) + 0.5) / 100.0 - 1.0);
         let across = (1.0 - height * height).sqrt();
         let middle = 100.0 * DVec3::new(across * turn.cos(), across * turn.sin(), height);
