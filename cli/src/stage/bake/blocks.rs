@@ -17,11 +17,8 @@ pub(super) trait Blocks {
     /// All of them.
     fn whole(&self) -> Self::Block;
 
-    /// How many points of a block there are.
-    fn count_in(&self, block: &Self::Block) -> usize;
-
-    /// The corners of a convex body that holds all points of a block, which has some.
-    fn around(&self, block: &Self::Block) -> Self::Corners;
+    /// How many points of a block there are, and the corners of a convex body that holds all of them, if there are any.
+    fn bounds(&self, block: &Self::Block) -> (usize, Self::Corners);
 
     /// A block, divided along its longer side.
     fn halves(&self, block: Self::Block) -> [Self::Block; 2];
@@ -119,6 +116,12 @@ impl Rows {
         })
     }
 
+    fn corners(&self, block: &Block) -> [DVec3; 4] {
+        let (low, high) = (self.up(block.rows.start), self.up(block.rows.end - 1));
+        let [start, end] = block.along;
+        [(low, start), (low, end), (high, start), (high, end)].map(|(up, along)| self.place(up, along))
+    }
+
     fn point(&self, row: usize, column: usize) -> DVec3 {
         self.place(self.up(row), (column as f64 + 0.5) / f64::from(self.rows[row].count))
     }
@@ -141,18 +144,12 @@ impl Blocks for Rows {
         Block { rows: 0..self.rows.len(), along: [0.0, 1.0] }
     }
 
-    fn count_in(&self, block: &Block) -> usize {
-        block.rows.clone().map(|row| self.columns(row, block).len()).sum()
-    }
-
-    fn around(&self, block: &Block) -> [DVec3; 4] {
-        let (low, high) = (self.up(block.rows.start), self.up(block.rows.end - 1));
-        let [start, end] = block.along;
-        [(low, start), (low, end), (high, start), (high, end)].map(|(up, along)| self.place(up, along))
+    fn bounds(&self, block: &Block) -> (usize, [DVec3; 4]) {
+        (block.rows.clone().map(|row| self.columns(row, block).len()).sum(), self.corners(block))
     }
 
     fn halves(&self, block: Block) -> [Block; 2] {
-        let [a, b, c, _] = self.around(&block);
+        let [a, b, c, _] = self.corners(&block);
         let Block { rows: Range { start: first, end }, along: [left, right] } = block;
         if end - first > 1 && a.distance(c) > a.distance(b) {
             let middle = first.midpoint(end);
@@ -175,7 +172,7 @@ mod tests {
         let mut open = vec![rows.whole()];
         while let Some(block) = open.pop() {
             let points: Vec<(usize, DVec3)> = rows.points(&block).collect();
-            assert_eq!(points.len(), rows.count_in(&block));
+            assert_eq!(points.len(), rows.bounds(&block).0);
             let of_rows: usize = rows.in_rows(&block).map(|(.., count)| count).sum();
             assert_eq!(of_rows, points.len());
             if points.is_empty() {

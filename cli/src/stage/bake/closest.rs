@@ -247,11 +247,10 @@ impl<'a, P: Places> Finder<'a, P> {
     pub fn divide<B: Blocks>(&self, points: &B, hint: &mut Hint, mut visit: impl FnMut(&B::Block, Below)) {
         let mut open = vec![(points.whole(), None)];
         while let Some((block, known)) = open.pop() {
-            let count = points.count_in(&block);
+            let (count, corners) = points.bounds(&block);
             if count == 0 {
                 continue;
             }
-            let corners = points.around(&block);
             let corners = corners.as_ref();
             // What held for more points holds for these.
             if let Some(triangle) = known.as_ref().and_then(|known| self.below(known, corners)) {
@@ -260,11 +259,14 @@ impl<'a, P: Places> Finder<'a, P> {
             }
             let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
             let radius = corners.iter().map(|corner| corner.distance_squared(middle)).fold(0.0, f64::max).sqrt();
+            let before = known.as_ref().map(Around::count);
             let around = match known {
                 Some(around) => Some(self.bvh.narrowed(&around, middle, radius)),
                 None => self.bvh.around(middle, radius, hint),
             };
-            match around.as_ref().and_then(|around| self.below(around, corners)) {
+            // The same ones are no closer than they were.
+            let is_new = around.as_ref().map(Around::count) != before;
+            match around.as_ref().filter(|_| is_new).and_then(|around| self.below(around, corners)) {
                 Some(triangle) => visit(&block, Below::One(triangle)),
                 None if count > FEW => open.extend(points.halves(block).map(|half| (half, around))),
                 None => visit(&block, Below::Any(around)),

@@ -84,19 +84,22 @@ impl Target {
     /// The place of a point of which the numbers are known.
     #[inline(always)]
     fn place<const N: usize>(&self, numbers: [f32; N]) -> [f32; 2] {
-        let [first, growth @ ..] = self.place;
-        [0, 1].map(|k| numbers.into_iter().zip(growth).fold(first[k], |sum, (number, growth)| sum + number * growth[k]))
+        let mut place = self.place[0];
+        for (number, growth) in numbers.iter().zip(&self.place[1..]) {
+            (0..2).for_each(|k| place[k] += number * growth[k]);
+        }
+        place
     }
 
     /// The texel of a place: what lies beyond the piece is taken to its edge, since other pieces lie there.
     #[inline(always)]
     fn texel(&self, place: [f32; 2], width: u32) -> u32 {
         let [low, high] = self.range;
-        let [column, row] = [0, 1].map(|k| {
+        let along = |k: usize| {
             let place = if place[k] > low[k] { place[k] } else { low[k] };
             whole(if place < high[k] { place } else { high[k] })
-        });
-        row * width + column
+        };
+        along(1) * width + along(0)
     }
 }
 
@@ -112,7 +115,7 @@ impl Gathering<'_> {
                     points.for_each(block, |some| {
                         let mut texels = [0; TOGETHER];
                         for (k, texel) in texels.iter_mut().enumerate() {
-                            *texel = target.texel(target.place(some.at.map(|at| at[k])), width);
+                            *texel = target.texel(target.place([some.at[0][k], some.at[1][k], some.at[2][k]]), width);
                         }
                         for (&number, texel) in some.numbers[..some.count].iter().zip(texels) {
                             self.add_point(points, number, &target, texel);
@@ -139,7 +142,7 @@ impl Gathering<'_> {
                     let feet = few.closest(&places);
                     for (k, &number) in some.numbers[..some.count].iter().enumerate() {
                         let target = &targets[feet.which[k] as usize];
-                        let texel = target.texel(target.place(feet.at.map(|at| at[k])), width);
+                        let texel = target.texel(target.place([feet.at[0][k], feet.at[1][k]]), width);
                         self.add_point(points, number, target, texel);
                     }
                 });
@@ -310,19 +313,21 @@ impl Blocks for Lattice<'_> {
         Square { columns: all.clone(), rows: all }
     }
 
-    fn count_in(&self, block: &Square) -> usize {
-        let texels: usize = self.rows(block).map(|row| self.texels(row, &block.columns).len()).sum();
-        // Those at an edge may have half of their points in another block.
-        texels * self.fineness * self.fineness
-    }
-
-    fn around(&self, block: &Square) -> [DVec3; 8] {
-        let depths = self.rows(block).flat_map(|row| &self.surfels.depths[self.texels(row, &block.columns)]);
-        let (low, high) = depths.fold((u16::MAX, 0), |(low, high), &depth| (low.min(depth), high.max(depth)));
+    fn bounds(&self, block: &Square) -> (usize, [DVec3; 8]) {
+        let (mut count, mut low, mut high) = (0, u16::MAX, 0);
+        for row in self.rows(block) {
+            let texels = self.texels(row, &block.columns);
+            count += texels.len();
+            for &depth in &self.surfels.depths[texels] {
+                (low, high) = (low.min(depth), high.max(depth));
+            }
+        }
         let ends = |range: &Range<usize>| [range.start, range.end - 1].map(|number| self.at(number));
         let of = [ends(&block.columns), ends(&block.rows), [low, high].map(f64::from)];
         let [along, down, up] = [0, 1, 2].map(|k| of[k].map(|at| self.steps[k] * at));
-        std::array::from_fn(|corner| self.origin + along[corner & 1] + down[corner >> 1 & 1] + up[corner >> 2])
+        let corner = |corner: usize| self.origin + along[corner & 1] + down[corner >> 1 & 1] + up[corner >> 2];
+        // Those at an edge may have half of their points in another block.
+        (count * self.fineness * self.fineness, std::array::from_fn(corner))
     }
 
     fn halves(&self, block: Square) -> [Square; 2] {

@@ -73,19 +73,10 @@ impl Joint {
         self.texels.into_iter().map(|texel| texel as usize)
     }
 
-    /// The sum of some numbers of texels, as much of each as is shown.
-    fn sum(&self, values: &[Vector]) -> Vector {
-        let mut sum = Vector::default();
-        // As loops, of which compilers make vectors.
-        for k in 0..8 {
-            sum = plus(sum, values[self.texels[k] as usize], self.shares[k]);
-        }
-        sum
-    }
-
     /// What both sides show. Of a side that is not at hand, what it should.
     fn shown(&self, values: &[Vector]) -> [Vector; 2] {
         let (mut one, mut other) = (Vector::default(), self.wanted);
+        // As loops, of which compilers make vectors.
         for k in 0..4 {
             one = plus(one, values[self.texels[k] as usize], self.shares[k]);
             other = plus(other, values[self.texels[k + 4] as usize], -self.shares[k + 4]);
@@ -93,9 +84,14 @@ impl Joint {
         [one, other]
     }
 
+    /// Whether the other side is at hand.
+    fn is_pair(&self) -> bool {
+        self.shares[4..] != [0.0; 4]
+    }
+
     /// How much of what is missing the one side has to make up for.
     fn part_of_one(&self) -> f32 {
-        if self.shares[4..] == [0.0; 4] { 1.0 } else { 0.5 }
+        if self.is_pair() { 0.5 } else { 1.0 }
     }
 
     fn differs(&self, values: &[Vector]) -> bool {
@@ -107,7 +103,7 @@ impl Joint {
 
 impl Shown<'_> {
     /// Adds all points of borders where somebody else has to show the same: four for each texel along them within the patch, two beside other patches.
-    /// The number of a channel is given.
+    /// The number of a channel is given. Those of which both sides are at hand come first.
     pub(super) fn add_joints(&self, wanted: &Wanted, number: usize, strip: &mut Strip, joints: &mut Vec<Joint>) {
         let (width, channels) = (self.borders.width, self.storage.opaque_colours().len());
         joints.reserve(2 * wanted.alike.len() + wanted.alone.len() + wanted.alone_between.len());
@@ -134,6 +130,7 @@ impl Shown<'_> {
 }
 
 /// Changes texels where borders are still off.
+/// Those of which both sides are at hand come first.
 pub(super) fn settle(joints: &[Joint], values: &mut [Vector]) {
     let Some(mut around) = Around::new(joints, values, |texel| (texel as u32, true)) else { return };
     let mut weight = WEIGHT;
@@ -157,7 +154,7 @@ pub(super) fn settle(joints: &[Joint], values: &mut [Vector]) {
 
 /// Points of borders that are off and what is around them: all that show texels of these or of those beside them, which are what may change.
 struct Around {
-    /// Their texels are numbers in the lists below.
+    /// Their texels are numbers in the lists below. Those of which both sides are at hand come first.
     joints: Vec<Joint>,
     /// Where each texel was.
     places: Vec<u32>,
@@ -222,27 +219,28 @@ impl Around {
         let mut changes = vec![Vector::default(); gradient.len()];
         let (mut direction, mut square) = (gradient.clone(), squares(&gradient));
         let enough = square.map(|square| square * ENOUGH);
-        let (mut light, mut sums) = (changes.clone(), changes.clone());
+        let mut texels = vec![Trial::default(); gradient.len()];
+        // Where one side alone is at hand, it alone is looked at: those lie behind the others.
+        let (pairs, alone) = self.joints.split_at(self.joints.partition_point(Joint::is_pair));
+        let (of_pairs, of_alone) = weights.split_at(pairs.len());
         for _ in 0..STEPS {
             if (0..3).all(|k| square[k] <= enough[k]) {
                 break;
             }
-            for ((light, &direction), &scale) in light.iter_mut().zip(&direction).zip(&scales) {
-                *light = product(direction, scale);
+            for ((texel, &direction), &scale) in texels.iter_mut().zip(&direction).zip(&scales) {
+                *texel = Trial { light: product(direction, scale), sum: Vector::default() };
             }
-            sums.fill(Vector::default());
-            for (joint, &weight) in self.joints.iter().zip(&weights) {
-                spread(&mut sums, joint, product(joint.sum(&light), weight));
-            }
+            pairs.iter().zip(of_pairs).for_each(|(joint, &weight)| attempt::<8>(&mut texels, joint, weight));
+            alone.iter().zip(of_alone).for_each(|(joint, &weight)| attempt::<4>(&mut texels, joint, weight));
             let mut curvature = Vector::default();
-            for ((sum, &direction), &scale) in sums.iter_mut().zip(&direction).zip(&scales) {
+            for ((Trial { sum, .. }, &direction), &scale) in texels.iter_mut().zip(&direction).zip(&scales) {
                 // How far a texel is from where it began counts, too.
-                *sum = std::array::from_fn(|k| sum[k] * scale[k] + direction[k]);
+                *sum = zipped(product(*sum, scale), direction, |sum, direction| sum + direction);
                 (0..4).for_each(|k| curvature[k] += sum[k] * direction[k]);
             }
             let step = zipped(square, curvature, quotient);
-            for (((change, gradient), direction), sum) in
-                changes.iter_mut().zip(&mut gradient).zip(&direction).zip(&sums)
+            for (((change, gradient), direction), Trial { sum, .. }) in
+                changes.iter_mut().zip(&mut gradient).zip(&direction).zip(&texels)
             {
                 for k in 0..4 {
                     change[k] += step[k] * direction[k];
@@ -280,6 +278,34 @@ impl Around {
             zipped(value, sum, |value, sum| scale(value, bounded(value + sum / shares, 0.0, 1.0)))
         };
         self.values.iter().zip(&needed).zip(&self.may_change).map(scale_of).collect()
+    }
+}
+
+/// What a step of conjugate gradients does to a texel.
+#[derive(Clone, Copy, Default)]
+struct Trial {
+    /// By how much its light changes.
+    light: Vector,
+    /// What that counts at the points that show it.
+    sum: Vector,
+}
+
+/// Adds what a step counts at a point, of which so many texels are looked at.
+#[inline(always)]
+fn attempt<const TEXELS: usize>(texels: &mut [Trial], joint: &Joint, weight: Vector) {
+    // As loops, of which compilers make vectors, over numbers of which they see that they stay.
+    let mut numbers = [0; TEXELS];
+    for k in 0..TEXELS {
+        numbers[k] = joint.texels[k] as usize;
+    }
+    let mut sum = Vector::default();
+    for k in 0..TEXELS {
+        sum = plus(sum, texels[numbers[k]].light, joint.shares[k]);
+    }
+    let counts = product(sum, weight);
+    for k in 0..TEXELS {
+        let sum = &mut texels[numbers[k]].sum;
+        *sum = plus(*sum, counts, joint.shares[k]);
     }
 }
 

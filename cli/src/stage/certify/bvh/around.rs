@@ -5,7 +5,7 @@ use glam::{DVec3, Vec4};
 use super::{Closest, EMPTY, Hint, INNER, SLACK, STACK, STEADY, TriangleBvh};
 
 /// The most triangles of an [`Around`].
-pub const AROUND: usize = 8;
+pub const AROUND: usize = 24;
 
 /// A few triangles among which the closest one is.
 #[derive(Clone, Copy, Debug, Default)]
@@ -21,6 +21,11 @@ impl Around {
         *free = slot;
         self.count += 1;
         true
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.count
     }
 
     /// Where the triangles are.
@@ -44,15 +49,15 @@ impl TriangleBvh {
     /// Those of some triangles that may be closest to a point within a radius of one, if one of them is.
     pub fn narrowed(&self, around: &Around, point: DVec3, radius: f64) -> Around {
         let local = point - self.origin;
-        let squares = around.slots.map(|slot| self.prepared.get(slot as usize).map(|t| t.distance_squared(local)));
+        let mut squares = [f64::INFINITY; AROUND];
+        for (square, &slot) in squares.iter_mut().zip(around.slots()) {
+            *square = self.distance_squared(local, slot);
+        }
         let squares = &squares[..around.count];
-        let least = squares.iter().flatten().copied().fold(f64::INFINITY, f64::min);
-        let farthest = least.sqrt() + radius / STEADY;
+        let farthest = squares.iter().copied().fold(f64::INFINITY, f64::min).sqrt() + radius / STEADY;
         let mut narrowed = Around::default();
-        for (&slot, square) in around.slots.iter().zip(squares) {
-            if square.is_some_and(|square| square <= farthest * farthest) {
-                narrowed.add(slot);
-            }
+        for (&slot, _) in around.slots().iter().zip(squares).filter(|(_, square)| **square <= farthest * farthest) {
+            narrowed.add(slot);
         }
         narrowed
     }
