@@ -17,11 +17,10 @@ const MOST_BETWEEN: u8 = 5;
 const MOST_OFF: u8 = 3;
 /// Points that are off by less than this, in linear light, are not looked at closely: at their darkest they differ by less than two of 255.
 const SAME: f32 = 0.0005;
-/// What the square of a point that is off counts beside that of a texel that changes.
+/// What the square of a point counts beside that of a texel that changes.
 const WEIGHT: f32 = 40.0;
-/// By how much that grows where a point is still off.
-const GROWTH: f32 = 4.0;
-/// How often texels are found.
+/// How often texels are found, each time from what they are by then. Where points that are still off count more each time, these steps do not suffice,
+/// and more points are off in the end.
 const ROUNDS: usize = 3;
 /// Steps of conjugate gradients for each of these. With 30 files are as large, and borders no better.
 const STEPS: usize = 15;
@@ -41,8 +40,6 @@ pub(super) struct Joint {
     wanted: Vector,
     /// By how much both may differ, of 255.
     most: u8,
-    /// Whether they differ by more.
-    is_off: bool,
 }
 
 impl Joint {
@@ -57,7 +54,7 @@ impl Joint {
     }
 
     fn new(parts: impl Iterator<Item = (u32, f32)>, wanted: Vector, most: u8) -> Self {
-        let mut this = Self { texels: [0; 8], shares: [0.0; 8], wanted, most, is_off: false };
+        let mut this = Self { texels: [0; 8], shares: [0.0; 8], wanted, most };
         for (k, part) in parts.enumerate() {
             (this.texels[k], this.shares[k]) = part;
         }
@@ -133,9 +130,8 @@ impl Shown<'_> {
 /// Those of which both sides are at hand come first.
 pub(super) fn settle(joints: &[Joint], values: &mut [Vector]) {
     let Some(mut around) = Around::new(joints, values, |texel| (texel as u32, true)) else { return };
-    let mut weight = WEIGHT;
     for round in 1.. {
-        around.settle(weight);
+        around.settle();
         for (&place, &value) in around.places.iter().zip(&around.values) {
             values[place as usize] = value;
         }
@@ -143,7 +139,6 @@ pub(super) fn settle(joints: &[Joint], values: &mut [Vector]) {
         if round == ROUNDS {
             break;
         }
-        weight *= GROWTH;
         let place = |texel: usize| (around.places[texel], around.may_change[texel]);
         match Around::new(&around.joints, &around.values, place) {
             Some(still_off) => around = still_off,
@@ -165,13 +160,14 @@ struct Around {
 impl Around {
     /// None if no point is off. `place` says of a texel what place to remember, and whether it may change.
     fn new(joints: &[Joint], values: &[Vector], place: impl Fn(usize) -> (u32, bool)) -> Option<Self> {
-        let are_off: Vec<bool> = joints.iter().map(|joint| joint.differs(values)).collect();
-        if !are_off.contains(&true) {
-            return None;
-        }
         let mut is_near = vec![false; values.len()];
-        for (joint, _) in joints.iter().zip(&are_off).filter(|(_, is_off)| **is_off) {
+        let mut is_any = false;
+        for joint in joints.iter().filter(|joint| joint.differs(values)) {
             joint.all_texels().for_each(|texel| is_near[texel] = true);
+            is_any = true;
+        }
+        if !is_any {
+            return None;
         }
         let shows = |joint: &Joint, texels: &[bool]| joint.all_texels().any(|texel| texels[texel]);
         let are_shown = is_near.clone();
@@ -180,12 +176,8 @@ impl Around {
         }
         let mut strip = Strip::default();
         strip.clear(values.len());
-        let near = joints.iter().zip(&are_off).filter(|(joint, _)| shows(joint, &is_near));
-        let numbered = |(joint, &is_off): (&Joint, &bool)| Joint {
-            texels: joint.texels.map(|texel| strip.number(texel)),
-            is_off,
-            ..*joint
-        };
+        let near = joints.iter().filter(|joint| shows(joint, &is_near));
+        let numbered = |joint: &Joint| Joint { texels: joint.texels.map(|texel| strip.number(texel)), ..*joint };
         let joints = near.map(numbered).collect();
         let texels = || strip.texels().iter().map(|&texel| texel as usize);
         let near_place = |texel: usize| {
@@ -196,9 +188,9 @@ impl Around {
         Some(Self { joints, places, values: texels().map(|texel| values[texel]).collect(), may_change })
     }
 
-    /// Changes texels to those with which the squares of all points and of all changes count least, as screens show them. `weight` is what the square of
-    /// a point that is off counts. (Conjugate gradients for least squares; Hestenes, Stiefel 1952.)
-    fn settle(&mut self, weight: f32) {
+    /// Changes texels to those with which the squares of all points and of all changes count least, as screens show them. (Conjugate gradients for
+    /// least squares; Hestenes, Stiefel 1952.)
+    fn settle(&mut self) {
         // Changes of light for each change that is seen. What does not change has none.
         let scales = self.scales();
         // How much is left to do for each texel, and what a change of light of each point counts.
@@ -206,10 +198,9 @@ impl Around {
         let mut weights = Vec::with_capacity(self.joints.len());
         for joint in &self.joints {
             let [one, other] = joint.shown(&self.values);
-            let weight = if joint.is_off { weight } else { WEIGHT };
             let of_light = zipped(one, other, |one, other| {
                 let slope = 1.0 / scale(one, other);
-                weight * slope * slope
+                WEIGHT * slope * slope
             });
             let missing = zipped(other, one, |other, one| other - one);
             spread(&mut gradient, joint, product(missing, of_light));
