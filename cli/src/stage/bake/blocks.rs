@@ -172,13 +172,13 @@ mod tests {
         let mut open = vec![rows.whole()];
         while let Some(block) = open.pop() {
             let points: Vec<(usize, DVec3)> = rows.points(&block).collect();
-            assert_eq!(points.len(), rows.bounds(&block).0);
+            let (count, around) = rows.bounds(&block);
+            assert_eq!(points.len(), count);
             let of_rows: usize = rows.in_rows(&block).map(|(.., count)| count).sum();
             assert_eq!(of_rows, points.len());
             if points.is_empty() {
                 continue;
             }
-            let around = rows.around(&block);
             let middle = around.iter().sum::<DVec3>() / 4.0;
             let radius = around.iter().map(|corner| corner.distance(middle)).fold(0.0, f64::max);
             assert!(points.iter().all(|(_, point)| point.distance(middle) <= radius + 1e-9));

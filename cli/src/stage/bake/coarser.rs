@@ -475,15 +475,15 @@ mod tests {
                         let at = |k: usize| points.place(some.at.map(|at| f64::from(at[k])));
                         places.extend((0..some.count).map(|k| (some.numbers[k] as usize, at(k))));
                     });
-                    assert!(places.len() <= points.count_in(&block));
+                    let (count, around) = points.bounds(&block);
+                    assert!(places.len() <= count);
                     if places.is_empty() {
                         continue;
                     }
-                    let around = points.around(&block);
                     let middle = around.iter().sum::<DVec3>() / 8.0;
                     let radius = around.iter().map(|corner| corner.distance(middle)).fold(0.0, f64::max);
                     assert!(places.iter().all(|(_, place)| place.distance(middle) <= radius + 1e-3));
-                    match points.count_in(&block) {
+                    match count {
                         1..=4 => places.iter().for_each(|&(number, _)| found[number] += 1),
                         _ => open.extend(points.halves(block)),
                     }
