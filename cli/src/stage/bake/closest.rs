@@ -330,7 +330,7 @@ impl<'a, P: Places> Finder<'a, P> {
     fn below(&self, around: &Around, corners: &[DVec3]) -> Option<u32> {
         let numbers = || self.bvh.numbers(around);
         let first = numbers().next()?;
-        if numbers().count() > 1 && numbers().all(|other| self.is_one_sheet(first, other)) {
+        if around.count() > 1 && numbers().all(|other| self.is_one_sheet(first, other)) {
             return Some(first);
         }
         let is_closest =

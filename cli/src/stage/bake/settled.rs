@@ -19,8 +19,8 @@ const MOST_OFF: u8 = 3;
 const SAME: f32 = 0.0005;
 /// What the square of a point counts beside that of a texel that changes.
 const WEIGHT: f32 = 40.0;
-/// How often texels are found, each time from what they are by then. Where points that are still off count more each time, these steps do not suffice,
-/// and more points are off in the end.
+/// How often texels are found, each time from what they are by then. Where points that are still off count four times as much each time, these steps do
+/// not suffice, and more points are off in the end.
 const ROUNDS: usize = 3;
 /// Steps of conjugate gradients for each of these. With 30 files are as large, and borders no better.
 const STEPS: usize = 15;
@@ -100,7 +100,7 @@ impl Joint {
 
 impl Shown<'_> {
     /// Adds all points of borders where somebody else has to show the same: four for each texel along them within the patch, two beside other patches.
-    /// The number of a channel is given. Those of which both sides are at hand come first.
+    /// The number of a channel is given. Points of which both sides are at hand come first.
     pub(super) fn add_joints(&self, wanted: &Wanted, number: usize, strip: &mut Strip, joints: &mut Vec<Joint>) {
         let (width, channels) = (self.borders.width, self.storage.opaque_colours().len());
         joints.reserve(2 * wanted.alike.len() + wanted.alone.len() + wanted.alone_between.len());
@@ -126,8 +126,7 @@ impl Shown<'_> {
     }
 }
 
-/// Changes texels where borders are still off.
-/// Those of which both sides are at hand come first.
+/// Changes texels where borders are still off. Points of which both sides are at hand come first, as [`Shown::add_joints`] adds them.
 pub(super) fn settle(joints: &[Joint], values: &mut [Vector]) {
     let Some(mut around) = Around::new(joints, values, |texel| (texel as u32, true)) else { return };
     for round in 1.. {
@@ -149,7 +148,7 @@ pub(super) fn settle(joints: &[Joint], values: &mut [Vector]) {
 
 /// Points of borders that are off and what is around them: all that show texels of these or of those beside them, which are what may change.
 struct Around {
-    /// Their texels are numbers in the lists below. Those of which both sides are at hand come first.
+    /// Their texels are numbers in the lists below. Points of which both sides are at hand come first.
     joints: Vec<Joint>,
     /// Where each texel was.
     places: Vec<u32>,

@@ -67,7 +67,7 @@ impl TriangleBvh {
         let local = point - self.origin;
         let mut best = (f64::INFINITY, around.slots[0]);
         if around.count > 1 {
-            for &slot in &around.slots[..around.count] {
+            for &slot in around.slots() {
                 let square = self.distance_squared(local, slot);
                 if square < best.0 {
                     best = (square, slot);

@@ -121,7 +121,7 @@ fn least(one: f32, other: f32) -> f32 {
 impl TriangleBvh {
     /// Some triangles, relative to a point.
     pub fn few(&self, around: &Around, about: DVec3) -> Few {
-        let mut few = Few { triangles: [Single::default(); AROUND], count: around.slots().len() };
+        let mut few = Few { triangles: [Single::default(); AROUND], count: around.count() };
         for (single, &slot) in few.triangles.iter_mut().zip(around.slots()) {
             *single = self.prepared[slot as usize].single(about - self.origin);
         }
@@ -152,7 +152,7 @@ mod tests {
         for _ in 0..300 {
             let (middle, radius) = (random.point(), 0.1 * random.point().x.abs());
             let Some(around) = surface.around(middle, radius, &mut Hint::default()) else { continue };
-            several += u32::from(around.slots().len() > 1);
+            several += u32::from(around.count() > 1);
             let few = surface.few(&around, middle);
             let frames: Vec<[DVec3; 3]> = surface.frames(&around).collect();
             let points = [(); TOGETHER].map(|()| middle + random.point().clamp_length_max(1.0) * radius);
