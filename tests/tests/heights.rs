@@ -233,6 +233,11 @@ fn coasts_and_islands_keep_their_promises() {
     };
     let path = folder.fractal("coast.tif", &Grid::utm([333, 210]), false, coast);
     is_sound(&path, &RasterOptions::default(), Tolerance::Auto, 25);
+    // Roots draw all of their cells, and tiles below them do not.
+    let path = folder.fractal("edge.tif", &Grid::utm([129, 129]), false, |column, _| column == 0);
+    is_sound(&path, &RasterOptions::default(), Tolerance::Auto, 25);
+    let path = folder.fractal("hole.tif", &Grid::utm([257, 200]), false, |x, y| x / 3 == 27 && y / 2 == 50);
+    is_sound(&path, &RasterOptions::default(), Tolerance::Auto, 25);
     let path = folder.fractal("islands.tif", &Grid::globe([256, 128]), true, |x, y| (x / 9 + y / 7) % 3 == 0);
     is_sound(&path, &RasterOptions { surface: SurfaceKind::Wgs84, ..RasterOptions::default() }, Tolerance::Auto, 15);
 }

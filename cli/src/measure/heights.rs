@@ -1,11 +1,12 @@
 //! Checks of files of heights: whether everything can be read, whether cuts are closed, and whether rasters are as close as is stored.
 
-use std::collections::HashMap;
+use std::fmt::Write;
 
 use lodpack::ReadAt;
 use lodpack::heights::{CELLS, Heights, HeightsCut, HeightsMesh, HeightsQuery, TileId};
 use serde::Serialize;
 
+use super::closed;
 use super::random::Random;
 use crate::import::ImportError;
 use crate::import::raster::HeightSource;
@@ -83,10 +84,14 @@ pub fn verify<S: ReadAt>(
         let query = some_query(file, &mut random);
         let checked = file.cut(&query).and_then(|cut| Ok((file.mesh(&cut)?, cut)));
         match checked {
-            Err(error) => report.complain("cut: ", format!("{query:?}: {error}")),
+            Err(error) => report.complain("cut: ", format!("{}: {error}", words(&query))),
             Ok((mesh, cut)) => {
                 report.cuts += 1;
-                check_closed(file, &query, &mesh, &mut report);
+                match closed::fault(file, &cut, &mesh) {
+                    Ok(None) => {}
+                    Ok(Some(fault)) => report.complain("mesh: ", format!("{fault}, in {}", words(&query))),
+                    Err(error) => report.complain("cut: ", format!("{}: {error}", words(&query))),
+                }
                 if let Some(known) = &known {
                     shares.extend(check_errors(file, known, (&query, &cut, &mesh), &mut report));
                 }
@@ -244,36 +249,20 @@ fn some_query<S: ReadAt>(file: &Heights<S>, random: &mut Random) -> HeightsQuery
     query
 }
 
-/// Whether each edge has two triangles that run along it in opposite directions, but for edges where the surface ends.
-fn check_closed<S: ReadAt>(file: &Heights<S>, query: &HeightsQuery, mesh: &HeightsMesh, report: &mut HeightsReport) {
-    let mut edges = HashMap::<[u32; 2], i32>::new();
-    for t in &mesh.triangles {
-        for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
-            let count = edges.entry([a, b]).or_default();
-            *count += 1;
-            if *count > 1 || a == b {
-                return report.complain("mesh: ", format!("an edge has two triangles on one side, {query:?}"));
-            }
-        }
+/// A query in words.
+fn words(query: &HeightsQuery) -> String {
+    let HeightsQuery { bounds, tolerance, max_triangles } = query;
+    let mut words = "the cut".to_owned();
+    if let Some(tolerance) = tolerance {
+        write!(words, " of tolerance {tolerance}").expect("strings take anything");
     }
-    let (grid, is_partial) = (file.grid(), file.roots().iter().any(|&root| !is_full(file, root)));
-    if query.bounds.is_some() || is_partial {
-        return;
+    if let Some(most) = max_triangles {
+        write!(words, " of at most {most} triangles").expect("strings take anything");
     }
-    let [columns, rows] = grid.cells();
-    for &[a, b] in edges.keys().filter(|[a, b]| !edges.contains_key(&[*b, *a])) {
-        let [p, q] = [a, b].map(|at| mesh.samples[at as usize]);
-        let is_end = |axis: usize, at: u64| p[axis] == at && q[axis] == at;
-        let is_side = !grid.wraps() && (is_end(0, 0) || is_end(0, columns));
-        let [north, south] = grid.poles();
-        if !(is_side || is_end(1, 0) && !north || is_end(1, rows) && !south) {
-            return report.complain("mesh: ", format!("a crack between samples {p:?} and {q:?}, {query:?}"));
-        }
+    if let Some([[west, south], [east, north]]) = bounds {
+        write!(words, " from {west}, {south} to {east}, {north}").expect("strings take anything");
     }
-}
-
-fn is_full<S: ReadAt>(file: &Heights<S>, root: TileId) -> bool {
-    matches!(file.record(root), Ok(Some(record)) if !record.is_partial)
+    words
 }
 
 /// How far the samples of the rasters are from the triangles that cover them, as shares of the errors of these triangles' tiles.
@@ -318,7 +307,10 @@ fn check_errors<S: ReadAt>(
         if most > error * (1.0 + ROUNDING) + room {
             let id = tile.id;
             let name = format!("{}/{}/{}", id.depth, id.column, id.row);
-            report.complain("error: ", format!("tile {name} is off by {most}, and {error} is stored, {query:?}"));
+            report.complain(
+                "error: ",
+                format!("tile {name} is off by {most}, and {error} is stored, in {}", words(query)),
+            );
         }
         if error > 0.0 {
             shares.push(most / error);

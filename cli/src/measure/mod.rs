@@ -2,6 +2,7 @@
 //! hide itself here.
 #![allow(clippy::disallowed_methods, reason = "reports and generated shapes: no file that users keep depends on them")]
 
+mod closed;
 pub mod heights;
 pub mod random;
 pub mod report;

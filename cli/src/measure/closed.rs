@@ -1,0 +1,130 @@
+//! Whether meshes of cuts of heights are closed: each edge has a triangle on either side, but where the surface ends.
+
+use std::sync::Arc;
+
+use lodpack::heights::{CELLS, Grid, Heights, HeightsCut, HeightsMesh, Lines, SIDE, TileValues};
+use lodpack::{ReadAt, Result};
+
+/// The cells that the tiles of a cut draw.
+struct Drawn<'a> {
+    grid: &'a Grid,
+    /// Lines of their samples; and what they draw, if that is not all.
+    tiles: Vec<(Lines, Option<Arc<TileValues>>)>,
+}
+
+impl<'a> Drawn<'a> {
+    fn new<S: ReadAt>(file: &'a Heights<S>, cut: &HeightsCut) -> Result<Self> {
+        let grid = file.grid();
+        let tile = |id| {
+            let is_partial = file.record(id)?.is_some_and(|record| record.is_partial);
+            Ok((grid.lines(id), if is_partial { file.tile(id)? } else { None }))
+        };
+        Ok(Self { grid, tiles: cut.tiles.iter().map(|of_cut| tile(of_cut.id)).collect::<Result<_>>()? })
+    }
+
+    /// Whether what lies between a column of samples and the next one, and a row and the next one, is drawn.
+    fn has(&self, [column, row]: [i64; 2]) -> bool {
+        let columns = self.grid.cells()[0];
+        let column = if self.grid.wraps() { column.rem_euclid(columns as i64) } else { column };
+        let (Ok(column), Ok(row)) = (u64::try_from(column), u64::try_from(row)) else { return false };
+        let cell_of = |lines: &[u64; SIDE], at: u64| {
+            let is_within = lines[0] <= at && at < lines[CELLS];
+            is_within.then(|| lines.partition_point(|&line| line <= at) - 1)
+        };
+        self.tiles.iter().any(|(lines, tile)| {
+            let (Some(column), Some(row)) = (cell_of(&lines.columns, column), cell_of(&lines.rows, row)) else {
+                return false;
+            };
+            let cells = tile.as_ref().and_then(|tile| tile.cells.as_deref());
+            cells.is_none_or(|cells| cells[row] >> column & 1 == 1)
+        })
+    }
+}
+
+/// What is wrong with a mesh, if anything is.
+///
+/// # Errors
+/// If tiles of the cut cannot be read.
+pub(super) fn fault<S: ReadAt>(file: &Heights<S>, cut: &HeightsCut, mesh: &HeightsMesh) -> Result<Option<String>> {
+    // Both ends, the lower one first, whether it is the one that the edge comes from, and the corner opposite to it.
+    let mut edges: Vec<([u32; 2], bool, u32)> = Vec::with_capacity(3 * mesh.triangles.len());
+    for &[a, b, c] in &mesh.triangles {
+        edges.extend(
+            [([a, b], c), ([b, c], a), ([c, a], b)]
+                .map(|([from, to], opposite)| ([from.min(to), from.max(to)], from < to, opposite)),
+        );
+    }
+    edges.sort_unstable();
+    let mut open = vec![];
+    for alike in edges.chunk_by(|one, other| one.0 == other.0) {
+        match alike {
+            &[([low, high], _, opposite)] if low != high => open.push([low, high, opposite]),
+            [(_, one, _), (_, other, _)] if one != other => {}
+            _ => return Ok(Some("an edge has two triangles on one side".to_owned())),
+        }
+    }
+    if open.is_empty() {
+        return Ok(None);
+    }
+    let drawn = Drawn::new(file, cut)?;
+    let is_crack = |edge: &&[u32; 3]| {
+        let beyond = cells_beyond(drawn.grid, edge.map(|at| mesh.samples[at as usize]));
+        beyond.is_none_or(|cells| cells.into_iter().any(|cell| drawn.has(cell)))
+    };
+    Ok(open.iter().find(is_crack).map(|edge| {
+        let [p, q, _] = edge.map(|at| mesh.samples[at as usize]);
+        format!("a crack between the samples in column {}, row {} and column {}, row {}", p[0], p[1], q[0], q[1])
+    }))
+}
+
+/// The cells along an edge, on the side where its triangle is not. None if the edge runs through cells, where no surface ends.
+fn cells_beyond(grid: &Grid, corners: [[u64; 2]; 3]) -> Option<Vec<[i64; 2]>> {
+    let ([columns, last_row], poles) = (grid.cells(), grid.poles());
+    let is_pole = |row: u64| row == 0 && poles[0] || row == last_row && poles[1];
+    let around = columns as i64;
+    // Around the globe the nearest way; a pole lies in every column.
+    let [p, q, c] = {
+        let from = corners.into_iter().find(|corner| !is_pole(corner[1]))?[0] as i64;
+        corners.map(|[column, row]| {
+            let away = column as i64 - from;
+            let turns = if grid.wraps() && 2 * away.abs() > around { away.signum() * around } else { 0 };
+            [if is_pole(row) { None } else { Some(from + away - turns) }, Some(row as i64)]
+        })
+    };
+    let known = |one: [Option<i64>; 2], other: [Option<i64>; 2], axis: usize| one[axis].or(other[axis]);
+    let (from, to) = ([known(p, q, 0)?, p[1]?], [known(q, p, 0)?, q[1]?]);
+    let axis = (0..2).find(|&axis| from[axis] == to[axis] && from[1 - axis] != to[1 - axis])?;
+    let line = from[axis];
+    // A corner at a pole is on the side of the column of the other end of the edge, and never on a row's line.
+    let beyond = if c[axis]? < line { line } else { line - 1 };
+    let along = from[1 - axis].min(to[1 - axis])..from[1 - axis].max(to[1 - axis]);
+    Some(along.map(|at| if axis == 0 { [beyond, at] } else { [at, beyond] }).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lodpack::Limits;
+    use lodpack::heights::HeightsQuery;
+
+    #[test]
+    fn a_triangle_that_is_missing_is_found_beside_cells_without_heights_and_around_globes() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../format-spec/vectors/heights");
+        for name in ["cell", "globe", "hills", "islands", "painted", "ridge", "sea"] {
+            let bytes = std::fs::read(folder.join(format!("{name}.lodpack"))).expect("the vector is there");
+            let file = Heights::open(bytes.as_slice(), Limits::default()).expect("it is sound");
+            for tolerance in [0.0, 1.0, 100.0] {
+                let query = HeightsQuery { tolerance: Some(tolerance), ..HeightsQuery::default() };
+                let cut = file.cut(&query).expect("a cut");
+                let mesh = file.mesh(&cut).expect("its mesh");
+                assert_eq!(fault(&file, &cut, &mesh).expect("readable"), None, "{name} {tolerance}");
+                for missing in (0..mesh.triangles.len()).step_by(mesh.triangles.len().div_ceil(20)) {
+                    let mut mesh = mesh.clone();
+                    mesh.triangles.remove(missing);
+                    let fault = fault(&file, &cut, &mesh).expect("readable");
+                    assert!(fault.is_some_and(|fault| fault.starts_with("a crack")), "{name} {tolerance} {missing}");
+                }
+            }
+        }
+    }
+}
