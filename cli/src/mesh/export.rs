@@ -6,6 +6,7 @@ use std::path::Path;
 use serde_json::json;
 
 use super::smooth::{COMPUTED, Fans};
+use super::upright::Upright;
 
 /// The formats that [`write_mesh`] can write, by file name extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,7 +60,7 @@ pub fn write_mesh(
     positions: &[[f64; 3]],
     triangles: &[[u32; 3]],
 ) -> io::Result<()> {
-    write_mesh_with_normals(out, format, (positions, triangles), None)
+    write_mesh_with_normals(out, format, (positions, triangles), None, Upright::default())
 }
 
 /// Writes a mesh, and its normals where the format has room for them. In PLY each vertex must have one; GLB has a vertex for each fan.
@@ -71,6 +72,7 @@ pub fn write_mesh_with_normals(
     format: MeshFormat,
     (positions, triangles): (&[[f64; 3]], &[[u32; 3]]),
     fans: Option<&Fans>,
+    upright: Upright,
 ) -> io::Result<()> {
     if rounding(format, positions) == f64::INFINITY {
         return Err(io::Error::new(
@@ -86,7 +88,7 @@ pub fn write_mesh_with_normals(
         }
         MeshFormat::Obj => write_obj(&mut out, positions, triangles, fans),
         MeshFormat::Stl => write_stl(&mut out, positions, triangles),
-        MeshFormat::Glb => write_glb(&mut out, positions, triangles, fans),
+        MeshFormat::Glb => write_glb(&mut out, positions, triangles, fans, upright),
     }?;
     out.flush()
 }
@@ -242,6 +244,7 @@ fn write_glb(
     positions: &[[f64; 3]],
     triangles: &[[u32; 3]],
     fans: Option<&Fans>,
+    upright: Upright,
 ) -> io::Result<()> {
     let (bounds, centre) = (bounds(positions), glb_origin(positions));
     let local = |p: [f64; 3]| [0, 1, 2].map(|k| (p[k] - centre[k]) as f32);
@@ -271,7 +274,7 @@ fn write_glb(
     let json = json!({
         "asset": {"version": "2.0", "generator": "lodpack"},
         "scene": 0, "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "translation": centre}],
+        "nodes": [upright.node(0, centre)],
         "meshes": [{"primitives": [{"attributes": attributes, "indices": 1, "material": 0}]}],
         "materials": [super::material::plain()],
         "buffers": [{"byteLength": byte_count}],

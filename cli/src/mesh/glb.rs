@@ -10,6 +10,7 @@ use super::material::{UNLIT, draw, material, plain};
 use super::pages::{PagedMesh, Part};
 use super::smooth::COMPUTED;
 use super::textured::Binary;
+use super::upright::Upright;
 
 /// The extension of textures whose image is WebP.
 const OF_WEBP: &str = "EXT_texture_webp";
@@ -30,15 +31,6 @@ pub struct GlbLevel {
     pub error: f64,
 }
 
-/// How positions become glTF's, which has metres and y up.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Upright {
-    /// Whether z is up.
-    pub is_z_up: bool,
-    /// The length of a unit, metres.
-    pub unit: f64,
-}
-
 /// What meshes of one file consist of.
 #[derive(Default)]
 struct Scene {
@@ -54,11 +46,11 @@ struct Scene {
 ///
 /// # Errors
 /// Any error of the writer; [`io::ErrorKind::InvalidInput`] beyond 4 GiB.
-pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh, formats: Formats) -> io::Result<()> {
+pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh, formats: Formats, upright: Upright) -> io::Result<()> {
     let mut scene = Scene::default();
     let centre = super::export::glb_origin(&mesh.positions);
     scene.add(mesh, centre, formats)?;
-    scene.write(out, &[json!({"mesh": 0, "translation": centre})], None)
+    scene.write(out, &[upright.node(0, centre)], None)
 }
 
 /// Writes the levels of a mesh, the finest first, as nodes of which a program shows one by the share of the picture that the model covers:
@@ -75,23 +67,14 @@ pub fn write_levels_glb(out: impl Write, levels: &[GlbLevel], upright: Upright) 
     for level in levels {
         scene.add(&level.mesh, centre, Formats::PNG)?;
     }
-    let [x, y, z] = centre.map(|c| c * upright.unit);
     let mut nodes: Vec<Value> = levels
         .iter()
         .enumerate()
         .map(|(mesh, level)| {
             let triangles: usize = level.mesh.triangles.iter().map(Vec::len).sum();
-            let mut node = json!({
-                "mesh": mesh, "name": level.name, "translation": if upright.is_z_up { [x, z, -y] } else { [x, y, z] },
-                "extras": {"certified_error": level.error, "triangles": triangles},
-            });
-            if upright.is_z_up {
-                let half = std::f64::consts::FRAC_1_SQRT_2;
-                node["rotation"] = json!([-half, 0.0, 0.0, half]);
-            }
-            if upright.unit != 1.0 {
-                node["scale"] = [upright.unit; 3].into();
-            }
+            let mut node = upright.node(mesh, centre);
+            node["name"] = level.name.as_str().into();
+            node["extras"] = json!({"certified_error": level.error, "triangles": triangles});
             node
         })
         .collect();

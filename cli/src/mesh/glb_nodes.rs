@@ -109,6 +109,7 @@ mod tests {
     use super::*;
     use crate::mesh::export::{MeshFormat, write_mesh};
     use crate::mesh::shaded::{Shading, write_shaded_mesh};
+    use crate::mesh::upright::Upright;
 
     #[test]
     fn two_models_become_two_nodes_that_keep_what_is_theirs() {
@@ -117,7 +118,8 @@ mod tests {
         write_mesh(&mut bare, MeshFormat::Glb, &positions, &[[0, 1, 2]]).unwrap();
         let shading =
             Shading { normals: vec![[0.0, 0.0, 1.0]; 3], colours: Some(vec![[1, 2, 3]; 3]), ..Shading::default() };
-        write_shaded_mesh(&mut shaded, MeshFormat::Glb, (&positions, &[[0, 1, 2]]), &shading).unwrap();
+        write_shaded_mesh(&mut shaded, MeshFormat::Glb, (&positions, &[[0, 1, 2]]), &shading, Upright::default())
+            .unwrap();
         write_joined_glb(&mut both, &[("surface", bare), ("ground", shaded.clone())]).unwrap();
         let ((joined, binary), (alone, own)) = (chunks(&both).unwrap(), chunks(&shaded).unwrap());
         assert_eq!(joined["scenes"][0]["nodes"], json!([0, 1]));

@@ -16,6 +16,7 @@ pub mod srgb;
 pub mod textured;
 pub mod tolerance;
 pub mod union_find;
+pub mod upright;
 
 use glam::DVec3;
 

@@ -8,6 +8,7 @@ use super::export::{MeshFormat, normal_columns, write_mesh_with_normals, write_p
 use super::smooth::Fans;
 use super::srgb::linear_from_srgb;
 use super::textured::Binary;
+use super::upright::Upright;
 
 /// What vertices look like.
 #[derive(Clone, Debug, Default)]
@@ -35,9 +36,10 @@ pub fn write_shaded_mesh(
     format: MeshFormat,
     (positions, triangles): (&[[f64; 3]], &[[u32; 3]]),
     shading: &Shading,
+    upright: Upright,
 ) -> io::Result<()> {
     match (format, &shading.colours) {
-        (MeshFormat::Glb, _) => write_glb(out, (positions, triangles), shading),
+        (MeshFormat::Glb, _) => write_glb(out, (positions, triangles), shading, upright),
         (MeshFormat::Ply, Some(colours)) => {
             let mut out = BufWriter::with_capacity(1 << 20, out);
             let columns = if shading.has_normals_everywhere { normal_columns(&shading.normals) } else { vec![] };
@@ -51,12 +53,18 @@ pub fn write_shaded_mesh(
                 format,
                 (positions, triangles),
                 shading.has_normals_everywhere.then(fans).as_ref(),
+                upright,
             )
         }
     }
 }
 
-fn write_glb(out: impl Write, (positions, triangles): (&[[f64; 3]], &[[u32; 3]]), shading: &Shading) -> io::Result<()> {
+fn write_glb(
+    out: impl Write,
+    (positions, triangles): (&[[f64; 3]], &[[u32; 3]]),
+    shading: &Shading,
+    upright: Upright,
+) -> io::Result<()> {
     const VERTICES: Option<u32> = Some(34962);
     let centre = super::export::glb_origin(positions);
     let local = |p: &[f64; 3]| [0, 1, 2].map(|k| (p[k] - centre[k]) as f32);
@@ -83,7 +91,7 @@ fn write_glb(out: impl Write, (positions, triangles): (&[[f64; 3]], &[[u32; 3]])
     let document = json!({
         "asset": {"version": "2.0", "generator": "lodpack"},
         "scene": 0, "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "translation": centre}],
+        "nodes": [upright.node(0, centre)],
         "meshes": [{"primitives": [{"attributes": attributes, "indices": accessors.len() - 1, "material": 0}]}],
         "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}}],
         "buffers": [{"byteLength": binary.bytes.len()}],

@@ -133,8 +133,9 @@ Examples:
   lodpack extract dem.lodpack --bbox 500000,5180000,0,510000,5190000,0 -o window.tif
 
 A root is a piece of the surface; each is drawn at one level. A length with a unit (2mm) works \
-where `lodpack info` says what a unit is. --json prints certified_error (of everything written), certified_error_in_box \
-and limited_by (tolerance, finest, triangles or nodes: what keeps the mesh from being finer).";
+where `lodpack info` says what a unit is. --json prints certified_error (of everything written), rounding (what \
+single precision of the format adds), certified_error_in_box and limited_by (tolerance, finest, triangles or nodes: what \
+keeps the mesh from being finer). GLB has metres and y up where the file says its unit and which axis points up.";
 
 pub const EXPORT: &str = "\
 Examples:

@@ -28,7 +28,7 @@ pub enum OutputFormat {
     Obj,
     /// Binary STL, single precision.
     Stl,
-    /// Binary glTF, single precision relative to the middle of the mesh.
+    /// Binary glTF, single precision relative to the middle of the mesh; in metres with y up where the file says its unit and axis.
     Glb,
 }
 

@@ -21,6 +21,7 @@ use lodpack_cli::mesh::pages::PagedMesh;
 use lodpack_cli::mesh::shaded::{Shading, write_shaded_mesh};
 use lodpack_cli::mesh::smooth::{Creases, Fans};
 use lodpack_cli::mesh::textured::{material_file, write_textured_obj, write_textured_ply};
+use lodpack_cli::mesh::upright::Upright;
 use lodpack_cli::pipeline::{CutPainter, Topology, cut_to_finish, finish, is_nearer};
 use lodpack_cli::progress::Progress;
 use serde::Serialize;
@@ -48,6 +49,8 @@ struct ExtractSummary {
     certified_error: f64,
     /// Of what lies in the box, if there is one: the tolerance concerns this.
     certified_error_in_box: Option<f64>,
+    /// How far the format moves coordinates beyond that, at most: STL and GLB are in single precision.
+    rounding: f64,
     /// The tolerance asked for, in input units.
     tolerance: Option<f64>,
     /// What keeps the mesh from being finer: "tolerance" (it is as fine as was asked for), "finest" (the file has nothing finer),
@@ -67,9 +70,17 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     interrupt::on_stop_leave_nothing();
     // An unsuitable output is refused before anything is read.
     let output = Output::create(args)?;
-    let (drawn, tolerance, (nodes, kind_of_nodes), traffic) = match open_any(&args.file)? {
-        Opened::Mesh(file) => drawn_of(&file, format, args)?,
+    let upright;
+    let (mut drawn, tolerance, (nodes, kind_of_nodes), traffic) = match open_any(&args.file)? {
+        Opened::Mesh(file) => {
+            let has_ground = file.index().ground_range().is_some();
+            upright = if has_ground { Upright::along_z(file.placement()) } else { Upright::of(file.placement()) };
+            drawn_of(&file, format, args)?
+        }
         Opened::Heights(file) => {
+            // A globe has no axis that points up.
+            let is_globe = file.surface().is_globe();
+            upright = if is_globe { Upright::default() } else { Upright::along_z(file.placement()) };
             let tolerance = args.tolerance.map(|tolerance| tolerance_in_heights(&file, tolerance)).transpose()?;
             let (drawn, nodes) = match tolerance.filter(|_| args.tin) {
                 Some(tolerance) => heights::extract::tin_of(&file, tolerance, args)?,
@@ -78,13 +89,14 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
             (vec![("heights", drawn)], tolerance, nodes, [file.source().byte_count(), file.source().read_count()])
         }
     };
-    for (_, part) in &drawn {
-        tell(part, tolerance, format, args);
+    for (_, part) in &mut drawn {
+        part.rounding = rounding(format, &part.positions);
+        tell(part, tolerance, args);
     }
     {
         let progress = Terminal::while_waiting();
         progress.begin("write", 0);
-        output.write(args, format, &drawn)?;
+        output.write(args, (format, upright), &drawn)?;
     }
     let sum = |count: fn(&Drawn) -> usize| drawn.iter().map(|(_, part)| count(part) as u64).sum::<u64>();
     let largest = |error: fn(&Drawn) -> f64| drawn.iter().map(|(_, part)| error(part)).fold(0.0, f64::max);
@@ -99,6 +111,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         simplified_from: drawn.iter().find_map(|(_, part)| part.cut_triangles),
         topology: drawn.first().map_or(Topology::Kept, |(_, part)| part.topology),
         certified_error: largest(|part| part.error_everywhere),
+        rounding: largest(|part| part.rounding),
         certified_error_in_box: args.bbox.map(|_| largest(|part| part.error)),
         tolerance,
         limited_by: name_of(coarsest.limited_by),
@@ -110,7 +123,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
 }
 
 /// Notes what people may not expect of a mesh that is written.
-fn tell(drawn: &Drawn, tolerance: Option<f64>, format: MeshFormat, args: &ExtractArgs) {
+fn tell(drawn: &Drawn, tolerance: Option<f64>, args: &ExtractArgs) {
     match drawn.topology {
         Topology::Kept => {}
         Topology::Resampled => {
@@ -123,10 +136,9 @@ fn tell(drawn: &Drawn, tolerance: Option<f64>, format: MeshFormat, args: &Extrac
     if let Some(what) = shortfall(drawn, tolerance, args) {
         messages::tell("note", &what);
     }
-    let moved = rounding(format, &drawn.positions);
-    if moved > drawn.error * NOTABLE_ROUNDING {
+    if drawn.rounding > drawn.error * NOTABLE_ROUNDING {
         let output = args.output.display();
-        let moved = length(moved);
+        let moved = length(drawn.rounding);
         messages::tell(
             "note",
             &format!("{output}: single precision moves coordinates by up to {moved}; write PLY or OBJ to keep them"),
@@ -134,12 +146,32 @@ fn tell(drawn: &Drawn, tolerance: Option<f64>, format: MeshFormat, args: &Extrac
     }
 }
 
-/// Notes what the format has no place for.
-fn tell_of_numbers(file: &lodpack::File<Source>, format: MeshFormat, args: &ExtractArgs) {
-    let numbers = file.channels().iter().filter(|channel| is_number(channel));
-    let names: Vec<&str> = numbers.map(|channel| channel.name.as_str()).collect();
-    if !names.is_empty() && format != MeshFormat::Ply && args.channels == "auto" {
-        messages::tell("note", &format!("{} is not written: write PLY to keep it", names.join(", ")));
+/// Notes what the format has no place for, of channels that are wanted.
+fn tell_of_channels(file: &lodpack::File<Source>, written: &[u8], format: MeshFormat, args: &ExtractArgs) {
+    if args.channels != "auto" {
+        return;
+    }
+    let tell_of = |is_it: &dyn Fn(&ChannelInfo) -> bool, better: &str| {
+        let all = (0..).zip(file.channels());
+        let left = all.filter(|(number, channel)| !written.contains(number) && is_it(channel));
+        let names: Vec<&str> = left.map(|(_, channel)| channel.name.as_str()).collect();
+        let (are, them) = if names.len() > 1 { ("are", "them") } else { ("is", "it") };
+        if !names.is_empty() {
+            messages::tell("note", &format!("{} {are} not written: write {better} to keep {them}", names.join(", ")));
+        }
+    };
+    tell_of(&is_number, "PLY");
+    if format != MeshFormat::Glb {
+        let is_look = |channel: &ChannelInfo| {
+            matches!(channel.kind, ChannelKind::Colour | ChannelKind::Normal | ChannelKind::Factor)
+        };
+        tell_of(&is_look, "GLB");
+    }
+    let has_colour = (0..)
+        .zip(file.channels())
+        .any(|(number, channel)| written.contains(&number) && channel.kind == ChannelKind::Colour);
+    if format == MeshFormat::Ply && has_colour {
+        messages::tell("note", "PLY has colours of vertices alone: write GLB or OBJ to keep what lies between them");
     }
 }
 
@@ -207,7 +239,7 @@ fn mesh_of(
     args: &ExtractArgs,
 ) -> Result<(Drawn, u64)> {
     let (look, channels) = look_of(file, format, args);
-    tell_of_numbers(file, format, args);
+    tell_of_channels(file, &channels, format, args);
     let progress = Terminal::while_waiting();
     progress.begin("read", 0);
     let finishing = args.triangles.filter(|_| !args.raw && !args.context && args.nodes.is_none());
@@ -255,6 +287,8 @@ pub struct Drawn {
     /// Certified, inside the box if there is one.
     pub error: f64,
     pub error_everywhere: f64,
+    /// How far the format moves coordinates, at most.
+    pub rounding: f64,
     pub limited_by: Limiter,
     /// Triangles of the cut that was simplified, if one was.
     pub cut_triangles: Option<u64>,
@@ -275,6 +309,7 @@ impl Drawn {
             triangles: mesh.triangles,
             error: cut.error,
             error_everywhere: cut.node_errors.iter().copied().fold(cut.error, f64::max),
+            rounding: 0.0,
             limited_by: cut.limited_by,
             cut_triangles: None,
             topology: Topology::Kept,
@@ -317,6 +352,7 @@ impl Drawn {
             triangles: finished.triangles,
             error: finished.error,
             error_everywhere: finished.error,
+            rounding: 0.0,
             limited_by: Limiter::Triangles,
             cut_triangles: Some(self.triangles.len() as u64),
             topology: finished.topology,
@@ -406,7 +442,7 @@ impl Output {
         Ok(Self::Stdout)
     }
 
-    fn write(self, args: &ExtractArgs, format: MeshFormat, mesh: &[(&str, Drawn)]) -> Result<()> {
+    fn write(self, args: &ExtractArgs, format: (MeshFormat, Upright), mesh: &[(&str, Drawn)]) -> Result<()> {
         let cannot_write = || format!("cannot write {}", args.output.display());
         match self {
             Self::Stdout => match write(io::stdout().lock(), args, format, mesh) {
@@ -427,11 +463,16 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
 }
 
 /// Writes one mesh, or all of them as nodes or as one.
-fn write(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, meshes: &[(&str, Drawn)]) -> Result<()> {
+fn write(
+    out: impl io::Write,
+    args: &ExtractArgs,
+    format: (MeshFormat, Upright),
+    meshes: &[(&str, Drawn)],
+) -> Result<()> {
     if let [(_, mesh)] = meshes {
         return write_one(out, args, format, mesh);
     }
-    if format == MeshFormat::Glb {
+    if format.0 == MeshFormat::Glb {
         let mut models = vec![];
         for (name, mesh) in meshes {
             let mut bytes = vec![];
@@ -465,19 +506,20 @@ fn creases(args: &ExtractArgs, format: MeshFormat) -> Option<Creases> {
 fn write_bare(
     out: impl io::Write,
     args: &ExtractArgs,
-    format: MeshFormat,
+    (format, upright): (MeshFormat, Upright),
     (positions, triangles): (&[[f64; 3]], &[[u32; 3]]),
 ) -> Result<()> {
     let fans = creases(args, format).map(|creases| Fans::new(positions, triangles, creases)).transpose()?;
-    Ok(write_mesh_with_normals(out, format, (positions, triangles), fans.as_ref())?)
+    Ok(write_mesh_with_normals(out, format, (positions, triangles), fans.as_ref(), upright)?)
 }
 
-fn write_one(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: &Drawn) -> Result<()> {
+fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright), mesh: &Drawn) -> Result<()> {
+    let (format, upright) = form;
     if let Some(shading) = &mesh.shading {
-        return Ok(write_shaded_mesh(out, format, (&mesh.positions, &mesh.triangles), shading)?);
+        return Ok(write_shaded_mesh(out, format, (&mesh.positions, &mesh.triangles), shading, upright)?);
     }
     let Some((textured, look)) = &mesh.textured else {
-        return write_bare(out, args, format, (&mesh.positions, &mesh.triangles));
+        return write_bare(out, args, form, (&mesh.positions, &mesh.triangles));
     };
     let creases = creases(args, format);
     let paged = || {
@@ -497,7 +539,7 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: 
             let normals = fans.as_ref().map(|fans| fans.normals.as_slice());
             write_textured_ply(out, textured, look.colour(), &numbers, normals)?;
         }
-        MeshFormat::Glb => write_textured_glb(out, &paged()?, formats)?,
+        MeshFormat::Glb => write_textured_glb(out, &paged()?, formats, upright)?,
         MeshFormat::Obj => {
             let paged = paged()?;
             let name = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();

@@ -2,7 +2,7 @@
 
 use super::open::{Opened, Source, in_file, open_any, tolerance_in};
 use super::print_json;
-use crate::args::{ExportArgs, NormalsChoice, UpAxis};
+use crate::args::{ExportArgs, NormalsChoice};
 use crate::interrupt;
 use crate::messages;
 use crate::output::{PendingFile, bytes, count, length, say};
@@ -11,9 +11,10 @@ use anyhow::{Context, Result, bail};
 use lodpack::decode::PagedMesh as Pages;
 use lodpack::index::UpAxis as AxisUp;
 use lodpack_cli::mesh::export::{MeshFormat, rounding};
-use lodpack_cli::mesh::glb::{GlbLevel, Upright, screen_coverages, write_levels_glb};
+use lodpack_cli::mesh::glb::{GlbLevel, screen_coverages, write_levels_glb};
 use lodpack_cli::mesh::layers::Look;
 use lodpack_cli::mesh::pages::PagedMesh;
+use lodpack_cli::mesh::upright::Upright;
 use lodpack_cli::progress::Progress;
 use serde::Serialize;
 use std::process::ExitCode;
@@ -122,15 +123,10 @@ fn levels_of(file: &lodpack::File<Source>, args: &ExportArgs, progress: &dyn Pro
     Ok(levels)
 }
 
-/// The axis that points up and the unit, as typed or as the file says; z where it only says its CRS, else y.
+/// The axis that points up and the unit, as typed or as the file says.
 fn upright(file: &lodpack::File<Source>, args: &ExportArgs) -> Upright {
-    let placement = file.placement().cloned().unwrap_or_default();
-    let is_z_up = match args.up.map_or(placement.up, UpAxis::axis) {
-        AxisUp::Z => true,
-        AxisUp::Y => false,
-        _ => !placement.crs.is_empty(),
-    };
-    Upright { is_z_up, unit: placement.unit.unwrap_or(1.0) }
+    let upright = Upright::of(file.placement());
+    Upright { is_z_up: args.up.map_or(upright.is_z_up, |up| up.axis() == AxisUp::Z), ..upright }
 }
 
 fn print(summary: &Summary, args: &ExportArgs) -> Result<()> {

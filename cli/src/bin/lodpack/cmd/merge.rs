@@ -116,6 +116,11 @@ fn check_parts(path: &Path) -> Result<()> {
             let all = parts_in(path).into_iter().chain(parts_in(&path.join(PARTS_NAME)));
             all.into_iter().try_for_each(|part| check_readable(&part))
         }
+        Ok(_) if path.extension().is_some_and(|extension| extension == FILE_EXTENSION) => bail!(
+            "{} is finished: merge joins the parts of one job (*.{PART_EXTENSION}). `lodpack build A.{FILE_EXTENSION} B.{FILE_EXTENSION} -o OUT.{FILE_EXTENSION}` \
+             makes one file of several",
+            path.display()
+        ),
         Ok(_) => check_readable(path),
         Err(error) if error.kind() == ErrorKind::NotFound => {
             bail!("{} does not exist; name a job, a directory of parts, or parts (*.{PART_EXTENSION})", path.display())
