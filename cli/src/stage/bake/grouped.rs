@@ -10,9 +10,6 @@ use crate::stage::certify::{Numbers, TOGETHER};
 pub(super) struct Group {
     pub places: [Numbers; 3],
     pub bounds: Bounds,
-    /// A sphere around them.
-    pub centre: Vec3,
-    pub radius: f32,
     pub colours: [[f32; 3]; TOGETHER],
     /// Normals of their triangles.
     pub normals: [Vec3; TOGETHER],
@@ -44,10 +41,6 @@ impl Bounds {
 
     pub fn union(self, other: Self) -> Self {
         self.with(other.0[0]).with(other.0[1])
-    }
-
-    fn centre(self) -> Vec3 {
-        self.0[0].midpoint(self.0[1])
     }
 
     pub fn square_distance(self, other: Self) -> f32 {
@@ -83,13 +76,9 @@ impl<'a> Grouped<'a> {
             let number = |k: usize| numbers[k.min(numbers.len() - 1)] as usize;
             let place: [Vec3; TOGETHER] = std::array::from_fn(|k| (places[number(k)] - middle).as_vec3());
             let of_point = std::array::from_fn::<_, TOGETHER, _>(|k| of_points[number(k)]);
-            let bounds = place.into_iter().fold(Bounds::NOTHING, Bounds::with);
-            let centre = bounds.centre();
             Group {
                 places: [0, 1, 2].map(|axis| place.map(|place| place[axis])),
-                bounds,
-                centre,
-                radius: place.into_iter().map(|place| place.distance(centre)).fold(0.0, f32::max),
+                bounds: place.into_iter().fold(Bounds::NOTHING, Bounds::with),
                 colours: of_point.map(|(.., colour)| colour),
                 normals: of_point.map(|(normal, ..)| normal),
                 weights: std::array::from_fn(|k| if k < numbers.len() { of_point[k].1 } else { 0.0 }),

@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 
 use super::cells::{MOST_CELLS, Seen};
 use super::closest::{SHARE_OF_OPPOSITE, doubled_area};
-use super::grouped::{Bounds, Group, Grouped};
+use super::grouped::{Bounds, Grouped};
 use crate::mesh::sides;
 use crate::stage::certify::{Feet, Numbers, Single, TOGETHER};
 
@@ -147,16 +147,9 @@ impl Found {
     }
 
     fn reach(&self, bounds: Bounds) -> Reach {
-        Reach {
-            bounds,
-            most: greatest(self.squares),
-            bits: self.triangles.iter().fold(0, |bits, &triangle| bits | bit(triangle)),
-        }
+        let most = self.squares.iter().copied().fold(0.0, f32::max);
+        Reach { bounds, most, bits: self.triangles.iter().fold(0, |bits, &triangle| bits | bit(triangle)) }
     }
-}
-
-fn greatest(squares: Numbers) -> f32 {
-    squares.into_iter().fold(0.0, f32::max)
 }
 
 fn bit(triangle: u32) -> u64 {
@@ -171,13 +164,6 @@ impl Triangle {
         let rows = self.cells.len() as u32 / self.columns;
         let cell = row.min(rows - 1) * self.columns + column.min(self.columns - 1);
         (cell, self.normal.dot(normal.as_dvec3()) <= 0.0)
-    }
-
-    /// Whether it may be nearer to a point of a group than the root of this.
-    fn is_within(&self, square: f32, group: &Group) -> bool {
-        let reach = square.sqrt() + group.radius;
-        group.bounds.square_distance(self.bounds) < square
-            && self.single.square_distance(group.centre.to_array()) < reach * reach
     }
 
     fn error(&self) -> f64 {
@@ -222,19 +208,11 @@ impl<'a> Watched<'a> {
             return None;
         }
         let size = points.surface.size() as f32;
-        let mut nearest = 0;
         for group in &points.groups {
-            // What is nearest to the group before tells how near others have to be.
             let mut feet = Feet::nowhere();
-            feet.add(nearest, &this.states[nearest as usize].single, &group.places);
-            let mut reach = greatest(feet.squares);
             for (number, state) in (0..).zip(&this.states) {
-                if number != nearest && state.is_within(reach, group) {
-                    feet.add(number, &state.single, &group.places);
-                    reach = greatest(feet.squares);
-                }
+                feet.add(number, &state.single, &group.places);
             }
-            nearest = feet.which[0];
             let found = Found::new(|k| {
                 let (cell, is_opposite) =
                     this.states[feet.which[k] as usize].seen(size, feet.at.map(|at| at[k]), group.normals[k]);
@@ -357,18 +335,39 @@ impl<'a> Watched<'a> {
         }
         let bits = moving.iter().fold(0, |bits, &t| bits | bit(t));
         let bounds = states.iter().fold(Bounds::NOTHING, |all, (_, state)| all.union(state.bounds));
-        let is_moving = |t: u32| state_of[t as usize].is_some();
+        let is_at_vertex: Vec<bool> = state_of.iter().map(Option::is_some).collect();
+        let is_moving = |t: u32| is_at_vertex[t as usize];
+        let mut changed: Vec<(usize, Feet)> = vec![];
+        for (number, reach) in self.reach.iter().enumerate() {
+            let may_lose = reach.bits & bits != 0;
+            if !may_lose && reach.bounds.square_distance(bounds) >= reach.most {
+                continue;
+            }
+            let (group, found) = (&self.points.groups[number], &self.found[number]);
+            let mut feet = Feet::nowhere();
+            for (t, state) in &states {
+                if may_lose || group.bounds.square_distance(state.bounds) < reach.most {
+                    feet.add(*t, &state.single, &group.places);
+                }
+            }
+            let lost = (0..TOGETHER).filter(|&k| is_moving(found.triangles[k]));
+            let farthest = lost.map(|k| feet.squares[k]).fold(0.0, f32::max);
+            if farthest > 0.0 {
+                for (t, state) in (0..).zip(&self.states) {
+                    if !is_moving(t) && group.bounds.square_distance(state.bounds) < farthest {
+                        feet.add(t, &state.single, &group.places);
+                    }
+                }
+            }
+            changed.push((number, feet));
+        }
         let size = self.points.surface.size() as f32;
         let mut totals = self.totals;
         let (mut all_found, mut beside) = (vec![], vec![]);
-        for (number, reach) in self.reach.iter().enumerate() {
-            if reach.bits & bits == 0 && reach.bounds.square_distance(bounds) >= reach.most {
-                continue;
-            }
+        for (number, feet) in changed {
             let (group, before) = (&self.points.groups[number], &self.found[number]);
-            let loses = before.triangles.map(is_moving);
-            let Some(feet) = self.feet(number, &states, loses) else { continue };
-            let changes: [bool; TOGETHER] = std::array::from_fn(|k| loses[k] || feet.squares[k] < before.squares[k]);
+            let changes: [bool; TOGETHER] =
+                std::array::from_fn(|k| is_moving(before.triangles[k]) || feet.squares[k] < before.squares[k]);
             if changes == [false; TOGETHER] {
                 continue;
             }
@@ -404,37 +403,6 @@ impl<'a> Watched<'a> {
         totals.error += cells.iter().map(|(t, cell, after)| after.error() - self.cell(*t, *cell).error()).sum::<f64>();
         let value = totals.value(self.points.area);
         Some(Moved { vertex, to, found: all_found, states, cells, totals, value })
-    }
-
-    /// What is closest to a group where triangles have moved, of which some of its points lose theirs. None if nothing changes.
-    #[inline]
-    fn feet(&self, group: usize, moving: &[(u32, Triangle)], loses: [bool; TOGETHER]) -> Option<Feet> {
-        let (Reach { most, .. }, found) = (self.reach[group], &self.found[group]);
-        let group = &self.points.groups[group];
-        let mut feet = Feet::nowhere();
-        let farthest = |feet: &Feet| greatest(std::array::from_fn(|k| if loses[k] { feet.squares[k] } else { 0.0 }));
-        let is_losing = loses != [false; TOGETHER];
-        // Where its points are now they hardly get farther away, so that most other triangles are too far off then.
-        let has_points = |t: u32| is_losing && found.triangles.contains(&t);
-        for (t, state) in moving.iter().filter(|(t, _)| has_points(*t)) {
-            feet.add(*t, &state.single, &group.places);
-        }
-        let reach = farthest(&feet).max(most);
-        let mut is_near = is_losing;
-        for (t, state) in moving.iter().filter(|(t, state)| !has_points(*t) && state.is_within(reach, group)) {
-            feet.add(*t, &state.single, &group.places);
-            is_near = true;
-        }
-        let reach = farthest(&feet);
-        if is_losing {
-            let stays = |t: u32| moving.iter().all(|&(other, _)| other != t);
-            for (t, state) in (0..).zip(&self.states) {
-                if state.is_within(reach, group) && stays(t) {
-                    feet.add(t, &state.single, &group.places);
-                }
-            }
-        }
-        is_near.then_some(feet)
     }
 
     fn cell(&self, t: u32, cell: u32) -> &Cell {

@@ -88,11 +88,6 @@ impl Single {
         [self.base, self.sides[0][1] * self.sides[0][2]]
     }
 
-    /// The squared distance of a point.
-    pub fn square_distance(&self, point: [f32; 3]) -> f32 {
-        self.closest(point).0
-    }
-
     /// The squared distance of a point, and where the closest one is.
     #[inline(always)]
     fn closest(&self, point: [f32; 3]) -> (f32, [f32; 2]) {
