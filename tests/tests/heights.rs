@@ -420,7 +420,11 @@ fn a_ramp_is_kept_and_colours_what_is_taken_out() {
     let single = |bytes| f64::from(f32::from_le_bytes(bytes));
     let (places, normals) = (numbers::<4>(&two, "POSITION", single), numbers::<4>(&two, "NORMAL", single));
     let colours = numbers::<2>(&two, "COLOR_0", |bytes| f64::from(u16::from_le_bytes(bytes)) / 65535.0);
-    let zero = two.0["nodes"][0]["translation"][2].as_f64().expect("a number");
+    // The node turns what has z up into y up, as glTF has it.
+    let node = &two.0["nodes"][0];
+    let zero = node["translation"][1].as_f64().expect("a number");
+    let turned: Vec<f64> = (0..4).map(|k| node["rotation"][k].as_f64().expect("a number")).collect();
+    assert!(turned[0] < -0.7 && turned[1..3] == [0.0, 0.0] && turned[3] > 0.7, "{turned:?}");
     let linear = |x: f64| if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
     assert!(places.len() > 300 && normals.len() == places.len());
     for ((place, normal), colour) in places.chunks(3).zip(normals.chunks(3)).zip(colours.chunks(4)) {

@@ -94,7 +94,9 @@ pub fn tolerance_in_heights(file: &Heights<Source>, tolerance: Tolerance) -> Res
         (Tolerance::InputUnits(length), _) => Ok(length),
         (Tolerance::Metres(metres), Some(unit)) => Ok(metres / unit),
         (Tolerance::Metres(_), None) => {
-            bail!("this file does not record the unit of its coordinates; give --tolerance in input units (0.05)")
+            bail!(
+                "this file does not record the unit of its coordinates (build records --unit beside --up, --crs or --origin); give --tolerance in input units (0.05)"
+            )
         }
         _ => bail!("the tolerance of a grid of heights is a length, as 0.5 or 20cm"),
     }
@@ -111,7 +113,7 @@ pub fn tolerance_in(file: &File<Source>, tolerance: Tolerance) -> Result<f64> {
         Tolerance::OfMeanEdge(factor) => Ok(factor * file.source_info().map_or(0.0, |source| source.mean_edge_length)),
         Tolerance::Metres(metres) if unit.is_some() => Ok(metres / unit.unwrap_or(1.0)),
         Tolerance::Auto | Tolerance::OfBend(_) | Tolerance::Metres(_) => bail!(
-            "this file does not record the unit of its coordinates; give --tolerance in input units (0.05), as a share of the diagonal \
+            "this file does not record the unit of its coordinates (build records --unit beside --up, --crs or --origin); give --tolerance in input units (0.05), as a share of the diagonal \
              (0.1%) or in mean edges (0.4edge)"
         ),
     }
