@@ -1,9 +1,13 @@
 //! Whether meshes of cuts of heights are closed: each edge has a triangle on either side, but where the surface ends.
 
+use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
 use lodpack::heights::{CELLS, Grid, Heights, HeightsCut, HeightsMesh, Lines, SIDE, TileValues};
 use lodpack::{ReadAt, Result};
+
+/// From one column of samples to another, and from one row to another.
+type Strip = [Range<i64>; 2];
 
 /// The cells that the tiles of a cut draw.
 struct Drawn<'a> {
@@ -22,23 +26,30 @@ impl<'a> Drawn<'a> {
         Ok(Self { grid, tiles: cut.tiles.iter().map(|of_cut| tile(of_cut.id)).collect::<Result<_>>()? })
     }
 
-    /// Whether what lies between a column of samples and the next one, and a row and the next one, is drawn.
-    fn has(&self, [column, row]: [i64; 2]) -> bool {
-        let columns = self.grid.cells()[0];
-        let column = if self.grid.wraps() { column.rem_euclid(columns as i64) } else { column };
-        let (Ok(column), Ok(row)) = (u64::try_from(column), u64::try_from(row)) else { return false };
-        let cell_of = |lines: &[u64; SIDE], at: u64| {
-            let is_within = lines[0] <= at && at < lines[CELLS];
-            is_within.then(|| lines.partition_point(|&line| line <= at) - 1)
-        };
+    /// Whether some of what lies between columns of samples and between rows is drawn.
+    fn has_some(&self, [columns, rows]: &Strip) -> bool {
+        let around = self.grid.cells()[0] as i64;
+        let turns: &[i64] = if self.grid.wraps() { &[-1, 0, 1] } else { &[0] };
         self.tiles.iter().any(|(lines, tile)| {
-            let (Some(column), Some(row)) = (cell_of(&lines.columns, column), cell_of(&lines.rows, row)) else {
-                return false;
-            };
-            let cells = tile.as_ref().and_then(|tile| tile.cells.as_deref());
-            cells.is_none_or(|cells| cells[row] >> column & 1 == 1)
+            let drawn = tile.as_ref().and_then(|tile| tile.cells.as_deref());
+            turns.iter().any(|turn| {
+                let columns = columns.start + turn * around..columns.end + turn * around;
+                let (Some(columns), Some(rows)) = (cells_of(&lines.columns, &columns), cells_of(&lines.rows, rows))
+                else {
+                    return false;
+                };
+                drawn
+                    .is_none_or(|drawn| rows.into_iter().any(|row| columns.clone().any(|at| drawn[row] >> at & 1 == 1)))
+            })
         })
     }
+}
+
+/// Those of a tile that touch what lies between two lines of samples. None if it has none there.
+fn cells_of(lines: &[u64; SIDE], between: &Range<i64>) -> Option<RangeInclusive<usize>> {
+    let (from, to) = (between.start.max(lines[0] as i64), between.end.min(lines[CELLS] as i64));
+    let cell = |at: i64| lines.partition_point(|&line| line as i64 <= at) - 1;
+    (from < to).then(|| cell(from)..=cell(to - 1))
 }
 
 /// What is wrong with a mesh, if anything is.
@@ -68,8 +79,8 @@ pub(super) fn fault<S: ReadAt>(file: &Heights<S>, cut: &HeightsCut, mesh: &Heigh
     }
     let drawn = Drawn::new(file, cut)?;
     let is_crack = |edge: &&[u32; 3]| {
-        let beyond = cells_beyond(drawn.grid, edge.map(|at| mesh.samples[at as usize]));
-        beyond.is_none_or(|cells| cells.into_iter().any(|cell| drawn.has(cell)))
+        let beyond = strip_beyond(drawn.grid, edge.map(|at| mesh.samples[at as usize]));
+        beyond.is_none_or(|strip| drawn.has_some(&strip))
     };
     Ok(open.iter().find(is_crack).map(|edge| {
         let [p, q, _] = edge.map(|at| mesh.samples[at as usize]);
@@ -77,8 +88,8 @@ pub(super) fn fault<S: ReadAt>(file: &Heights<S>, cut: &HeightsCut, mesh: &Heigh
     }))
 }
 
-/// The cells along an edge, on the side where its triangle is not. None if the edge runs through cells, where no surface ends.
-fn cells_beyond(grid: &Grid, corners: [[u64; 2]; 3]) -> Option<Vec<[i64; 2]>> {
+/// What lies along an edge, on the side where its triangle is not. None if the edge runs through cells, where no surface ends.
+fn strip_beyond(grid: &Grid, corners: [[u64; 2]; 3]) -> Option<Strip> {
     let ([columns, last_row], poles) = (grid.cells(), grid.poles());
     let is_pole = |row: u64| row == 0 && poles[0] || row == last_row && poles[1];
     let around = columns as i64;
@@ -98,7 +109,8 @@ fn cells_beyond(grid: &Grid, corners: [[u64; 2]; 3]) -> Option<Vec<[i64; 2]>> {
     // A corner at a pole is on the side of the column of the other end of the edge, and never on a row's line.
     let beyond = if c[axis]? < line { line } else { line - 1 };
     let along = from[1 - axis].min(to[1 - axis])..from[1 - axis].max(to[1 - axis]);
-    Some(along.map(|at| if axis == 0 { [beyond, at] } else { [at, beyond] }).collect())
+    let beyond = beyond..beyond + 1;
+    Some(if axis == 0 { [beyond, along] } else { [along, beyond] })
 }
 
 #[cfg(test)]
