@@ -106,7 +106,7 @@ fn strip_beyond(grid: &Grid, corners: [[u64; 2]; 3]) -> Option<Strip> {
     let (from, to) = ([known(p, q, 0)?, p[1]?], [known(q, p, 0)?, q[1]?]);
     let axis = (0..2).find(|&axis| from[axis] == to[axis] && from[1 - axis] != to[1 - axis])?;
     let line = from[axis];
-    // A corner at a pole is on the side of the column of the other end of the edge, and never on a row's line.
+    // The column of a corner at a pole is asked for where the others lie in one, and then the triangle has no area on the globe.
     let beyond = if c[axis]? < line { line } else { line - 1 };
     let along = from[1 - axis].min(to[1 - axis])..from[1 - axis].max(to[1 - axis]);
     let beyond = beyond..beyond + 1;

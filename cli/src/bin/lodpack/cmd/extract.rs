@@ -71,7 +71,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     // An unsuitable output is refused before anything is read.
     let output = Output::create(args)?;
     let upright;
-    let (mut drawn, tolerance, (nodes, kind_of_nodes), traffic) = match open_any(&args.file)? {
+    let (drawn, tolerance, (nodes, kind_of_nodes), traffic) = match open_any(&args.file)? {
         Opened::Mesh(file) => {
             let has_ground = file.index().ground_range().is_some();
             upright = if has_ground { Upright::along_z(file.placement()) } else { Upright::of(file.placement()) };
@@ -89,9 +89,11 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
             (vec![("heights", drawn)], tolerance, nodes, [file.source().byte_count(), file.source().read_count()])
         }
     };
-    for (_, part) in &mut drawn {
-        part.rounding = rounding(format, &part.positions);
-        tell(part, tolerance, args);
+    let mut most_moved = 0.0;
+    for (_, part) in &drawn {
+        let moved = rounding(format, &part.positions);
+        tell(part, tolerance, moved, args);
+        most_moved = f64::max(most_moved, moved);
     }
     {
         let progress = Terminal::while_waiting();
@@ -111,7 +113,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         simplified_from: drawn.iter().find_map(|(_, part)| part.cut_triangles),
         topology: drawn.first().map_or(Topology::Kept, |(_, part)| part.topology),
         certified_error: largest(|part| part.error_everywhere),
-        rounding: largest(|part| part.rounding),
+        rounding: most_moved,
         certified_error_in_box: args.bbox.map(|_| largest(|part| part.error)),
         tolerance,
         limited_by: name_of(coarsest.limited_by),
@@ -122,8 +124,8 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Notes what people may not expect of a mesh that is written.
-fn tell(drawn: &Drawn, tolerance: Option<f64>, args: &ExtractArgs) {
+/// Notes what people may not expect of a mesh that is written. The format moves its coordinates by up to `moved`.
+fn tell(drawn: &Drawn, tolerance: Option<f64>, moved: f64, args: &ExtractArgs) {
     match drawn.topology {
         Topology::Kept => {}
         Topology::Resampled => {
@@ -136,9 +138,9 @@ fn tell(drawn: &Drawn, tolerance: Option<f64>, args: &ExtractArgs) {
     if let Some(what) = shortfall(drawn, tolerance, args) {
         messages::tell("note", &what);
     }
-    if drawn.rounding > drawn.error * NOTABLE_ROUNDING {
+    if moved > drawn.error * NOTABLE_ROUNDING {
         let output = args.output.display();
-        let moved = length(drawn.rounding);
+        let moved = length(moved);
         messages::tell(
             "note",
             &format!("{output}: single precision moves coordinates by up to {moved}; write PLY or OBJ to keep them"),
@@ -147,7 +149,12 @@ fn tell(drawn: &Drawn, tolerance: Option<f64>, args: &ExtractArgs) {
 }
 
 /// Notes what the format has no place for, of channels that are wanted.
-fn tell_of_channels(file: &lodpack::File<Source>, written: &[u8], format: MeshFormat, args: &ExtractArgs) {
+fn tell_of_channels(
+    file: &lodpack::File<Source>,
+    (look, written): (&Look, &[u8]),
+    format: MeshFormat,
+    args: &ExtractArgs,
+) {
     if args.channels != "auto" {
         return;
     }
@@ -167,10 +174,7 @@ fn tell_of_channels(file: &lodpack::File<Source>, written: &[u8], format: MeshFo
         };
         tell_of(&is_look, "GLB");
     }
-    let has_colour = (0..)
-        .zip(file.channels())
-        .any(|(number, channel)| written.contains(&number) && channel.kind == ChannelKind::Colour);
-    if format == MeshFormat::Ply && has_colour {
+    if format == MeshFormat::Ply && look.colour().is_some() {
         messages::tell("note", "PLY has colours of vertices alone: write GLB or OBJ to keep what lies between them");
     }
 }
@@ -239,7 +243,7 @@ fn mesh_of(
     args: &ExtractArgs,
 ) -> Result<(Drawn, u64)> {
     let (look, channels) = look_of(file, format, args);
-    tell_of_channels(file, &channels, format, args);
+    tell_of_channels(file, (&look, &channels), format, args);
     let progress = Terminal::while_waiting();
     progress.begin("read", 0);
     let finishing = args.triangles.filter(|_| !args.raw && !args.context && args.nodes.is_none());
@@ -287,8 +291,6 @@ pub struct Drawn {
     /// Certified, inside the box if there is one.
     pub error: f64,
     pub error_everywhere: f64,
-    /// How far the format moves coordinates, at most.
-    pub rounding: f64,
     pub limited_by: Limiter,
     /// Triangles of the cut that was simplified, if one was.
     pub cut_triangles: Option<u64>,
@@ -309,7 +311,6 @@ impl Drawn {
             triangles: mesh.triangles,
             error: cut.error,
             error_everywhere: cut.node_errors.iter().copied().fold(cut.error, f64::max),
-            rounding: 0.0,
             limited_by: cut.limited_by,
             cut_triangles: None,
             topology: Topology::Kept,
@@ -352,7 +353,6 @@ impl Drawn {
             triangles: finished.triangles,
             error: finished.error,
             error_everywhere: finished.error,
-            rounding: 0.0,
             limited_by: Limiter::Triangles,
             cut_triangles: Some(self.triangles.len() as u64),
             topology: finished.topology,

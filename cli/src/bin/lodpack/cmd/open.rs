@@ -88,15 +88,17 @@ pub fn open_ground(path: &Path, file: &File<Source>) -> Result<Option<(Heights<S
     Ok(Some((heights, frame)))
 }
 
+/// Why lengths with a unit mean nothing, and what to do.
+const NO_UNIT: &str = "this file does not record the unit of its coordinates (build records --unit beside --up, --crs or --origin); \
+    give --tolerance in input units (0.05)";
+
 /// A tolerance in the units of a grid of heights.
 pub fn tolerance_in_heights(file: &Heights<Source>, tolerance: Tolerance) -> Result<f64> {
     match (tolerance, file.placement().and_then(|placement| placement.unit)) {
         (Tolerance::InputUnits(length), _) => Ok(length),
         (Tolerance::Metres(metres), Some(unit)) => Ok(metres / unit),
         (Tolerance::Metres(_), None) => {
-            bail!(
-                "this file does not record the unit of its coordinates (build records --unit beside --up, --crs or --origin); give --tolerance in input units (0.05)"
-            )
+            bail!("{NO_UNIT}")
         }
         _ => bail!("the tolerance of a grid of heights is a length, as 0.5 or 20cm"),
     }
@@ -113,7 +115,7 @@ pub fn tolerance_in(file: &File<Source>, tolerance: Tolerance) -> Result<f64> {
         Tolerance::OfMeanEdge(factor) => Ok(factor * file.source_info().map_or(0.0, |source| source.mean_edge_length)),
         Tolerance::Metres(metres) if unit.is_some() => Ok(metres / unit.unwrap_or(1.0)),
         Tolerance::Auto | Tolerance::OfBend(_) | Tolerance::Metres(_) => bail!(
-            "this file does not record the unit of its coordinates (build records --unit beside --up, --crs or --origin); give --tolerance in input units (0.05), as a share of the diagonal \
+            "{NO_UNIT}, as a share of the diagonal \
              (0.1%) or in mean edges (0.4edge)"
         ),
     }
