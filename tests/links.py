@@ -4,7 +4,7 @@
 usage: links.py [--root DIR]
 
 Of every *.md file: relative links lead to a file or folder, anchors to a heading, and paths in backticks to a file, seen from
-the repository's root or from the document. Of every source: the Markdown documents that its comments cite are in the repository.
+the repository's root or from the document, and a contents list names every heading of the second rank. Of every source: the Markdown documents that its comments cite are in the repository.
 Prints what is not there, and ends with 1 then. Addresses on the web are not followed."""
 import argparse
 import functools
@@ -84,6 +84,20 @@ def check_document(root, path):
                 yield f"{where}: `{name}` is not in the repository"
 
 
+def check_contents(root, path):
+    """A document whose first heading of the second rank comes after links to its own headings has a contents list: of all of them."""
+    listed, headings = set(), []
+    for number, line in prose(path.read_text()):
+        heading = re.match(r"## +(.*?)\s*#*$", line)
+        if heading:
+            headings.append((number, heading.group(1)))
+        elif not headings:
+            listed |= {text for text, _ in re.findall(r"^\s*- \[(.*)\]\((#[^()\s]+)\)", line)}
+    for number, heading in headings if listed else []:
+        if heading not in listed:
+            yield f"{path.relative_to(root)}:{number}: the contents list lacks `{heading}`"
+
+
 def check_source(root, path, documents):
     for number, line in enumerate(path.read_text().splitlines(), 1):
         # In Rust, comments cite documents; strings may name anything.
@@ -101,6 +115,7 @@ def main():
     documents = [path for path in every if path.suffix == ".md"]
     names = {path.name for path in documents}
     problems = [problem for path in documents for problem in still_there(check_document(root, path))]
+    problems += [problem for path in documents for problem in still_there(check_contents(root, path))]
     for path in every:
         if path.suffix in SOURCES:
             problems += still_there(check_source(root, path, names))

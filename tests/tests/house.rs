@@ -125,7 +125,23 @@ fn a_link_that_leads_nowhere_is_named_with_its_line() {
 }
 
 #[test]
+fn a_contents_list_that_lacks_a_heading_is_named() {
+    let folder = tempfile::tempdir().expect("a temporary directory");
+    let args = ["--root", folder.path().to_str().expect("a readable path")];
+    let document = "# All\n\n- [One](#one)\n\n## One\n\n## Two\n";
+    std::fs::write(folder.path().join("all.md"), document).expect("a writable file");
+    let (content, said) = script("links.py", &args);
+    assert!(!content && said.contains("all.md:7") && said.contains("`Two`"), "{said}");
+}
+
+#[test]
 fn the_front_door_is_one_page() {
     let size = std::fs::metadata(root().join("README.md")).expect("it is there").len();
     assert!(size <= 8192, "README.md has {size} bytes: move what is not for strangers to another document");
+}
+
+#[test]
+fn decisions_are_a_document_that_one_reads_to_the_end() {
+    let size = std::fs::metadata(root().join("format-spec/RATIONALE.md")).expect("it is there").len();
+    assert!(size <= 60_000, "RATIONALE.md has {size} bytes: trials belong in format-spec/trials");
 }

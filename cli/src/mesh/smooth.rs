@@ -1,7 +1,7 @@
 //! Normals for surfaces that store none: means around vertices that end at creases (SPEC.md, 14.4).
 //!
 //! Weights are areas. Angles are more usual (Thürmer and Wüthrich, "Computing Vertex Normals from Polygonal Facets", 1998), but simplified meshes
-//! have long thin triangles beside large ones that lie along the surface, and their normals are farther off: RATIONALE.md has the measurements.
+//! have long thin triangles beside large ones that lie along the surface, and their normals are farther off: format-spec/trials/light.md has the measurements.
 
 use std::io;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};

@@ -7,7 +7,7 @@
 //! is drawn as a fan around its centre, or as one polygon (see [`GridShape`]).
 //!
 //! Levels are nested: a level keeps all cells and vertices of the coarser level, splits more cells, and moves no vertex.
-//! format-spec/RATIONALE.md compares these adaptive grids, which keep their T-vertices, with uniform ones.
+//! format-spec/trials/simplification.md compares these adaptive grids, which keep their T-vertices, with uniform ones.
 
 mod block;
 mod codec;
