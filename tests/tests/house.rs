@@ -141,7 +141,12 @@ fn the_front_door_is_one_page() {
 }
 
 #[test]
-fn decisions_are_a_document_that_one_reads_to_the_end() {
-    let size = std::fs::metadata(root().join("format-spec/RATIONALE.md")).expect("it is there").len();
-    assert!(size <= 60_000, "RATIONALE.md has {size} bytes: trials belong in format-spec/trials");
+fn documents_are_read_to_the_end() {
+    for (name, limit, instead) in [
+        ("format-spec/RATIONALE.md", 60_000, "trials belong in format-spec/trials"),
+        ("CHANGELOG.md", 6_000, "details belong in the document of the command or crate"),
+    ] {
+        let size = std::fs::metadata(root().join(name)).expect("it is there").len();
+        assert!(size <= limit, "{name} has {size} bytes, at most {limit}: {instead}");
+    }
 }
