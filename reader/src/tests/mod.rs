@@ -7,6 +7,7 @@ mod fuzzed;
 mod heights;
 mod heights_dump;
 mod lists;
+mod mixed_cuts;
 pub(crate) mod painted;
 mod pieces;
 mod requests;

@@ -1,0 +1,1 @@
+"""A decoder of lodpack files, written from SPEC.md alone: a module a chapter. See ../decode.py."""
