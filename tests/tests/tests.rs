@@ -22,6 +22,7 @@
 //! - [`atlas_charts`]: the charts of an atlas become the roots of a file, whole or in parts
 //! - [`inputs`]: folders, patterns and lodpack files as inputs, and meshes that say where they are
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
+//! - [`georeference`]: places, systems and units of rasters, read and written again
 //! - [`terrain`]: rasters of heights become the surface that they describe, on planes and globes
 //! - [`heights`]: files of heights keep their promises on planes and globes, and commands work with them
 //! - [`heights_jobs`]: files of heights in parts: kills, changed files, the bytes of one build
@@ -51,6 +52,7 @@ mod compiled;
 mod damage;
 mod determinism;
 mod drawings;
+mod georeference;
 mod ground;
 mod heights;
 mod heights_jobs;

@@ -46,7 +46,7 @@ impl Painter {
         } else if let Some(ramp) = &options.ramp {
             let range = if ramp.needs_range() { mosaic.range(options)? } else { [0.0, 1.0] };
             // Ramps are checked when they are read.
-            painter.ramp = ramp.over(range, None).ok();
+            painter.ramp = ramp.over(range, mosaic.metres_of_heights()).ok();
             layout.add_colour();
             sink.set_vertex_layout(layout);
         }

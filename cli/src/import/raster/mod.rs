@@ -12,11 +12,12 @@ mod crs;
 mod drape;
 mod exr;
 mod geoid;
-mod geokeys;
+pub(crate) mod geokeys;
 mod gtx;
 mod header;
 mod heights;
 mod hgt;
+pub(crate) mod lengths;
 mod lerc;
 mod lines;
 mod mosaic;
@@ -26,6 +27,7 @@ mod ramp;
 mod surface;
 mod tiff;
 mod triangulate;
+mod wkt;
 
 use std::path::{Path, PathBuf};
 
@@ -37,13 +39,14 @@ use super::source::FileBytes;
 use crate::mesh::tolerance::Unit;
 use crate::progress::{Progress, Silent};
 
-pub use crs::is_geographic;
+pub(crate) use crs::{Body, Crs, CrsKind};
 use header::{Header, HeightRows};
 pub use heights::HeightSource;
 use mosaic::Mosaic;
 pub use options::{HeightCode, Nodata, RasterOptions, SurfaceKind};
 pub use ramp::Ramp;
 use surface::Surface;
+pub(crate) use surface::metres_in_degree;
 
 /// Formats of rasters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
