@@ -1,6 +1,7 @@
 //! Integration tests, one line a theme:
 //!
 //! - [`commands`]: the program as people run it: build, info, verify, extract, exit codes, temporary files
+//! - [`queries`]: one table of queries, which the program and the packages for Python, C and JavaScript answer alike
 //! - [`typed`]: commands as people type them: default names, the viewer, shell completions, man pages
 //! - [`remote`]: files on web servers
 //! - [`serve`]: files on the program's own web server, and what it says of other servers
@@ -67,6 +68,7 @@ mod normals;
 mod nothing_unneeded;
 mod python;
 mod quantized;
+mod queries;
 mod remote;
 mod report;
 mod serve;
