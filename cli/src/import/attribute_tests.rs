@@ -75,10 +75,11 @@ impl Folder {
             };
             let imported = import_large_meshes(paths, &room, &kept(channels), &Silent);
             let Ok(Imported::Spilled(mesh)) = imported else { panic!("there is not enough memory") };
-            let kept = mesh.appearance.images.iter().all(|image| match image {
+            let named: Vec<u32> = mesh.appearance.materials.iter().flat_map(|material| material.images()).collect();
+            let kept = (0..).zip(&mesh.appearance.images).all(|(number, image)| match image {
                 ImageSource::Kept { .. } => image.open(Some(mesh.directory.folder())).is_ok(),
-                // Only images that no material can use stay where they were.
-                _ => mesh.appearance.materials.iter().all(|material| material.base_texture.is_none()),
+                // Only images that no material uses stay where they were.
+                _ => !named.contains(&number),
             });
             assert!(kept);
             let divided = DividedMesh::new(mesh, division, JobId(7)).unwrap();
@@ -131,7 +132,7 @@ pub(super) fn colours(appearance: &Appearance, attributes: &RegionAttributes) ->
         .collect()
 }
 
-fn uvs(appearance: &Appearance, attributes: &RegionAttributes) -> Vec<[f32; 2]> {
+pub(super) fn uvs(appearance: &Appearance, attributes: &RegionAttributes) -> Vec<[f32; 2]> {
     let place = appearance.layout.uv[0];
     let corners = attributes.corners.iter().flatten();
     corners

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeSet, HashMap};
 use std::hash::{DefaultHasher, Hash, Hasher};
+use std::ops::Range;
 
 use crate::mesh::appearance::{
     AlphaMode, Appearance, COLOUR, Channels, DRAWING, EMISSIVE, METALLIC, Material, MaterialMaps, NORMAL, OCCLUSION,
@@ -13,6 +14,7 @@ use crate::mesh::images::ImageSource;
 use super::ImportError;
 use super::error::Parsed;
 use super::one_colour::{UsedParts, fold_images};
+use super::unseen::{self, AlphaOfColours};
 use super::used_part::UvBounds;
 
 /// The most materials of an input: triangles name them with 16 bits.
@@ -33,6 +35,8 @@ pub(crate) struct AttributeSink {
     file: FileAttributes,
     vertex_layout: AttributeLayout,
     corner_layout: AttributeLayout,
+    /// The alpha of its colours.
+    alpha: AlphaOfColours,
     /// The ranges of the texture coordinates of the current file, of its vertices and its corners.
     uv_bounds: [Vec<UvBounds>; 2],
     /// The same of the files before it, with their materials.
@@ -112,6 +116,7 @@ impl AttributeSink {
     /// Adds the record of a vertex.
     #[inline]
     pub(super) fn push_vertex(&mut self, record: &[f32]) {
+        note_alpha(&mut self.alpha, &self.vertex_layout, record);
         note_values(&mut self.appearance, &mut self.uv_bounds[0], &self.vertex_layout, record);
         self.collected.vertex_values.extend_from_slice(record);
     }
@@ -119,6 +124,7 @@ impl AttributeSink {
     /// Adds the record of a corner.
     #[inline]
     pub(crate) fn push_corner(&mut self, record: &[f32]) {
+        note_alpha(&mut self.alpha, &self.corner_layout, record);
         note_values(&mut self.appearance, &mut self.uv_bounds[1], &self.corner_layout, record);
         self.collected.corner_values.extend_from_slice(record);
     }
@@ -184,11 +190,18 @@ impl AttributeSink {
         self.written[0] + self.written[1] + (vertex_values.len() + corner_values.len()) as u64
     }
 
-    /// Ends a file that has so many vertices and triangles; the next one begins after so many of all files.
-    pub(super) fn end_file(&mut self, [vertices, triangles]: [u64; 2], [all_vertices, all_triangles]: [u64; 2]) {
+    /// Ends a file that has so many vertices and triangles; the next one begins after so many of all files. Images whose decoding takes
+    /// more than `memory` are not looked at. Returns what a user should know of the file.
+    pub(super) fn end_file(
+        &mut self,
+        [vertices, triangles]: [u64; 2],
+        [all_vertices, all_triangles]: [u64; 2],
+        memory: u64,
+    ) -> Vec<&'static str> {
         self.fill_vertices(vertices);
         self.fill_corners(triangles);
         self.set_material(0, all_triangles);
+        let notes = self.show_unseen(all_triangles - triangles..all_triangles, memory);
         self.find_maps();
         let (of_vertex, of_corner) = (std::mem::take(&mut self.vertex_layout), std::mem::take(&mut self.corner_layout));
         let behind = of_vertex.stride;
@@ -214,6 +227,34 @@ impl AttributeSink {
         };
         let file = std::mem::replace(&mut self.file, next);
         self.collected.files.push(FileAttributes { layout, ..file });
+        notes
+    }
+
+    /// Makes the current file opaque, whose triangles these are, where all that it shows would be invisible. Says what was done.
+    fn show_unseen(&mut self, triangles: Range<u64>, memory: u64) -> Vec<&'static str> {
+        let (alpha, mut notes) = (std::mem::take(&mut self.alpha), vec![]);
+        self.file.ignores_alpha = alpha.is_unmeant();
+        self.appearance.has_alpha |= alpha.is_transparent();
+        if self.file.ignores_alpha {
+            notes.push("all its colours have alpha 0, so that nothing would be seen: they are opaque");
+        }
+        let runs = &self.collected.materials;
+        let first = runs.partition_point(|run| u64::from(run.first_triangle) <= triangles.start);
+        let before = first.checked_sub(1).map_or(0, |run| runs[run].material);
+        let within = runs[first..].iter().take_while(|run| u64::from(run.first_triangle) < triangles.end);
+        let used: BTreeSet<u16> = within.map(|run| run.material).chain([before]).collect();
+        let Appearance { materials, images, .. } = &mut self.appearance;
+        let material = |number: &u16| materials.get(usize::from(*number));
+        // Images take long, so they come last.
+        let is_seen = |number: &u16| material(number).is_none_or(|material| !unseen::may_be_unseen(material));
+        let is_unseen = |number: &u16| material(number).is_some_and(|of| unseen::is_unseen(of, images, memory));
+        if self.channels.wants_materials() && !used.iter().any(is_seen) && used.iter().all(is_unseen) {
+            for number in used {
+                materials.get_mut(usize::from(number)).into_iter().for_each(unseen::show);
+            }
+            notes.push("all its materials have opacity 0, so that nothing would be seen: they are opaque");
+        }
+        notes
     }
 
     /// Remembers which channels the materials have.
@@ -342,12 +383,18 @@ impl AttributeSink {
     fn fill_vertices(&mut self, vertices: u64) {
         let (all, first) = (self.written[0] + self.collected.vertex_values.len() as u64, self.file.first_vertex_value);
         let is_missing = fill(&mut self.collected.vertex_values, &self.vertex_layout, vertices, all - first);
+        if is_missing {
+            note_alpha(&mut self.alpha, &self.vertex_layout, &self.vertex_layout.blank());
+        }
         self.forget_bounds(0, is_missing);
     }
 
     fn fill_corners(&mut self, triangles: u64) {
         let (all, first) = (self.written[1] + self.collected.corner_values.len() as u64, self.file.first_corner_value);
         let is_missing = fill(&mut self.collected.corner_values, &self.corner_layout, 3 * triangles, all - first);
+        if is_missing {
+            note_alpha(&mut self.alpha, &self.corner_layout, &self.corner_layout.blank());
+        }
         self.forget_bounds(1, is_missing);
     }
 
@@ -375,12 +422,16 @@ const MOST_CHANNELS: usize = 63;
 /// Of all that a scalar's values differ by, what rounding may take before it is said.
 const SEEN_ROUNDING: f64 = 1e-6;
 
-/// Keeps what has to be known of all values: the range of scalars, and whether some colour is not opaque.
+/// Keeps what has to be known of the alpha of all colours.
+#[inline]
+fn note_alpha(of_colours: &mut AlphaOfColours, layout: &AttributeLayout, record: &[f32]) {
+    let alpha = layout.colour.and_then(|place| record.get(place + 3));
+    alpha.into_iter().for_each(|&alpha| of_colours.add(alpha));
+}
+
+/// Keeps what has to be known of all values: the ranges of texture coordinates and of scalars.
 #[inline]
 fn note_values(appearance: &mut Appearance, uv: &mut [UvBounds], layout: &AttributeLayout, record: &[f32]) {
-    if let Some(&alpha) = layout.colour.and_then(|place| record.get(place + 3)) {
-        appearance.has_alpha |= alpha < 1.0;
-    }
     for (bounds, &place) in uv.iter_mut().zip(&layout.uv) {
         bounds.add([record[place], record[place + 1]]);
     }

@@ -1,7 +1,11 @@
 //! Where the files are that an input names: images, and libraries of materials.
 
+mod folders;
+
 use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
+
+use folders::Folders;
 
 use super::source::Source;
 use crate::mesh::images::shown_name;
@@ -13,12 +17,15 @@ pub(super) struct Beside<'a> {
     home: &'a Path,
     /// That of the library that names them, within the input's; it comes first.
     inner: PathBuf,
+    /// What is in them, as far as names had to be looked for.
+    folders: Folders,
 }
 
 impl<'a> Beside<'a> {
     /// Files that the input itself names.
     pub fn new(source: &'a Source) -> Self {
-        Self { source, home: source.path.parent().unwrap_or(Path::new("")), inner: PathBuf::new() }
+        let home = source.path.parent().unwrap_or(Path::new(""));
+        Self { source, home, inner: PathBuf::new(), folders: Folders::default() }
     }
 
     /// Files that a library names, which itself was found beside the input.
@@ -45,22 +52,46 @@ impl<'a> Beside<'a> {
         })
     }
 
-    /// The path of a file that is there under the name as it is written, or as it is meant.
+    /// The path of a file that is there under the name as it is written, or as it is meant; in any letters, large or small.
     pub fn existing(&self, name: &[u8]) -> Option<PathBuf> {
         let spellings = spellings(name);
         let paths = spellings.iter().flat_map(|name| [self.inner.join(name), PathBuf::from(name)]);
+        self.first_of(paths.filter(|path| !leaves_folder(path)).collect())
+    }
+
+    /// The first of some paths at which there is a file; in any letters where there is none in these.
+    fn first_of(&self, paths: Vec<PathBuf>) -> Option<PathBuf> {
+        let exact = paths.iter().map(|path| self.home.join(path)).find(|path| path.is_file());
+        exact.or_else(|| paths.iter().find_map(|path| self.folders.in_any_letters(self.home, path)))
+    }
+
+    /// Whether there is a file of a name, here or where the whole path leads.
+    pub fn is_there(&self, name: &[u8]) -> bool {
+        self.existing(name).or_else(|| self.of_same_name(name)).is_some()
+    }
+
+    /// The files whose names are two parts with a number of four digits between, in its order.
+    pub fn numbered(&self, before: &[u8], after: &[u8]) -> Vec<(u32, PathBuf)> {
+        // No file has such a byte in its name.
+        let spellings = spellings(&[before, b"\0", after].concat());
+        let paths = spellings.iter().flat_map(|name| [self.inner.join(name), PathBuf::from(name)]);
         let within = paths.filter(|path| !leaves_folder(path)).map(|path| self.home.join(path));
-        within.into_iter().find(|path| path.is_file())
+        let elsewhere = self.elsewhere(&spellings);
+        let mut found = within.chain(elsewhere.into_iter().map(|path| self.home.join(path)));
+        found.find_map(|path| Some(self.folders.numbered(&path)).filter(|found| !found.is_empty())).unwrap_or_default()
     }
 
     /// The path of a file of the same name, where the whole path leads elsewhere. Exporters write the path that a file had on their machine.
     /// The content of a file must not cause files elsewhere to be read, but one of the same name here is what is meant.
     pub fn of_same_name(&self, name: &[u8]) -> Option<PathBuf> {
-        let spellings = spellings(name);
+        self.first_of(self.elsewhere(&spellings(name)))
+    }
+
+    /// Where files may be here whose whole path leads elsewhere.
+    fn elsewhere(&self, spellings: &[OsString]) -> Vec<PathBuf> {
         let elsewhere = spellings.iter().filter(|name| self.is_elsewhere(name));
         let names = elsewhere.filter_map(|name| Path::new(name).file_name());
-        let paths = names.flat_map(|name| [self.home.join(&self.inner).join(name), self.home.join(name)]);
-        paths.into_iter().find(|path| path.is_file())
+        names.flat_map(|name| [self.inner.join(name), PathBuf::from(name)]).collect()
     }
 
     /// Whether a path leads out of the folder of the input, on this system or on Windows.
@@ -139,7 +170,7 @@ mod tests {
     fn found(inner: &str, name: &[u8]) -> Option<String> {
         let dir = tempfile::tempdir().unwrap();
         fs::create_dir_all(dir.path().join("tex/deep")).unwrap();
-        for file in ["g.png", "a # b.png", "tex/g.png", "tex/w.png", "h\u{e9}.png"] {
+        for file in ["g.png", "a # b.png", "tex/g.png", "tex/w.png", "h\u{e9}.png", "tex/Big.PNG", "big.Jpg"] {
             fs::write(dir.path().join(file), "x").unwrap();
         }
         let input = dir.path().join("a.obj");
@@ -175,6 +206,12 @@ mod tests {
             (b"\\\\server\\x\\g.png", "g.png"),
             (b"/abs/g.png", "g.png"),
             (b"../g.png", "g.png"),
+            // In other letters.
+            (b"G.PNG", "g.png"),
+            (b"TEX/big.png", "tex/Big.PNG"),
+            (b"Tex\\BIG.PNG # there", "tex/Big.PNG"),
+            (b"H\xc9.png", "h\u{e9}.png"),
+            (b"d:/X/BIG.JPG", "big.Jpg"),
             // What is missing is named as it is.
             (b"tex\\none.png", "tex/none.png"),
         ] {
@@ -182,6 +219,25 @@ mod tests {
         }
         assert_eq!(found("", b"C:\\x\\none.png"), None);
         assert_eq!(found("", b"../none.png"), None);
+    }
+
+    #[test]
+    fn files_are_found_by_number() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::create_dir(dir.path().join("tex")).unwrap();
+        for file in ["a.1011.png", "a.1001.png", "A.1002.PNG", "a.101.png", "a.10011.png", "ab.1001.png", "tex/b1001"] {
+            fs::write(dir.path().join(file), "x").unwrap();
+        }
+        let input = dir.path().join("a.obj");
+        let source = Source::new(&input, b"", &Silent);
+        let beside = Beside::new(&source);
+        let numbers = |before: &[u8], after: &[u8]| -> Vec<u32> {
+            beside.numbered(before, after).into_iter().map(|(number, _)| number).collect()
+        };
+        assert_eq!(numbers(b"a.", b".png"), [1001, 1002, 1011]);
+        assert_eq!(numbers(b"C:\\x\\a.", b".png"), [1001, 1002, 1011]);
+        assert_eq!(numbers(b"tex/b", b""), [1001]);
+        assert_eq!((numbers(b"../a.", b".png"), numbers(b"none/b", b"")), (vec![1001, 1002, 1011], vec![]));
     }
 
     #[test]

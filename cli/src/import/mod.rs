@@ -9,6 +9,7 @@
 
 mod attributes;
 mod beside;
+mod colour_numbers;
 mod error;
 mod gltf;
 mod inputs;
@@ -30,6 +31,7 @@ mod stl;
 mod text;
 mod text_files;
 mod textures;
+mod unseen;
 mod usable_image;
 mod used_part;
 mod walk;
@@ -150,7 +152,8 @@ pub(crate) fn import_with(
 /// Ends the inputs, says what they carry, and looks at their images.
 fn finish(mut sink: MeshSink, progress: &dyn Progress) -> Result<Imported, ImportError> {
     let notes = [sink.channels(), sink.left_out()].into_iter().flatten();
-    for note in notes.chain(sink.attributes.about_numbers()) {
+    let of_files = std::mem::take(&mut sink.notes);
+    for note in of_files.into_iter().chain(notes).chain(sink.attributes.about_numbers()) {
         progress.note(&note);
     }
     let room = sink.room();
@@ -285,6 +288,8 @@ fn detect_format(source: &Source) -> Parsed<Format> {
 #[cfg(test)]
 mod attribute_tests;
 #[cfg(test)]
+mod exporter_tests;
+#[cfg(test)]
 mod fallback_tests;
 #[cfg(test)]
 mod material_tests;
@@ -292,3 +297,5 @@ mod material_tests;
 mod ranged_tests;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tobj_tests;

@@ -1,15 +1,16 @@
 //! OFF (Geomview's text format, <http://www.geomview.org/docs/html/OFF.html>): a line with the word OFF, a line with the numbers
 //! of vertices, faces and edges, then a line for each vertex and each face.
 //!
-//! Letters before the word announce what vertices carry beside their position (`COFF`, `NOFF`, `STCNOFF`), and faces may end in a
-//! colour. Colours of vertices are read where channels are wanted; the rest is stepped over. Writers disagree on how many numbers a
+//! Letters before the word announce what vertices carry beside their position (`COFF`, `NOFF`, `STCNOFF`, in any order), and faces may end
+//! in a colour. Colours of vertices are read where channels are wanted; the rest is stepped over. Writers disagree on how many numbers a
 //! colour has, so a vertex is the first three numbers of its line, whatever follows.
 
 use glam::DVec3;
 
+use super::colour_numbers::{ColourNumbers, ColourRange};
 use super::error::{ImportError, Location, Parsed};
 use super::polygon::Triangulator;
-use super::scan::{Scanner, parse_float};
+use super::scan::{COMMA, Scanner, has_decimal_comma, parse_float};
 use super::sink::MeshSink;
 use super::source::Source;
 use crate::mesh::appearance::COLOUR;
@@ -30,6 +31,8 @@ pub(super) fn read_off(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let Header { letters, counts: [vertex_count, face_count] } = read_header(source, &mut lines)?;
     let has_colour = letters.contains('C') && sink.attributes.finds(COLOUR, "vertex colours");
     leave_out_announced(source, &letters, has_colour, sink)?;
+    let colours =
+        if has_colour { ColourColumns::find(&letters, &lines, vertex_count) } else { ColourColumns::default() };
     let mut layout = AttributeLayout::default();
     if has_colour {
         layout.add_colour();
@@ -53,7 +56,7 @@ pub(super) fn read_off(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
             return Err(source.coordinate(location, vertex, position));
         }
         if has_colour {
-            sink.attributes.push_vertex(&read_colour(&letters, words.clone()));
+            sink.attributes.push_vertex(&colours.read(words.clone()));
         }
         has_more |= !words.word().is_empty();
         sink.push_vertex(position)?;
@@ -66,27 +69,75 @@ pub(super) fn read_off(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     Ok(())
 }
 
-/// The colour among what follows a position: behind the normal, before texture coordinates. White if there is none.
-fn read_colour(letters: &str, mut words: Scanner) -> [f32; 4] {
-    let skipped = if letters.contains('N') { 3 } else { 0 };
-    (0..skipped).for_each(|_| {
-        words.word();
-    });
-    let mut all: Vec<&[u8]> =
-        std::iter::from_fn(|| Some(words.word()).filter(|word| !word.is_empty())).take(6).collect();
-    if letters.starts_with("ST") {
-        all.truncate(all.len().saturating_sub(2));
+/// Which of the numbers behind a position are its colour.
+#[derive(Clone, Copy, Debug, Default)]
+struct ColourColumns {
+    /// Numbers of normals before them and behind them, and of texture coordinates behind all.
+    before: usize,
+    behind: usize,
+    range: ColourRange,
+}
+
+/// The most numbers behind a position: a normal, a colour and texture coordinates.
+const MOST_NUMBERS: usize = 9;
+
+impl ColourColumns {
+    /// The columns that the letters before the word OFF announce. `lines` are those of the vertices.
+    fn find(letters: &str, lines: &Lines, vertex_count: u64) -> Self {
+        let width = |announced: &str, width: usize| if letters.contains(announced) { width } else { 0 };
+        let (normal, texture) = (width("N", 3), width("ST", 2));
+        let normals_first = Self { before: normal, behind: texture, ..Self::default() };
+        let colours_first = Self { before: 0, behind: normal + texture, ..Self::default() };
+        // Geomview's order is that of CNOFF. MeshLab writes NCOFF, and colours before normals.
+        let is_reversed = letters.find('N') < letters.find('C');
+        let (likely, other) = if is_reversed { (colours_first, normals_first) } else { (normals_first, colours_first) };
+        let (mut numbers, mut of_others) = (ColourNumbers::default(), ColourNumbers::default());
+        let mut has_negative = [false; 2];
+        let mut lines = lines.clone();
+        for (_, mut words) in (0..vertex_count).map_while(|_| lines.next()) {
+            for _ in 0..3 {
+                let _ = words.float();
+            }
+            let columns = [(likely, &mut numbers), (other, &mut of_others)];
+            for ((columns, numbers), has_negative) in columns.into_iter().zip(&mut has_negative) {
+                let colour = columns.of_line(words.clone());
+                *has_negative |= colour.iter().any(|value| *value < 0.0);
+                numbers.add(&colour);
+            }
+        }
+        // Colours are never below 0, and normals are in half of all directions.
+        let is_other = normal > 0 && has_negative == [true, false];
+        let (columns, numbers) = if is_other { (other, of_others) } else { (likely, numbers) };
+        Self { range: numbers.range(), ..columns }
     }
-    // Whole numbers go up to 255, others up to 1.
-    let is_whole = all.iter().all(|word| word.iter().all(u8::is_ascii_digit));
-    let largest = if is_whole { 255.0 } else { 1.0 };
-    let mut shares = all.iter().map(|word| (parse_float(word).unwrap_or(0.0) / largest).clamp(0.0, 1.0) as f32);
-    let mut colour = [1.0; 4];
-    if all.len() >= 3 {
-        colour.iter_mut().zip(&mut shares).for_each(|(value, share)| *value = share);
-        colour[..3].iter_mut().for_each(|value| *value = linear_from_srgb(*value));
+
+    /// The numbers of the colour, given what follows a position; none if there are too few.
+    fn of_line(&self, mut words: Scanner) -> Vec<f64> {
+        let mut all: Vec<f64> = vec![];
+        while all.len() < MOST_NUMBERS {
+            let word = words.word();
+            if word.is_empty() {
+                break;
+            }
+            all.push(parse_float(word).unwrap_or(0.0));
+        }
+        all.truncate(all.len().saturating_sub(self.behind));
+        let colour = all.split_off(self.before.min(all.len()));
+        if colour.len() < 3 { vec![] } else { colour }
     }
-    colour
+
+    /// The colour among what follows a position. White if there is none.
+    fn read(&self, words: Scanner) -> [f32; 4] {
+        let ColourRange { colour: full, alpha } = self.range;
+        let (mut colour, of_line) = ([1.0; 4], self.of_line(words));
+        for ((value, written), full) in colour.iter_mut().zip(&of_line).zip([full, full, full, alpha]) {
+            *value = (written / full).clamp(0.0, 1.0) as f32;
+        }
+        if !of_line.is_empty() {
+            colour[..3].iter_mut().for_each(|value| *value = linear_from_srgb(*value));
+        }
+        colour
+    }
 }
 
 fn read_faces(
@@ -141,10 +192,10 @@ impl Keyword {
     fn parse(word: &[u8]) -> Option<Self> {
         let word = std::str::from_utf8(word).ok()?;
         let (letters, digits) = word.split_once("OFF")?;
-        // In this order, each at most once.
-        let mut rest = letters.strip_prefix("ST").unwrap_or(letters);
-        for letter in ["C", "N", "4", "n"] {
-            rest = rest.strip_prefix(letter).unwrap_or(rest);
+        // Each at most once; programs write them in any order.
+        let mut rest = letters.to_owned();
+        for letter in ["ST", "C", "N", "4", "n"] {
+            rest = rest.replacen(letter, "", 1);
         }
         let is_keyword = rest.is_empty() && digits.bytes().all(|digit| digit.is_ascii_digit());
         is_keyword.then(|| Self { letters: letters.to_owned(), digits: digits.len() })
@@ -230,10 +281,14 @@ fn not_a_number(source: &Source, location: Location, word: &[u8], rule: &str) ->
         [] => "the line ends too early".to_owned(),
         word => format!("\"{}\" stands there", word[..word.len().min(40)].escape_ascii()),
     };
+    if has_decimal_comma(word) {
+        return source.syntax(location, COMMA);
+    }
     source.syntax(location, format!("{rule}, but {found}; the file is damaged or not OFF"))
 }
 
 /// The lines of a text that hold more than blanks and comments.
+#[derive(Clone)]
 struct Lines<'a> {
     bytes: &'a [u8],
     at: usize,

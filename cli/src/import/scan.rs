@@ -95,6 +95,17 @@ impl<'a> Scanner<'a> {
     }
 }
 
+/// What is said about a number whose fraction begins with a comma.
+pub(super) const COMMA: &str =
+    "numbers need a point, not a comma, before their fraction; export the file again with points";
+
+/// Whether a word would be a number if its comma were a point.
+pub(super) fn has_decimal_comma(word: &[u8]) -> bool {
+    let is_comma = |byte: &u8| *byte == b',';
+    let pointed: Vec<u8> = word.iter().map(|byte| if is_comma(byte) { b'.' } else { *byte }).collect();
+    word.iter().filter(|byte| is_comma(byte)).count() == 1 && parse_float(&pointed).is_some()
+}
+
 /// Any decimal number that Rust parses, "nan" and "inf" included.
 pub(super) fn parse_float(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()

@@ -208,6 +208,8 @@ pub(crate) struct MeshSink {
     pub(crate) attributes: AttributeSink,
     /// What the files contain beside their surface.
     left_out: BTreeSet<&'static str>,
+    /// What a user should know of the files that have ended.
+    pub(super) notes: Vec<String>,
 }
 
 impl MeshSink {
@@ -224,6 +226,7 @@ impl MeshSink {
             polygon: vec![],
             attributes: AttributeSink::new(channels),
             left_out: BTreeSet::new(),
+            notes: vec![],
         }
     }
 
@@ -377,7 +380,8 @@ impl MeshSink {
         let (vertices, triangles) = self.counts();
         check_size(path, vertices, triangles)?;
         let own = [vertices - self.first_vertex, triangles - self.first_triangle];
-        self.attributes.end_file(own, [vertices, triangles]);
+        let notes = self.attributes.end_file(own, [vertices, triangles], self.room.memory / 2);
+        self.notes.extend(notes.into_iter().map(|note| format!("{}: {note}", path.display())));
         (self.first_vertex, self.first_triangle) = (vertices, triangles);
         self.lookup = None;
         self.held = 0;

@@ -4,10 +4,12 @@
 use glam::DVec3;
 
 use super::error::{Location, Parsed};
-use super::scan::Scanner;
+use super::scan::{COMMA, Scanner, has_decimal_comma};
 use super::sink::MeshSink;
 use super::source::Source;
 
+/// Where the number of triangles is.
+const COUNT_OFFSET: u64 = 80;
 pub(super) const HEADER_BYTES: usize = 84;
 pub(super) const RECORD_BYTES: usize = 50;
 /// Bytes of a corner, and of the normal that precedes the three corners of a triangle.
@@ -45,9 +47,19 @@ pub(super) fn read_binary_stl(source: &Source, sink: &mut MeshSink) -> Parsed<()
             format!("the header announces {count} triangles of 50 bytes, but only {} bytes follow", records.len());
         return Err(source.truncated(Location::Byte(HEADER_BYTES as u64), missing));
     }
+    if count == 0 && records.len() >= RECORD_BYTES {
+        let problem = format!(
+            "the header announces no triangles, but the bytes of {} follow; export it again, or write their number there",
+            records.len() / RECORD_BYTES
+        );
+        return Err(source.syntax(Location::Byte(COUNT_OFFSET), problem));
+    }
     super::check_size(source.path, 3 * count, count)?;
     let count = count as usize;
     sink.reserve(3 * count, count)?;
+    // Magics writes the colour of all behind this word.
+    let mut has_colours = bytes[..COUNT_OFFSET as usize].windows(6).any(|word| word == b"COLOR=");
+    let mut has_numbers = false;
     for (record, bytes) in records.chunks_exact(RECORD_BYTES).take(count).enumerate() {
         source.passed(HEADER_BYTES + record * RECORD_BYTES);
         let first = 3 * record as u32;
@@ -60,6 +72,15 @@ pub(super) fn read_binary_stl(source: &Source, sink: &mut MeshSink) -> Parsed<()
             sink.push_vertex(position)?;
         }
         sink.push_triangle([first, first + 1, first + 2])?;
+        // VisCAM sets the highest bit of the last two bytes where the others are a colour.
+        let [low, high] = [bytes[RECORD_BYTES - 2], bytes[RECORD_BYTES - 1]];
+        has_colours |= high >= 0x80;
+        has_numbers |= [low, high] != [0; 2];
+    }
+    if has_colours {
+        sink.leave_out("colours");
+    } else if has_numbers {
+        sink.leave_out("numbers of triangles");
     }
     let rest = records.len() - count * RECORD_BYTES;
     source.note_skipped(rest as u64, "bytes after the announced triangles were ignored");
@@ -75,12 +96,13 @@ pub(super) fn position(bytes: &[u8], at: usize) -> DVec3 {
 
 pub(super) fn read_ascii_stl(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let mut text = Scanner::new(source.bytes, if source.bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 });
-    let mut inside_solid = false;
+    let (mut inside_solid, mut solids) = (false, 0u64);
     loop {
         source.passed(text.at);
-        let word = text.word();
+        let word = next_word(&mut text, sink);
         if word.eq_ignore_ascii_case(b"solid") && !inside_solid {
             inside_solid = true;
+            solids += 1;
             skip_line(&mut text);
         } else if word.eq_ignore_ascii_case(b"endsolid") && inside_solid {
             inside_solid = false;
@@ -88,6 +110,9 @@ pub(super) fn read_ascii_stl(source: &Source, sink: &mut MeshSink) -> Parsed<()>
         } else if word.eq_ignore_ascii_case(b"facet") && inside_solid {
             read_facet(source, &mut text, sink)?;
         } else if word.is_empty() && !inside_solid {
+            if solids > 1 {
+                sink.leave_out("groups");
+            }
             return Ok(());
         } else {
             return Err(unexpected(source, &text, word, if inside_solid { "facet or endsolid" } else { "solid" }));
@@ -101,17 +126,32 @@ fn skip_line(text: &mut Scanner) {
     }
 }
 
+/// The next word that is no colour: some CAD write `color` with one or more numbers behind facets or in them.
+fn next_word<'a>(text: &mut Scanner<'a>, sink: &mut MeshSink) -> &'a [u8] {
+    loop {
+        let word = text.word();
+        if ![&b"color"[..], b"colour"].iter().any(|colour| word.eq_ignore_ascii_case(colour)) {
+            return word;
+        }
+        sink.leave_out("colours");
+        let mut ahead = text.clone();
+        while ahead.float().is_ok() {
+            *text = ahead.clone();
+        }
+    }
+}
+
 fn read_facet(source: &Source, text: &mut Scanner, sink: &mut MeshSink) -> Parsed<()> {
-    expect(source, text, &["normal"])?;
+    expect(source, text, &["normal"], sink)?;
     // The normal is often wrong or not a number, and it repeats what the corners say.
     for _ in 0..3 {
         text.word();
     }
-    expect(source, text, &["outer", "loop"])?;
+    expect(source, text, &["outer", "loop"], sink)?;
     let first = sink.vertex_count();
     super::check_size(source.path, first + 3, sink.triangle_count() + 1)?;
     for _ in 0..3 {
-        expect(source, text, &["vertex"])?;
+        expect(source, text, &["vertex"], sink)?;
         let mut position = DVec3::ZERO;
         for axis in 0..3 {
             position[axis] = text.float().map_err(|word| unexpected(source, text, word, "a number"))?;
@@ -121,14 +161,14 @@ fn read_facet(source: &Source, text: &mut Scanner, sink: &mut MeshSink) -> Parse
         }
         sink.push_vertex(position)?;
     }
-    expect(source, text, &["endloop", "endfacet"])?;
+    expect(source, text, &["endloop", "endfacet"], sink)?;
     let first = first as u32;
     sink.push_triangle([first, first + 1, first + 2])
 }
 
-fn expect(source: &Source, text: &mut Scanner, words: &[&str]) -> Parsed<()> {
+fn expect(source: &Source, text: &mut Scanner, words: &[&str], sink: &mut MeshSink) -> Parsed<()> {
     for expected in words {
-        let word = text.word();
+        let word = next_word(text, sink);
         if !word.eq_ignore_ascii_case(expected.as_bytes()) {
             return Err(unexpected(source, text, word, expected));
         }
@@ -141,6 +181,9 @@ fn unexpected(source: &Source, text: &Scanner, word: &[u8], expected: &str) -> B
     let location = source.line(text.at);
     if word.is_empty() {
         return source.truncated(location, format!("{expected} is missing"));
+    }
+    if has_decimal_comma(word) {
+        return source.syntax(location, COMMA);
     }
     let word = word[..word.len().min(40)].escape_ascii();
     source.syntax(location, format!("found \"{word}\" instead of {expected}; the file is damaged or not ASCII STL"))

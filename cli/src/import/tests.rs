@@ -35,6 +35,9 @@ pub(super) fn import_noting(name: &str, bytes: &[u8]) -> (Result<Mesh, ImportErr
         Imported::Spilled(_) => panic!("there is enough memory"),
     });
     if let Ok(mesh) = &mesh {
+        if name.ends_with(".obj") && obj::looks_like_obj(bytes) {
+            super::tobj_tests::assert_as_tobj(bytes, mesh);
+        }
         assert!(mesh.positions.iter().all(|p| p.is_finite()));
         assert!(mesh.triangles.iter().flatten().all(|&v| (v as usize) < mesh.positions.len()));
         assert!(!mesh.triangles.is_empty());

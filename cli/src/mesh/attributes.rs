@@ -175,6 +175,19 @@ pub struct FileAttributes {
     pub corner_stride: usize,
     /// The layout of a corner's record.
     pub layout: AttributeLayout,
+    /// Whether the alpha of its colours means nothing.
+    pub ignores_alpha: bool,
+}
+
+impl FileAttributes {
+    /// For each number of a record of a layout its place in the records of this file, if it has it.
+    fn places(&self, layout: &AttributeLayout) -> Vec<Option<usize>> {
+        let mut places = layout.places_in(&self.layout);
+        if let Some(colour) = layout.colour.filter(|_| self.ignores_alpha) {
+            places[colour + 3] = None;
+        }
+        places
+    }
 }
 
 /// Consecutive triangles of one material, up to the next run.
@@ -249,7 +262,7 @@ impl RegionAttributes {
         }
         let layout = &appearance.layout;
         let blank = layout.blank();
-        let places: Vec<_> = attributes.files.iter().map(|file| layout.places_in(&file.layout)).collect();
+        let places: Vec<_> = attributes.files.iter().map(|file| file.places(layout)).collect();
         let mut set = RecordSet::new(layout.stride);
         let (mut own, mut record) = (vec![], blank.clone());
         if layout.stride > 0 {

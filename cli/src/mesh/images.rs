@@ -1,6 +1,7 @@
 //! Images as inputs have them: encoded, in files or within them.
 
 mod jpeg;
+mod opacity;
 mod png_rows;
 mod problem;
 
@@ -12,6 +13,7 @@ use std::path::{Path, PathBuf};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use serde::{Deserialize, Serialize};
 
+pub use opacity::{Opacity, shows_nothing};
 pub use png_rows::{RowsOfPng, rows_of_png};
 use problem::{damaged, undecodable};
 pub(crate) use problem::{shown_name, unreadable};

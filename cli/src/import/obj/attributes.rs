@@ -1,11 +1,14 @@
 //! What OBJ files say beside the shape: colours behind the positions, texture coordinates, and materials.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::PathBuf;
 
 use super::libraries::{libraries, libraries_from, read_library};
 use super::mtl::{LibraryMaterial, LibraryReader};
+use super::tiles::{Tile, tile_of};
+use super::without_remark;
 use crate::import::beside::Beside;
+use crate::import::colour_numbers::{ARE_BYTES, ColourNumbers, ColourRange};
 use crate::import::error::Parsed;
 use crate::import::polygon::Triangulator;
 use crate::import::scan::Scanner;
@@ -26,8 +29,9 @@ pub(super) struct ObjAttributes {
     with_normals: bool,
     /// The materials of all libraries that were read.
     materials: Vec<KnownMaterial>,
-    /// Their places by name.
+    /// Their places by name, and by name without a comment behind it.
     by_name: HashMap<Vec<u8>, usize>,
+    by_bare_name: HashMap<Vec<u8>, usize>,
     libraries: HashSet<PathBuf>,
     images: NamedImages,
     /// How much decoding one of them may take.
@@ -40,16 +44,22 @@ pub(super) struct ObjAttributes {
     uvs: Vec<[f32; 2]>,
     normals: Vec<[f32; 3]>,
     has_colours: bool,
+    range: ColourRange,
     records: Vec<f32>,
+    uvs_of_face: Vec<[f32; 2]>,
     clamped_count: u64,
     unknown_materials: u64,
     missing_uvs: u64,
     untextured_faces: u64,
+    faces_without_tile: u64,
+    wide_faces: u64,
 }
 
 /// A material among those of the input.
 struct KnownMaterial {
     number: usize,
+    /// What faces have by their tile, if its images are in tiles.
+    on_tiles: BTreeMap<Tile, usize>,
     /// What faces without texture coordinates have in its place, if it has textures.
     plain: Option<Plain>,
 }
@@ -120,13 +130,19 @@ impl ObjAttributes {
         let has_normals = materials.iter().any(|material| material.textured.normal_texture.is_some());
         self.with_normals |= sink.attributes.wants_normals(has_normals);
         let first = sink.attributes.material_count();
-        let mut added = vec![];
-        for (number, material) in (first..).zip(materials) {
+        let (mut added, mut number) = (vec![], first);
+        for material in materials {
             let plain = material.has_textures().then(|| Plain::Unused(material.plain.into()));
             // The first of a name counts.
-            self.by_name.entry(material.name).or_insert(self.materials.len());
-            self.materials.push(KnownMaterial { number, plain });
+            let place = self.materials.len();
+            self.by_bare_name.entry(without_remark(&material.name).to_owned()).or_insert(place);
+            self.by_name.entry(material.name).or_insert(place);
+            let on_tiles = (number + 1..).zip(&material.tiles).map(|(number, (tile, _))| (*tile, number)).collect();
+            let known = KnownMaterial { number, plain, on_tiles };
             added.push(material.textured);
+            added.extend(material.tiles.into_iter().map(|(_, material)| material));
+            number = first + added.len();
+            self.materials.push(known);
         }
         sink.attributes.add_materials(added)?;
         Ok(())
@@ -134,16 +150,23 @@ impl ObjAttributes {
 
     /// Looks for a material before it is used. Some files name its library after its use, so all that follow offset `at` are read then.
     pub(super) fn find_material(&mut self, name: &[u8], at: usize, source: &Source, sink: &mut MeshSink) -> Parsed<()> {
-        let name = name.trim_ascii();
-        if !self.is_on || name.is_empty() || self.by_name.contains_key(name) {
+        let is_named = !without_remark(name).is_empty();
+        if !self.is_on || self.place_of(name).is_some() {
             return Ok(());
         }
-        if !self.has_read_ahead {
+        if !self.has_read_ahead && is_named {
             self.has_read_ahead = true;
             libraries_from(source, at).into_iter().try_for_each(|path| self.add_library(path, source, sink))?;
         }
-        self.unknown_materials += u64::from(!self.by_name.contains_key(name));
+        self.unknown_materials += u64::from(is_named && self.place_of(name).is_none());
         Ok(())
+    }
+
+    /// The place of the material of a name, which may have a comment behind it.
+    fn place_of(&self, name: &[u8]) -> Option<usize> {
+        let name = name.trim_ascii();
+        let bare = || self.by_bare_name.get(without_remark(name)).filter(|_| !without_remark(name).is_empty());
+        self.by_name.get(name).or_else(bare).copied()
     }
 
     /// Sets the material of the faces that follow: `usemtl`.
@@ -151,7 +174,7 @@ impl ObjAttributes {
         if !self.is_on {
             return;
         }
-        let place = self.by_name.get(name.trim_ascii()).copied();
+        let place = self.place_of(name);
         let known = place.map(|place| &self.materials[place]);
         let is_textured = known.is_some_and(|material| material.plain.is_some());
         if known.is_some() {
@@ -164,10 +187,21 @@ impl ObjAttributes {
         }
     }
 
-    /// Sets the material of a face, with its textures or without them.
-    fn choose_textured(&mut self, is_textured: bool, sink: &mut MeshSink) -> Parsed<()> {
+    /// Sets the material of a face, with its textures or without them, given the texture coordinates of its corners if it has some.
+    fn choose_textured(&mut self, uvs: Option<&[[f32; 2]]>, sink: &mut MeshSink) -> Parsed<()> {
         let Some(material) = self.textured.map(|place| &mut self.materials[place]) else { return Ok(()) };
-        self.untextured_faces += u64::from(!is_textured);
+        self.untextured_faces += u64::from(uvs.is_none());
+        let mut is_textured = uvs.is_some();
+        if let Some(uvs) = uvs.filter(|_| !material.on_tiles.is_empty()) {
+            let found = tile_of(uvs.iter().copied());
+            self.wide_faces += u64::from(found.is_some_and(|(_, is_wide)| is_wide));
+            if let Some(number) = found.and_then(|(tile, _)| material.on_tiles.get(&tile)) {
+                sink.set_material(*number);
+                return Ok(());
+            }
+            self.faces_without_tile += 1;
+            is_textured = false;
+        }
         let number = match material.plain.take() {
             Some(Plain::Unused(plain)) if !is_textured => {
                 let number = sink.attributes.add_materials(vec![*plain])?;
@@ -233,11 +267,22 @@ impl ObjAttributes {
         }
     }
 
-    /// Adds the record of a vertex, given what follows its position: three numbers or more are a colour.
-    pub(super) fn push_colour(&mut self, rest: &[f64], sink: &mut MeshSink) {
+    /// Adds the record of a vertex, given what follows its position: three numbers or more are a colour. `all` looks at this one and those
+    /// that follow.
+    pub(super) fn push_colour(
+        &mut self,
+        rest: &[f64],
+        all: impl FnOnce() -> ColourNumbers,
+        source: &Source,
+        sink: &mut MeshSink,
+    ) {
         let is_colour = self.is_on && rest.len() >= 3;
         if is_colour && !self.has_colours {
             self.has_colours = true;
+            self.range = all().range();
+            if self.range.are_bytes() {
+                source.note(ARE_BYTES);
+            }
             sink.attributes.finds(COLOUR, "vertex colours");
             let mut layout = AttributeLayout::default();
             layout.add_colour();
@@ -249,7 +294,9 @@ impl ObjAttributes {
         let mut colour = [1.0f32; 4];
         if is_colour {
             let mut clamped = false;
-            for (value, &written) in colour.iter_mut().zip(rest) {
+            let ColourRange { colour: full, alpha } = self.range;
+            for ((value, &written), full) in colour.iter_mut().zip(rest).zip([full, full, full, alpha]) {
+                let written = written / full;
                 let within = if written.is_nan() { 0.0 } else { written.clamp(0.0, 1.0) };
                 clamped |= within != written;
                 *value = within as f32;
@@ -269,6 +316,7 @@ impl ObjAttributes {
         faces: &mut Triangulator,
     ) -> Parsed<()> {
         self.records.clear();
+        self.uvs_of_face.clear();
         if sink.attributes.corner_stride() > 0 {
             let has_normals = sink.attributes.corner_stride() > 2;
             let mut has_uvs = true;
@@ -278,23 +326,37 @@ impl ObjAttributes {
                 let uv = found.unwrap_or([f32::NAN; 2]);
                 has_uvs &= uv[0].is_finite() && uv[1].is_finite();
                 self.records.extend(uv);
+                self.uvs_of_face.push(uv);
                 if has_normals {
                     self.records.extend(self.normals.get(normal as usize).copied().unwrap_or([f32::NAN; 3]));
                 }
             }
-            self.choose_textured(has_uvs, sink)?;
+            let uvs = std::mem::take(&mut self.uvs_of_face);
+            self.choose_textured(has_uvs.then_some(&uvs), sink)?;
+            self.uvs_of_face = uvs;
         }
         sink.push_polygon_with(polygon, &self.records, faces)
     }
 
     /// Notes for the user what was odd.
     pub(super) fn note(&self, source: &Source) {
-        source.note_skipped(self.clamped_count, "vertices have colours outside of 0 to 1: they were clamped");
+        source.note_skipped(
+            self.clamped_count,
+            "vertices have colours outside of 0 to 1: they were clamped; divide them by 255 if that is the largest",
+        );
         source
             .note_skipped(self.unknown_materials, "usemtl statements name materials that no library has: no material");
         source.note_skipped(
             self.untextured_faces,
             "faces of materials with textures have no texture coordinates: they have the colour of their material alone",
+        );
+        source.note_skipped(
+            self.faces_without_tile,
+            "faces lie on tiles (UDIM) of which there is no image: they have the colour of their material alone",
+        );
+        source.note_skipped(
+            self.wide_faces,
+            "faces reach over several tiles (UDIM), and show that of their middle: divide them along the borders of tiles",
         );
         source.note_skipped(self.missing_uvs, "corners name texture coordinates that do not exist: no texture there");
     }

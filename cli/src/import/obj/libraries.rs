@@ -5,8 +5,8 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::Statements;
 use super::mtl::LibraryReader;
+use super::{Statements, without_remark};
 use crate::import::attributes::AttributeSink;
 use crate::import::beside::Beside;
 use crate::import::source::{Source, size_of_file};
@@ -22,14 +22,31 @@ pub(super) fn libraries(names: &[u8], source: &Source) -> Vec<PathBuf> {
     if let Some(one) = beside.existing(names) {
         return vec![one];
     }
-    let words = || names.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
-    let there = |name| beside.existing(name).or_else(|| beside.of_same_name(name));
-    if !words().all(|name| there(name).is_some())
+    let bare = without_remark(names);
+    let words: Vec<&[u8]> = bare.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
+    if !words.iter().all(|name| beside.is_there(name))
         && let Some(one) = beside.of_same_name(names)
     {
         return vec![one];
     }
-    words().filter_map(|name| beside.find("library of materials", name)).collect()
+    let are_there = words.iter().any(|name| beside.is_there(name));
+    let names = if are_there { words } else { names_by_ending(bare) };
+    names.into_iter().filter_map(|name| beside.find("library of materials", name)).collect()
+}
+
+/// Names that may contain spaces, each with the ending of libraries; all of it is one name where none has it.
+fn names_by_ending(text: &[u8]) -> Vec<&[u8]> {
+    let (mut names, mut rest) = (vec![], text);
+    while !rest.is_empty() {
+        let is_end = |at: &usize| {
+            let has_ending = rest[..*at].len() >= 4 && rest[at - 4..*at].eq_ignore_ascii_case(b".mtl");
+            has_ending && rest.get(*at).is_none_or(u8::is_ascii_whitespace)
+        };
+        let (name, others) = rest.split_at((1..=rest.len()).find(is_end).unwrap_or(rest.len()));
+        names.push(name);
+        rest = others.trim_ascii_start();
+    }
+    names
 }
 
 /// The libraries that statements name from an offset on.

@@ -5,9 +5,12 @@
 //! but a polygon does, so a file with such polygons is read a second time.
 
 mod attributes;
+mod image_name;
 mod libraries;
 mod mtl;
+mod opacity;
 mod ranges;
+mod tiles;
 
 use std::ops::Range;
 
@@ -17,10 +20,11 @@ use self::attributes::ObjAttributes;
 pub(super) use self::libraries::files_beside;
 pub(super) use self::ranges::{count_in_range, read_range};
 use crate::import::MAX_VERTICES;
+use crate::import::colour_numbers::ColourNumbers;
 use crate::import::error::{ImportError, Location, Parsed};
 use crate::import::lines::{first_line_from, is_continued};
 use crate::import::polygon::Triangulator;
-use crate::import::scan::{Scanner, parse_float};
+use crate::import::scan::{COMMA, Scanner, has_decimal_comma, parse_float};
 use crate::import::sink::MeshSink;
 use crate::import::source::Source;
 use crate::mesh::NONE;
@@ -61,7 +65,7 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
                 let rest = numbers_left(&mut words);
                 // One number is a weight, three are a colour; neither is geometry.
                 weight_count += u64::from(rest.len() == 1 && rest[0] != 1.0);
-                attributes.push_colour(&rest, sink);
+                attributes.push_colour(&rest, || colours_from(source, start), source, sink);
                 has_colours |= rest.len() >= 3;
                 sink.push_vertex(position)?;
             }
@@ -171,9 +175,10 @@ fn push_early_polygons(
 fn read_vertex(source: &Source, location: Location, number: u64, words: &mut Scanner) -> Parsed<DVec3> {
     let mut position = DVec3::ZERO;
     for axis in 0..3 {
-        position[axis] = words
-            .float()
-            .map_err(|_| source.syntax(location, "a vertex needs three numbers; the file is damaged or not OBJ"))?;
+        position[axis] = words.float().map_err(|word| match has_decimal_comma(word) {
+            true => source.syntax(location, COMMA),
+            false => source.syntax(location, "a vertex needs three numbers; the file is damaged or not OBJ"),
+        })?;
     }
     if !position.is_finite() {
         return Err(source.coordinate(location, number, position));
@@ -189,6 +194,23 @@ fn numbers_left(words: &mut Scanner) -> ArrayVec {
         rest.count += 1;
     }
     rest
+}
+
+/// What the colours of vertices have in common, from an offset on.
+fn colours_from(source: &Source, start: usize) -> ColourNumbers {
+    let (mut numbers, mut statements) = (ColourNumbers::default(), Statements::new(*source));
+    statements.at = start;
+    // Most colours are shares, which the first of them tells.
+    while let Some((_, mut words)) = statements.next().filter(|_| !numbers.are_shares()) {
+        if words.word() == b"v" {
+            for _ in 0..3 {
+                let _ = words.float();
+            }
+            let rest = numbers_left(&mut words);
+            numbers.add(if rest.len() >= 3 { &rest } else { &[] });
+        }
+    }
+    numbers
 }
 
 /// A colour with alpha has four numbers.
@@ -354,7 +376,7 @@ impl<'a> Statements<'a> {
         let line = self.next_line()?;
         let location = Location::Line(self.lines_passed);
         if line.last() != Some(&b'\\') {
-            return Some((location, Scanner::new(without_comment(line), 0)));
+            return Some((location, Scanner::new(statement(line), 0)));
         }
         self.joined.clear();
         let mut part = Some(line);
@@ -364,8 +386,23 @@ impl<'a> Statements<'a> {
             self.joined.push(b' ');
             part = if continued.is_some() { self.next_line() } else { None };
         }
-        Some((location, Scanner::new(without_comment(&self.joined), 0)))
+        Some((location, Scanner::new(statement(&self.joined), 0)))
     }
+}
+
+/// A line without its comment. Names may contain the sign of comments, so statements that are names are left as they are.
+fn statement(line: &[u8]) -> &[u8] {
+    let is_name = || NAMING_WORDS.contains(&Scanner::new(line, 0).word());
+    if matches!(line, [b'u' | b'm', ..]) && is_name() { line } else { without_comment(line) }
+}
+
+/// Statements that are a name, or several.
+const NAMING_WORDS: [&[u8]; 2] = [b"usemtl", b"mtllib"];
+
+/// A name without the comment behind it, which a blank precedes.
+fn without_remark(name: &[u8]) -> &[u8] {
+    let begins = |at: usize| name[at] == b'#' && at.checked_sub(1).is_none_or(|before| name[before] <= b' ');
+    name[..(0..name.len()).find(|&at| begins(at)).unwrap_or(name.len())].trim_ascii()
 }
 
 fn without_comment(line: &[u8]) -> &[u8] {

@@ -5,6 +5,7 @@ use super::skip_property;
 use super::textures::Shown;
 use super::values::Values;
 use crate::import::attributes::AttributeSink;
+use crate::import::colour_numbers::{ARE_BYTES, ColourNumbers, ColourRange};
 use crate::import::error::Parsed;
 use crate::import::source::Source;
 use crate::mesh::appearance::{COLOUR, NORMAL};
@@ -51,6 +52,8 @@ pub(super) struct Columns {
     clamped: u64,
     /// Whether colours of 16 bits are numbers of 8 bits.
     has_small_words: bool,
+    /// The range of colours that are floats.
+    of_floats: ColourRange,
 }
 
 impl Columns {
@@ -177,7 +180,12 @@ impl Columns {
                     _ => linear_from_srgb(self.share(value, scalar)),
                 };
             }
-            Target::Alpha(at) => self.record[at] = self.share(value, scalar),
+            Target::Alpha(at) => {
+                self.record[at] = match scalar {
+                    Scalar::F32 | Scalar::F64 => self.within(value / self.of_floats.alpha),
+                    _ => self.share(value, scalar),
+                };
+            }
             Target::Skip | Target::Axis(_) => {}
         }
         Ok(())
@@ -186,11 +194,14 @@ impl Columns {
     /// A colour as a number from 0 to 1. Whole numbers go up to the largest of their type, but not beyond 255 in those of 32 bits.
     fn share(&mut self, value: f64, scalar: Scalar) -> f32 {
         let largest = match scalar {
-            Scalar::F32 | Scalar::F64 => 1.0,
+            Scalar::F32 | Scalar::F64 => self.of_floats.colour,
             Scalar::U16 if !self.has_small_words => 65535.0,
             _ => 255.0,
         };
-        let share = value / largest;
+        self.within(value / largest)
+    }
+
+    fn within(&mut self, share: f64) -> f32 {
         let within = if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) };
         self.clamped += u64::from(share != within);
         within as f32
@@ -202,37 +213,52 @@ impl Columns {
         &self.record
     }
 
-    /// Looks through an element whose colours have 16 bits: some programs write numbers of 8 bits there, which would all be black.
-    pub(super) fn find_small_words<V: Values>(
+    /// Looks through an element whose colours have 16 bits or are floats: some programs write numbers of 8 bits there, which would all be
+    /// black, or white.
+    pub(super) fn look_at_colours<V: Values>(
         &mut self,
         element: &Element,
         source: &Source,
         mut values: V,
     ) -> Parsed<()> {
-        let is_word = |at: usize| {
-            matches!(self.targets[at], Target::Encoded(_) | Target::Alpha(_))
-                && element.properties[at].kind == Kind::Scalar(Scalar::U16)
-        };
-        if !(0..element.properties.len()).any(is_word) {
+        let colours: Vec<(usize, usize)> = (0..element.properties.len())
+            .filter(|&at| matches!(element.properties[at].kind, Kind::Scalar(Scalar::U16 | Scalar::F32 | Scalar::F64)))
+            .filter_map(|at| match (self.targets[at], self.layout.colour?) {
+                (Target::Encoded(place) | Target::Alpha(place), first) => Some((at, place - first)),
+                _ => None,
+            })
+            .collect();
+        let Some(&(first, _)) = colours.first() else { return Ok(()) };
+        // Where types differ, nothing is guessed.
+        let kind = element.properties[first].kind;
+        if colours.iter().any(|(at, _)| element.properties[*at].kind != kind) {
             return Ok(());
         }
-        let mut largest = 0.0f64;
+        let (mut numbers, are_words) = (ColourNumbers::default(), kind == Kind::Scalar(Scalar::U16));
         for _ in 0..element.count {
             source.passed(values.offset());
+            let mut colour = [0.0; 4];
             for (at, property) in element.properties.iter().enumerate() {
-                match property.kind {
-                    Kind::Scalar(scalar) if is_word(at) => largest = largest.max(values.float(scalar)?),
-                    kind => skip_property(kind, &mut values)?,
+                match (property.kind, colours.iter().find(|(colour, _)| *colour == at)) {
+                    (Kind::Scalar(scalar), Some((_, place))) => colour[*place] = values.float(scalar)?,
+                    (kind, _) => skip_property(kind, &mut values)?,
                 }
             }
             values.end_item()?;
-            if largest > 255.0 {
+            numbers.add(&colour);
+            if numbers.are_shares() {
                 return Ok(());
             }
         }
-        self.has_small_words = largest > 0.0;
+        if are_words {
+            self.has_small_words = numbers.largest() > 0.0;
+        } else {
+            self.of_floats = numbers.range();
+        }
         if self.has_small_words {
             source.note("colours have 16 bits, but no number is above 255: they are read as numbers of 8 bits");
+        } else if self.of_floats.are_bytes() {
+            source.note(ARE_BYTES);
         }
         Ok(())
     }
@@ -241,7 +267,8 @@ impl Columns {
     pub(super) fn note(&self, source: &Source) {
         source.note_skipped(
             self.clamped,
-            "values of colours are outside of 0 to 1 (floats) or of their type's range: they were clamped",
+            "values of colours are outside of 0 to 1 (floats) or of their type's range: they were clamped; divide floats by 255 if \
+             that is the largest",
         );
     }
 }

@@ -69,7 +69,7 @@ impl FaceCorners {
 
     /// Looks through the faces for what has to be known of all colours.
     pub(super) fn look_ahead<V: Values>(&mut self, element: &Element, source: &Source, values: V) -> Parsed<()> {
-        self.columns.find_small_words(element, source, values)
+        self.columns.look_at_colours(element, source, values)
     }
 
     /// Reads a property that is not the list of vertices.

@@ -47,7 +47,7 @@ pub(super) fn files_beside(source: &Source) -> Vec<PathBuf> {
 fn read_body<V: Values>(source: &Source, header: &Header, mut values: V, sink: &mut MeshSink) -> Parsed<()> {
     let textures = Textures::add(header, source, &mut sink.attributes)?;
     let mut faces = Triangulator::default();
-    let mut vertices_read = false;
+    let (mut vertices_read, mut others) = (false, vec![]);
     // Faces that precede the vertices are read after them, because polygons need positions.
     let mut postponed: Vec<(&Element, V)> = Vec::new();
     for element in &header.elements {
@@ -64,8 +64,16 @@ fn read_body<V: Values>(source: &Source, header: &Header, mut values: V, sink: &
                 postponed.push((element, values.clone()));
                 skip_element(source, element, &mut values)?;
             }
-            _ => skip_element(source, element, &mut values)?,
+            _ => {
+                if element.count > 0 {
+                    others.push(element.name.as_str());
+                }
+                skip_element(source, element, &mut values)?;
+            }
         }
+    }
+    if !others.is_empty() {
+        source.note(&format!("elements that are no surface are left out: {}", others.join(", ")));
     }
     for (element, mut values) in postponed {
         read_faces(source, element, &textures, &mut values, sink, &mut faces)?;
@@ -124,7 +132,7 @@ fn read_vertices<V: Values>(
         element.properties.iter().zip(&columns.targets).any(|(p, target)| p.name == name && *target != Target::Skip)
     };
     left_out(element, is_kept, |what| sink.leave_out(what));
-    columns.find_small_words(element, source, values.clone())?;
+    columns.look_at_colours(element, source, values.clone())?;
     let has_record = columns.layout.stride > 0;
     if has_record {
         sink.set_vertex_layout(columns.layout.clone());

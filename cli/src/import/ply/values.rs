@@ -1,7 +1,7 @@
 //! The numbers of a PLY body, in any encoding.
 
 use super::super::error::{Location, Parsed};
-use super::super::scan::Scanner;
+use super::super::scan::{COMMA, Scanner, has_decimal_comma};
 use super::super::source::Source;
 use super::header::{Element, Kind, Scalar};
 
@@ -85,6 +85,9 @@ impl<'a> AsciiValues<'a> {
         let location = self.source.line(self.text.at);
         if word.is_empty() {
             return self.source.truncated(location, "the header announces more numbers");
+        }
+        if has_decimal_comma(word) {
+            return self.source.syntax(location, COMMA);
         }
         let word = &word[..word.len().min(40)];
         self.source.syntax(
@@ -216,6 +219,7 @@ impl<const BIG_ENDIAN: bool> Values for BinaryValues<'_, BIG_ENDIAN> {
         Ok(match scalar {
             Scalar::F32 => f64::from(f32::from_le_bytes(self.take()?)),
             Scalar::F64 => f64::from_le_bytes(self.take()?),
+            Scalar::U64 => u64::from_le_bytes(self.take()?) as f64,
             _ => self.integer(scalar)? as f64,
         })
     }
@@ -229,6 +233,11 @@ impl<const BIG_ENDIAN: bool> Values for BinaryValues<'_, BIG_ENDIAN> {
             Scalar::I8 => i64::from(i8::from_le_bytes(self.take()?)),
             Scalar::I16 => i64::from(i16::from_le_bytes(self.take()?)),
             Scalar::U16 => i64::from(u16::from_le_bytes(self.take()?)),
+            Scalar::I64 => i64::from_le_bytes(self.take()?),
+            Scalar::U64 => {
+                let value = u64::from_le_bytes(self.take()?);
+                i64::try_from(value).map_err(|_| self.problem(format!("{value} is too large; the file is damaged")))?
+            }
             Scalar::F32 | Scalar::F64 => {
                 let value = self.float(scalar)?;
                 if value.fract() != 0.0 || value.abs() > 9e15 {
