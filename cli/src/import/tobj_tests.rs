@@ -110,7 +110,7 @@ fn another_reader_of_obj_reads_the_same_surface() {
 #[should_panic(expected = "assertion")]
 fn another_surface_is_told_from_that_of_the_text() {
     let (mesh, _) = import_noting("a.obj", format!("{OBJ_SQUARE}f 1 2 3\n").as_bytes());
-    assert_as_tobj(format!("{OBJ_SQUARE}f 1 2 4\n").as_bytes(), &mesh.unwrap());
+    assert_as_tobj(format!("{OBJ_SQUARE}f 1 2 3 4\n").as_bytes(), &mesh.unwrap());
 }
 
 #[test]
