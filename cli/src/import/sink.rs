@@ -344,6 +344,12 @@ impl MeshSink {
         self.hold_or_refuse(source, bytes, what, "export it as GLB or with a .bin file, convert it to PLY")
     }
 
+    /// The same with what is decompressed at once.
+    pub(super) fn hold_decompressed(&mut self, source: &Source, bytes: u64) -> Parsed<()> {
+        let what = "its JSON text, with its buffers decompressed,";
+        self.hold_or_refuse(source, bytes, what, "convert it to PLY, or to GLB without compression")
+    }
+
     /// Declares how many bytes the surface of the current file takes before it is handed on; refuses files for which there is not enough
     /// memory.
     pub(super) fn hold_whole(&mut self, source: &Source, bytes: u64) -> Parsed<()> {

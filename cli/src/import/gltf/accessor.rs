@@ -1,30 +1,129 @@
 //! Accessors: typed arrays inside buffers, strided, quantised or sparse (glTF 2.0, section 3.6).
 
-use ::gltf::Accessor;
-use ::gltf::accessor::sparse::{IndexType, Sparse};
-use ::gltf::accessor::{DataType, Dimensions};
-use ::gltf::buffer::View;
 use glam::DVec3;
 
-use super::super::error::{Location, Parsed};
-use super::super::source::Source;
-use super::Buffers;
+use super::buffers::Buffers;
+use super::document::{Accessor, Dimensions, Document, Index, Sparse};
+use crate::import::error::{Location, Parsed};
+use crate::import::source::Source;
 
 /// The most items, for each sparse value, of a sparse accessor without a base.
 const MAX_ZEROS_PER_VALUE: usize = 1024;
+
+/// The type of a component.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum DataType {
+    I8,
+    U8,
+    I16,
+    U16,
+    U32,
+    F32,
+}
+
+impl DataType {
+    /// None of numbers that stand for no type.
+    fn of_number(number: usize) -> Option<Self> {
+        Some(match number {
+            5120 => Self::I8,
+            5121 => Self::U8,
+            5122 => Self::I16,
+            5123 => Self::U16,
+            5125 => Self::U32,
+            5126 => Self::F32,
+            _ => return None,
+        })
+    }
+
+    pub(super) fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::U32 | Self::F32 => 4,
+        }
+    }
+}
+
+/// The values of an accessor that were decoded for one primitive; they stand in place of its view.
+pub(super) struct Decoded {
+    pub(super) bytes: Vec<u8>,
+    pub(super) data_type: DataType,
+    pub(super) components: usize,
+    pub(super) count: usize,
+}
+
+/// An accessor with what it needs to be read.
+#[derive(Clone, Copy)]
+pub(super) struct Array<'b> {
+    pub(super) number: usize,
+    accessor: &'b Accessor,
+    buffers: &'b Buffers<'b>,
+    decoded: Option<&'b Decoded>,
+}
+
+impl<'b> Array<'b> {
+    /// None if there is no such accessor.
+    pub(super) fn find(document: &'b Document, buffers: &'b Buffers<'b>, number: usize) -> Option<Self> {
+        Some(Self { number, accessor: document.accessors.get(number)?, buffers, decoded: None })
+    }
+
+    /// The same with values that were decoded for it.
+    pub(super) fn with(self, decoded: Option<&'b Decoded>) -> Self {
+        Self { decoded, ..self }
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.decoded.map_or(self.accessor.count.into(), |decoded| decoded.count)
+    }
+
+    /// Whether its name says that its values were computed.
+    pub(super) fn is_computed(&self) -> bool {
+        self.accessor.is_computed.0
+    }
+
+    /// The name of the accessor in messages.
+    pub(super) fn location(&self) -> Location {
+        Location::Item("accessor", self.number as u64)
+    }
+
+    fn components(&self) -> usize {
+        self.decoded.map_or(components_of(self.accessor.dimensions), |decoded| decoded.components)
+    }
+
+    fn data_type(&self, source: &Source) -> Parsed<DataType> {
+        let stated = self.decoded.map(|decoded| decoded.data_type);
+        stated.or(DataType::of_number(self.accessor.component_type.into())).ok_or_else(|| {
+            let number = usize::from(self.accessor.component_type);
+            source.syntax(self.location(), format!("has the component type {number}, which is none; {DAMAGED}"))
+        })
+    }
+}
+
+fn components_of(dimensions: Dimensions) -> usize {
+    match dimensions {
+        Dimensions::Scalar => 1,
+        Dimensions::Vec2 => 2,
+        Dimensions::Vec3 => 3,
+        Dimensions::Vec4 => 4,
+        Dimensions::Mat4 => 16,
+        Dimensions::Other => 0,
+    }
+}
+
+/// What to do about rules that are broken.
+const DAMAGED: &str = "export the file again";
 
 /// The positions of a `POSITION` accessor: floats, or integers as `KHR_mesh_quantization` allows. They may not be
 /// finite.
 pub(super) fn read_positions<'b>(
     source: &Source,
-    buffers: &'b Buffers<'b>,
-    accessor: &Accessor,
-) -> Parsed<impl ExactSizeIterator<Item = DVec3>> {
-    if accessor.dimensions() != Dimensions::Vec3 {
+    array: &Array<'b>,
+) -> Parsed<impl ExactSizeIterator<Item = DVec3> + use<'b>> {
+    if array.components() != 3 {
         let problem = "positions must have three components; export the file again";
-        return Err(source.syntax(location_of(accessor), problem));
+        return Err(source.syntax(array.location(), problem));
     }
-    let (data_type, normalized) = (accessor.data_type(), accessor.normalized());
+    let (data_type, normalized) = (array.data_type(source)?, array.accessor.normalized);
     let position = move |bytes: &[u8]| {
         let size = data_type.size();
         let mut p = DVec3::ZERO;
@@ -33,21 +132,19 @@ pub(super) fn read_positions<'b>(
         }
         p
     };
-    read_items(source, buffers, accessor, DVec3::ZERO, position)
+    read_items(source, array, data_type, DVec3::ZERO, position)
 }
 
 /// The colours of a `COLOR_n` accessor: red, green, blue and alpha, which is 1 where there is none.
 pub(super) fn read_colours<'b>(
     source: &Source,
-    buffers: &'b Buffers<'b>,
-    accessor: &Accessor,
+    array: &Array<'b>,
 ) -> Parsed<impl ExactSizeIterator<Item = [f32; 4]> + use<'b>> {
-    let count = match accessor.dimensions() {
-        Dimensions::Vec3 => 3,
-        Dimensions::Vec4 => 4,
-        _ => return Err(source.syntax(location_of(accessor), "colours must have three or four components")),
-    };
-    let data_type = accessor.data_type();
+    let count = array.components();
+    if !(3..=4).contains(&count) {
+        return Err(source.syntax(array.location(), "colours must have three or four components"));
+    }
+    let data_type = array.data_type(source)?;
     let colour = move |bytes: &[u8]| {
         let mut colour = [1.0; 4];
         for (i, value) in colour.iter_mut().enumerate().take(count) {
@@ -56,77 +153,80 @@ pub(super) fn read_colours<'b>(
         }
         colour
     };
-    read_items(source, buffers, accessor, [0.0; 4], colour)
+    read_items(source, array, data_type, [0.0; 4], colour)
 }
 
 /// The directions of a `NORMAL` accessor.
 pub(super) fn read_normals<'b>(
     source: &Source,
-    buffers: &'b Buffers<'b>,
-    accessor: &Accessor,
+    array: &Array<'b>,
 ) -> Parsed<impl ExactSizeIterator<Item = [f32; 3]> + use<'b>> {
-    read_shares(source, buffers, accessor, (Dimensions::Vec3, "normals must have three components"))
+    read_shares(source, array, "normals must have three components")
 }
 
 /// The directions of a `TANGENT` accessor, each with its side.
 pub(super) fn read_tangents<'b>(
     source: &Source,
-    buffers: &'b Buffers<'b>,
-    accessor: &Accessor,
+    array: &Array<'b>,
 ) -> Parsed<impl ExactSizeIterator<Item = [f32; 4]> + use<'b>> {
-    read_shares(source, buffers, accessor, (Dimensions::Vec4, "tangents must have four components"))
+    read_shares(source, array, "tangents must have four components")
 }
 
 /// Vectors of which whole numbers are shares of the largest one, whether the accessor says so or not; what is wrong if it has other dimensions.
 fn read_shares<'b, const N: usize>(
     source: &Source,
-    buffers: &'b Buffers<'b>,
-    accessor: &Accessor,
-    (dimensions, problem): (Dimensions, &str),
+    array: &Array<'b>,
+    problem: &str,
 ) -> Parsed<impl ExactSizeIterator<Item = [f32; N]> + use<'b, N>> {
-    if accessor.dimensions() != dimensions {
-        return Err(source.syntax(location_of(accessor), problem));
+    if array.components() != N {
+        return Err(source.syntax(array.location(), problem));
     }
-    let data_type = accessor.data_type();
+    let data_type = array.data_type(source)?;
     let vector =
         move |bytes: &[u8]| std::array::from_fn(|k| component(&bytes[k * data_type.size()..], data_type, true) as f32);
-    read_items(source, buffers, accessor, [0.0; N], vector)
+    read_items(source, array, data_type, [0.0; N], vector)
 }
 
 /// The coordinates of a `TEXCOORD_n` accessor.
 pub(super) fn read_uvs<'b>(
     source: &Source,
-    buffers: &'b Buffers<'b>,
-    accessor: &Accessor,
+    array: &Array<'b>,
 ) -> Parsed<impl ExactSizeIterator<Item = [f32; 2]> + use<'b>> {
-    if accessor.dimensions() != Dimensions::Vec2 {
-        return Err(source.syntax(location_of(accessor), "texture coordinates must have two components"));
+    if array.components() != 2 {
+        return Err(source.syntax(array.location(), "texture coordinates must have two components"));
     }
-    let (data_type, normalized) = (accessor.data_type(), accessor.normalized());
+    let (data_type, normalized) = (array.data_type(source)?, array.accessor.normalized);
     let uv =
         move |bytes: &[u8]| [0, 1].map(|i| component(&bytes[i * data_type.size()..], data_type, normalized) as f32);
-    read_items(source, buffers, accessor, [0.0; 2], uv)
+    read_items(source, array, data_type, [0.0; 2], uv)
 }
 
 /// The numbers of an index accessor.
 pub(super) fn read_indices<'b>(
     source: &Source,
-    buffers: &'b Buffers<'b>,
-    accessor: &Accessor,
-) -> Parsed<impl ExactSizeIterator<Item = u32>> {
-    let data_type = accessor.data_type();
+    array: &Array<'b>,
+) -> Parsed<impl ExactSizeIterator<Item = u32> + use<'b>> {
+    let data_type = array.data_type(source)?;
     let unsigned = matches!(data_type, DataType::U8 | DataType::U16 | DataType::U32);
-    if accessor.dimensions() != Dimensions::Scalar || !unsigned {
-        return Err(
-            source.syntax(location_of(accessor), "indices must be single unsigned numbers; export the file again")
-        );
+    if array.components() != 1 || !unsigned {
+        return Err(source.syntax(array.location(), "indices must be single unsigned numbers; export the file again"));
     }
-    read_items(source, buffers, accessor, 0, move |bytes| component(bytes, data_type, false) as u32)
+    read_items(source, array, data_type, 0, move |bytes| component(bytes, data_type, false) as u32)
 }
 
-/// The name of an accessor in messages.
-pub(super) fn location_of(accessor: &Accessor) -> Location {
-    Location::Item("accessor", accessor.index() as u64)
+/// The vectors of an accessor of instances or skins: floats, or integers that are shares of the largest one where the accessor says so.
+pub(super) fn read_vectors<'b, const N: usize>(
+    source: &Source,
+    array: &Array<'b>,
+) -> Parsed<impl ExactSizeIterator<Item = [f64; N]> + use<'b, N>> {
+    if array.components() != N {
+        let problem = format!("has values of {} components in place of {N}; {DAMAGED}", array.components());
+        return Err(source.syntax(array.location(), problem));
+    }
+    let (data_type, normalized) = (array.data_type(source)?, array.accessor.normalized);
+    let vector =
+        move |bytes: &[u8]| std::array::from_fn(|k| component(&bytes[k * data_type.size()..], data_type, normalized));
+    read_items(source, array, data_type, [0.0; N], vector)
 }
 
 /// One component as f64. `bytes` must hold it: callers have checked the length of the item.
@@ -146,21 +246,25 @@ fn component(bytes: &[u8], data_type: DataType, normalized: bool) -> f64 {
 /// the first item is decoded; then they are decoded one by one.
 fn read_items<'b, T: Copy, F: Fn(&[u8]) -> T>(
     source: &Source,
-    buffers: &'b Buffers<'b>,
-    accessor: &Accessor,
+    array: &Array<'b>,
+    data_type: DataType,
     zero: T,
     item: F,
 ) -> Parsed<impl ExactSizeIterator<Item = T> + use<'b, T, F>> {
-    let location = location_of(accessor);
-    let outside = || source.truncated(location, "it reaches beyond its buffer");
-    let (count, size) = (accessor.count(), accessor.size());
-    let base = match accessor.view() {
-        Some(view) => Some(Slices::find(buffers, &view, accessor.offset(), size, count).ok_or_else(outside)?),
-        None => None,
+    let &Array { accessor, buffers, .. } = array;
+    let location = array.location();
+    let (count, size) = (array.count(), data_type.size() * array.components());
+    let beyond = || source.truncated(location, "it reaches beyond its buffer");
+    let find = |view: Index, offset: usize, size: usize, count: usize| {
+        Slices::find(source, buffers, view, offset, size, count)?.ok_or_else(beyond)
     };
-    let mut replaced = match accessor.sparse() {
-        Some(sparse) => Some(Replaced::find(buffers, &sparse, size).ok_or_else(outside)?),
-        None => None,
+    let (base, mut replaced) = match array.decoded {
+        Some(decoded) => (Some(Slices { buffers, bytes: &decoded.bytes, size, stride: size, count }), None),
+        None => {
+            let base = accessor.buffer_view.map(|view| find(view, accessor.byte_offset.into(), size, count));
+            let replaced = accessor.sparse.as_ref().map(|sparse| Replaced::find(source, location, sparse, size, find));
+            (base.transpose()?, replaced.transpose()?)
+        }
     };
     if let Some(replaced) = &replaced {
         let mut least = 0;
@@ -176,7 +280,7 @@ fn read_items<'b, T: Copy, F: Fn(&[u8]) -> T>(
         // Zeros except for the sparse values. Vertices that all lie at the origin make no surface, so a count far above
         // the number of sparse values is not a mesh but an invented number.
         let Some(values) = replaced.as_ref().map(|replaced| replaced.values.count) else {
-            return Err(source.syntax(location, "it has no data; export it without compression extensions"));
+            return Err(source.syntax(location, format!("it has no data; {DAMAGED}")));
         };
         if count > values.saturating_mul(MAX_ZEROS_PER_VALUE) {
             let problem = format!("it has {count} items but only {values} values; export the file again");
@@ -202,19 +306,23 @@ struct Replaced<'b> {
 }
 
 impl<'b> Replaced<'b> {
-    /// `None` if its views are too short.
-    fn find(buffers: &'b Buffers<'b>, sparse: &Sparse, size: usize) -> Option<Self> {
-        let index_type = match sparse.indices().index_type() {
-            IndexType::U8 => DataType::U8,
-            IndexType::U16 => DataType::U16,
-            IndexType::U32 => DataType::U32,
+    fn find(
+        source: &Source,
+        location: Location,
+        sparse: &Sparse,
+        size: usize,
+        find: impl Fn(Index, usize, usize, usize) -> Parsed<Slices<'b>>,
+    ) -> Parsed<Self> {
+        let Sparse { count, indices, values } = sparse;
+        let unsigned = |data_type: &DataType| matches!(data_type, DataType::U8 | DataType::U16 | DataType::U32);
+        let Some(index_type) = DataType::of_number(indices.component_type.into()).filter(unsigned) else {
+            let problem = format!("the numbers of the items that it replaces must be unsigned; {DAMAGED}");
+            return Err(source.syntax(location, problem));
         };
-        let (index_view, value_view) = (sparse.indices().view(), sparse.values().view());
-        let index_offset = sparse.indices().offset();
-        let indices = Slices::find(buffers, &index_view, index_offset, index_type.size(), sparse.count())?;
-        let values = Slices::find(buffers, &value_view, sparse.values().offset(), size, sparse.count())?;
+        let values = find(values.buffer_view, values.byte_offset.into(), size, (*count).into())?;
+        let indices = find(indices.buffer_view, indices.byte_offset.into(), index_type.size(), (*count).into())?;
         let first = Self { indices, index_type, values, next: 0, next_index: 0 };
-        Some(Self { next_index: first.index(0), ..first })
+        Ok(Self { next_index: first.index(0), ..first })
     }
 
     /// The index of the item that a replacement replaces; none after the last.
@@ -249,15 +357,23 @@ struct Slices<'b> {
 
 impl<'b> Slices<'b> {
     /// `count` slices of `size` bytes, spaced by the view's stride; `None` if the last one ends outside the view.
-    fn find(buffers: &'b Buffers<'b>, view: &View, offset: usize, size: usize, count: usize) -> Option<Self> {
-        let stride = view.stride().unwrap_or(size).max(1);
-        let bytes = buffers.view(view, offset)?;
-        let end = match count.checked_sub(1) {
-            Some(last) => last.checked_mul(stride)?.checked_add(size)?,
-            None => 0,
-        };
+    fn find(
+        source: &Source,
+        buffers: &'b Buffers<'b>,
+        view: Index,
+        offset: usize,
+        size: usize,
+        count: usize,
+    ) -> Parsed<Option<Self>> {
+        let Some((bytes, stride)) = buffers.view(source, view.into())? else { return Ok(None) };
+        let stride = stride.unwrap_or(size).max(1);
         // A last item shorter than the stride still counts; items may overlap if the stride is short.
-        (end <= bytes.len()).then_some(Self { buffers, bytes, size, stride, count })
+        let end = match count.checked_sub(1) {
+            Some(last) => last.checked_mul(stride).and_then(|end| end.checked_add(size)),
+            None => Some(0),
+        };
+        let bytes = bytes.get(offset..).filter(|bytes| end.is_some_and(|end| end <= bytes.len()));
+        Ok(bytes.map(|bytes| Self { buffers, bytes, size, stride, count }))
     }
 
     #[inline]

@@ -2,20 +2,19 @@
 
 use glam::{DMat3, DMat4, DVec3};
 
-use ::gltf::mesh::Mode;
-use ::gltf::{Accessor, Document, Primitive, Semantic};
-
-use super::accessor::{read_colours, read_normals, read_tangents, read_uvs};
+use super::accessor::{Array, read_colours, read_normals, read_tangents, read_uvs};
+use super::arrays::Arrays;
 use super::buffers::Buffers;
+use super::document::{Document, Mode, Primitive, Semantic};
+use super::draco::DracoDecoder;
 use super::materials::Materials;
-use super::smooth::are_smooth;
+use super::smooth::{MOST_VERTICES, are_smooth};
 use crate::import::error::Parsed;
 use crate::import::sink::MeshSink;
 use crate::import::source::Source;
 use crate::import::textures::Causes;
 use crate::mesh::appearance::{COLOUR, NORMAL};
 use crate::mesh::attributes::AttributeLayout;
-use crate::mesh::smooth::COMPUTED;
 
 /// What the vertices of a document carry, in one layout for all of its primitives.
 #[derive(Default)]
@@ -32,29 +31,44 @@ impl SceneAttributes {
         source: &Source,
         document: &Document,
         buffers: &Buffers,
+        decoder: &DracoDecoder,
         sink: &mut MeshSink,
     ) -> Parsed<Self> {
         let materials = Materials::read(source, document, buffers, &mut sink.attributes)?;
         note_missing_coordinates(source, document, &materials);
-        let primitives = || {
-            let all = document.meshes().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>());
-            all.filter(is_surface)
-        };
+        let primitives = || document.meshes.iter().flat_map(|mesh| &mesh.primitives).filter(|of| of.mode().is_some());
         let mut layout = AttributeLayout::default();
-        let has_colours = primitives().any(|primitive| primitive.get(&Semantic::Colors(0)).is_some());
+        let has_colours = primitives().any(|primitive| primitive.attributes.get(Semantic::Colour(0)).is_some());
         if has_colours && sink.attributes.finds(COLOUR, "vertex colours") {
             layout.add_colour();
         }
-        let is_plain = |primitive: &Primitive| primitive.material().index().is_none();
-        if primitives().any(|primitive| !is_plain(&primitive)) {
+        if primitives().any(|primitive| primitive.material.is_some()) {
             let what = if materials.uv_sets.is_empty() { "materials" } else { "textures" };
             sink.attributes.finds(COLOUR, what);
         }
-        let normals = || primitives().filter_map(|primitive| primitive.get(&Semantic::Normals));
+        let array = |accessor: usize| Array::find(document, buffers, accessor);
+        let normals = || primitives().filter_map(|primitive| array(primitive.attributes.get(Semantic::Normal)?));
         let has_normals = normals().next().is_some();
         // What was computed from triangles can be again, and says nothing that is worth a note.
-        let are_given = normals().any(|accessor| accessor.name() != Some(COMPUTED));
-        let is_smooth = are_given && sink.attributes.wants_normals(true) && are_smooth(source, buffers, primitives());
+        let are_given = normals().any(|array| !array.is_computed());
+        let is_smooth = are_given && sink.attributes.wants_normals(true) && {
+            let numbered = document.meshes.iter().enumerate().flat_map(|(mesh, of)| {
+                of.primitives.iter().enumerate().map(move |(number, primitive)| ([mesh, number], primitive))
+            });
+            // Dense primitives are not decoded for this.
+            let lit = numbered.filter(|(_, primitive)| {
+                let position = primitive.attributes.get(Semantic::Position).and_then(array);
+                let is_small = position.is_some_and(|array| array.count() <= MOST_VERTICES);
+                is_small && primitive.mode() == Some(Mode::Triangles) && !is_unlit(document, primitive)
+            });
+            are_smooth(
+                source,
+                lit.filter_map(|(numbers, primitive)| {
+                    let decoded = decoder.decode(source, document, buffers, numbers, primitive).ok()?;
+                    Some(Arrays::new(document, buffers, primitive, decoded))
+                }),
+            )
+        };
         // A map of normals is relative to those of vertices.
         if has_normals && sink.attributes.wants_normals(materials.has_normals() || is_smooth) {
             if is_smooth {
@@ -63,8 +77,7 @@ impl SceneAttributes {
             sink.attributes.finds(NORMAL, "normals");
             layout.add_normal();
             // They belong to normals, and count only there (glTF 2.0, section 3.7.2.1).
-            let uses_tangents = |primitive: &Primitive| tangents_of(primitive, &materials).is_some();
-            if primitives().any(|primitive| uses_tangents(&primitive)) {
+            if primitives().any(|primitive| has_tangents(primitive, &materials)) {
                 layout.add_tangent();
             }
         } else if are_given {
@@ -89,60 +102,43 @@ impl SceneAttributes {
 
     /// The number of a primitive's material.
     pub(super) fn material_of(&self, primitive: &Primitive) -> usize {
-        self.materials.number_of(&primitive.material())
+        self.materials.number_of(primitive.material)
     }
 
     /// The records of a primitive's vertices; none if the document has no records. Attributes that cannot be read are left out with a
     /// note, because the surface is there without them.
-    pub(super) fn of_primitive<'b>(
-        &self,
-        source: &Source,
-        buffers: &'b Buffers<'b>,
-        primitive: &Primitive,
-        transform: DMat4,
-    ) -> Option<PrimitiveRecords<'b>> {
+    pub(super) fn of_primitive<'b>(&self, source: &Source, arrays: &'b Arrays) -> Option<PrimitiveRecords<'b>> {
         if self.layout.stride == 0 {
             return None;
         }
-        let (blank, count) =
-            (self.layout.blank(), primitive.get(&Semantic::Positions).map_or(0, |accessor| accessor.count()));
-        let fits = |accessor: &Accessor| {
-            if accessor.count() != count {
-                source.note(&format!(
-                    "accessor {} has {} values for {count} vertices: it was left out",
-                    accessor.index(),
-                    accessor.count()
-                ));
+        let count = arrays.get(Semantic::Position).map_or(0, |array| array.count());
+        let get = |semantic: Semantic| {
+            let array = arrays.get(semantic)?;
+            if array.count() != count {
+                let (number, values) = (array.number, array.count());
+                source.note(&format!("accessor {number} has {values} values for {count} vertices: it was left out"));
             }
-            accessor.count() == count
+            (array.count() == count).then_some(array)
         };
         let colours = self.layout.colour.and_then(|place| {
-            let accessor = primitive.get(&Semantic::Colors(0)).filter(fits)?;
-            let colours = sound(source, read_colours(source, buffers, &accessor))?;
+            let colours = sound(source, read_colours(source, &get(Semantic::Colour(0))?))?;
             Some((place, Box::new(colours) as Colours<'b>))
         });
         let normals = self.layout.normal.and_then(|place| {
-            let accessor = primitive.get(&Semantic::Normals).filter(fits)?;
-            let normals = sound(source, read_normals(source, buffers, &accessor))?;
+            let normals = sound(source, read_normals(source, &get(Semantic::Normal)?))?;
             Some((place, Box::new(normals) as Directions<'b>))
         });
         let tangents = self.layout.tangent.and_then(|place| {
-            let accessor = tangents_of(primitive, &self.materials).filter(fits)?;
-            let tangents = sound(source, read_tangents(source, buffers, &accessor))?;
+            let array = has_tangents(arrays.primitive, &self.materials).then(|| get(Semantic::Tangent))??;
+            let tangents = sound(source, read_tangents(source, &array))?;
             Some((place, Box::new(tangents) as Tangents<'b>))
         });
         let sets = self.materials.uv_sets.iter().zip(&self.layout.uv).filter_map(|(&set, &place)| {
-            let accessor = primitive.get(&Semantic::TexCoords(set)).filter(fits)?;
-            let uvs = sound(source, read_uvs(source, buffers, &accessor))?;
+            let uvs = sound(source, read_uvs(source, &get(Semantic::TexCoord(set))?))?;
             Some((place, Box::new(uvs) as Coordinates<'b>))
         });
-        // Normals turn with the cofactors of the matrix, and stay on their side where it mirrors.
-        let [x, y, z] = [transform.x_axis, transform.y_axis, transform.z_axis].map(|axis| axis.truncate());
-        let side = x.cross(y).dot(z).signum();
-        let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * side;
-        let turn = Turn { cofactors, matrix: DMat3::from_cols(x, y, z), side };
         let sets = sets.collect();
-        Some(PrimitiveRecords { sets, colours, normals, tangents, turn, record: blank, clamped_count: 0 })
+        Some(PrimitiveRecords { sets, colours, normals, tangents, record: self.layout.blank(), clamped_count: 0 })
     }
 
     /// Notes for the user what was odd.
@@ -151,25 +147,25 @@ impl SceneAttributes {
     }
 }
 
-/// The tangents of a primitive whose material has an image of normals, which are relative to them.
-fn tangents_of<'a>(primitive: &Primitive<'a>, materials: &Materials) -> Option<Accessor<'a>> {
-    primitive.get(&Semantic::Normals)?;
-    primitive.get(&Semantic::Tangents).filter(|_| materials.has_normals_of(&primitive.material()))
+/// Whether a primitive has tangents, and its material an image of normals, which are relative to them.
+fn has_tangents(primitive: &Primitive, materials: &Materials) -> bool {
+    let has = |semantic: Semantic| primitive.attributes.get(semantic).is_some();
+    has(Semantic::Normal) && has(Semantic::Tangent) && materials.has_normals_of(primitive.material)
 }
 
-/// Whether a primitive has triangles.
-pub(super) fn is_surface(primitive: &Primitive) -> bool {
-    matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
+fn is_unlit(document: &Document, primitive: &Primitive) -> bool {
+    let material = primitive.material.and_then(|material| document.materials.get(usize::from(material)));
+    material.is_some_and(|material| material.extensions.unlit.is_some())
 }
 
 /// Notes primitives that do not say where the textures of their materials are.
 fn note_missing_coordinates(source: &Source, document: &Document, materials: &Materials) {
     let mut causes = Causes::default();
-    for mesh in document.meshes() {
-        for primitive in mesh.primitives().filter(is_surface) {
-            let is_missing = |set: &u32| primitive.get(&Semantic::TexCoords(*set)).is_none();
-            for set in materials.sets_needed_by(&primitive.material()).filter(is_missing) {
-                let name = format!("primitive {} of mesh {}", primitive.index(), mesh.index());
+    for (mesh_number, mesh) in document.meshes.iter().enumerate() {
+        for (number, primitive) in mesh.primitives.iter().enumerate().filter(|(_, of)| of.mode().is_some()) {
+            let is_missing = |set: &u32| primitive.attributes.get(Semantic::TexCoord(*set)).is_none();
+            for set in materials.sets_needed_by(primitive.material).filter(is_missing) {
+                let name = format!("primitive {number} of mesh {mesh_number}");
                 causes.add(&set.to_string(), &name, |name| {
                     format!(
                         "{name} has no TEXCOORD_{set}, which a texture of its material needs: the material has its \
@@ -193,7 +189,7 @@ type Tangents<'b> = Box<dyn Iterator<Item = [f32; 4]> + 'b>;
 type Coordinates<'b> = Box<dyn Iterator<Item = [f32; 2]> + 'b>;
 
 /// How directions turn with a node.
-struct Turn {
+pub(super) struct Turn {
     /// Of normals.
     cofactors: DMat3,
     /// Of tangents.
@@ -202,12 +198,25 @@ struct Turn {
     side: f64,
 }
 
+impl Turn {
+    /// Normals turn with the cofactors of the matrix, and stay on their side where it mirrors.
+    pub(super) fn of(transform: DMat4) -> Self {
+        let [x, y, z] = [transform.x_axis, transform.y_axis, transform.z_axis].map(|axis| axis.truncate());
+        let side = x.cross(y).dot(z).signum();
+        let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * side;
+        Self { cofactors, matrix: DMat3::from_cols(x, y, z), side }
+    }
+
+    pub(super) fn is_mirrored(&self) -> bool {
+        self.side < 0.0
+    }
+}
+
 /// The records of a primitive's vertices, one after the other.
 pub(super) struct PrimitiveRecords<'b> {
     colours: Option<(usize, Colours<'b>)>,
     normals: Option<(usize, Directions<'b>)>,
     tangents: Option<(usize, Tangents<'b>)>,
-    turn: Turn,
     sets: Vec<(usize, Coordinates<'b>)>,
     record: Vec<f32>,
     pub(super) clamped_count: u64,
@@ -216,7 +225,7 @@ pub(super) struct PrimitiveRecords<'b> {
 impl PrimitiveRecords<'_> {
     /// The record of the next vertex.
     #[inline]
-    pub(super) fn next(&mut self) -> &[f32] {
+    pub(super) fn next(&mut self, turn: &Turn) -> &[f32] {
         if let Some((place, colours)) = &mut self.colours
             && let Some(colour) = colours.next()
         {
@@ -228,15 +237,15 @@ impl PrimitiveRecords<'_> {
         if let Some((place, normals)) = &mut self.normals
             && let Some(normal) = normals.next()
         {
-            let normal = (self.turn.cofactors * DVec3::from(normal.map(f64::from))).normalize_or(DVec3::NAN);
+            let normal = (turn.cofactors * DVec3::from(normal.map(f64::from))).normalize_or(DVec3::NAN);
             self.record[*place..*place + 3].copy_from_slice(&normal.as_vec3().to_array());
         }
         if let Some((place, tangents)) = &mut self.tangents
             && let Some([x, y, z, side]) = tangents.next()
         {
-            let tangent = self.turn.matrix * DVec3::from([x, y, z].map(f64::from));
+            let tangent = turn.matrix * DVec3::from([x, y, z].map(f64::from));
             let [x, y, z] = tangent.normalize_or(DVec3::NAN).as_vec3().to_array();
-            self.record[*place..*place + 4].copy_from_slice(&[x, y, z, side * self.turn.side as f32]);
+            self.record[*place..*place + 4].copy_from_slice(&[x, y, z, side * turn.side as f32]);
         }
         for (place, uvs) in &mut self.sets {
             let uv = uvs.next().filter(|uv| uv.iter().all(|value| value.is_finite()));

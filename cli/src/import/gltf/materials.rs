@@ -3,11 +3,8 @@
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 
-use ::gltf::material::AlphaMode as GltfAlpha;
-use ::gltf::texture::{Info, MagFilter, Texture, TextureTransform, WrappingMode};
-use ::gltf::{Document, Material as GltfMaterial};
-
-use super::buffers::{Buffers, decode_percent, has_scheme};
+use super::buffers::{Buffers, decode_data_uri, decode_percent, has_scheme};
+use super::document::{Document, Index, Material as GltfMaterial, Texture, TextureInfo, TextureTransform};
 use crate::import::attributes::AttributeSink;
 use crate::import::beside::{Beside, not_beside};
 use crate::import::error::Parsed;
@@ -40,7 +37,7 @@ impl Materials {
         if !sink.wants_materials() {
             return Ok(Self::default());
         }
-        let mut uv_sets: Vec<u32> = document.materials().flat_map(|material| sets_of(&material)).collect();
+        let mut uv_sets: Vec<u32> = document.materials.iter().flat_map(sets_of).collect();
         uv_sets.sort_unstable();
         uv_sets.dedup();
         // Records have room for as many sets as an input can need.
@@ -55,7 +52,7 @@ impl Materials {
             noted: BTreeSet::new(),
             causes: Causes::default(),
         };
-        let materials: Vec<Material> = document.materials().map(|material| reader.material(&material)).collect();
+        let materials: Vec<Material> = document.materials.iter().map(|material| reader.material(material)).collect();
         reader.causes.sentences().for_each(|sentence| source.note(&sentence));
         let with_normals = materials.iter().map(|material| material.normal_texture.is_some()).collect();
         let sets_of = |material: &Material| material.textures().map(|of| uv_sets[usize::from(of.uv_set)]).collect();
@@ -69,47 +66,48 @@ impl Materials {
     }
 
     /// The sets of texture coordinates that the textures of a material need.
-    pub(super) fn sets_needed_by(&self, material: &GltfMaterial) -> impl Iterator<Item = u32> {
-        material.index().and_then(|index| self.needed_sets.get(index)).into_iter().flatten().copied()
+    pub(super) fn sets_needed_by(&self, material: Option<Index>) -> impl Iterator<Item = u32> {
+        material.and_then(|index| self.needed_sets.get(usize::from(index))).into_iter().flatten().copied()
     }
 
     /// Whether a material has an image of normals.
-    pub(super) fn has_normals_of(&self, material: &GltfMaterial) -> bool {
-        material.index().and_then(|index| self.with_normals.get(index)).copied().unwrap_or(false)
+    pub(super) fn has_normals_of(&self, material: Option<Index>) -> bool {
+        material.and_then(|index| self.with_normals.get(usize::from(index))).copied().unwrap_or(false)
     }
 
-    /// The number of a primitive's material; 0 where it has none.
-    pub(super) fn number_of(&self, material: &GltfMaterial) -> usize {
-        self.first.zip(material.index()).map_or(0, |(first, index)| first + index)
+    /// The number of a primitive's material; 0 where it has none, or one that is not there.
+    pub(super) fn number_of(&self, material: Option<Index>) -> usize {
+        let index = material.map(usize::from).filter(|&index| index < self.with_normals.len());
+        self.first.zip(index).map_or(0, |(first, index)| first + index)
     }
 }
 
+/// The filter that shows the nearest texel.
+const NEAREST: usize = 9728;
 /// The most sets of texture coordinates that are read.
 const MAX_UV_SETS: usize = 8;
 
 /// The texture of the base colour, in either of the two models of materials.
-fn base_texture<'a>(material: &GltfMaterial<'a>) -> Option<Info<'a>> {
-    match material.pbr_specular_glossiness() {
-        Some(other) => other.diffuse_texture(),
-        None => material.pbr_metallic_roughness().base_color_texture(),
+fn base_texture(material: &GltfMaterial) -> Option<&TextureInfo> {
+    match &material.extensions.specular_glossiness {
+        Some(other) => other.diffuse_texture.as_ref(),
+        None => material.pbr_metallic_roughness.base_color_texture.as_ref(),
     }
 }
 
-fn uv_set(texture: &Info) -> u32 {
-    texture.texture_transform().and_then(|transform| transform.tex_coord()).unwrap_or(texture.tex_coord())
-}
-
 /// The sets of texture coordinates that a material uses.
-fn sets_of(material: &GltfMaterial) -> Vec<u32> {
-    let metallic = material.pbr_metallic_roughness();
-    let colours = [base_texture(material), metallic.metallic_roughness_texture(), material.emissive_texture()];
+fn sets_of(material: &GltfMaterial) -> impl Iterator<Item = u32> {
     let others = [
-        material.normal_texture().map(|texture| texture.tex_coord()),
-        material.occlusion_texture().map(|texture| texture.tex_coord()),
+        &material.pbr_metallic_roughness.metallic_roughness_texture,
+        &material.emissive_texture,
+        &material.normal_texture,
+        &material.occlusion_texture,
     ];
-    colours.iter().flatten().map(uv_set).chain(others.into_iter().flatten()).collect()
+    base_texture(material).into_iter().chain(others.into_iter().flatten()).map(TextureInfo::uv_set)
 }
 
+/// The extension of images that are WebP.
+pub(super) const WEBP: &str = "EXT_texture_webp";
 /// Extensions that give a texture an image of a format that is not read.
 pub(super) const UNREAD_IMAGES: [&str; 3] = ["KHR_texture_basisu", "MSFT_texture_dds", "EXT_texture_avif"];
 
@@ -131,54 +129,50 @@ struct MaterialReader<'a> {
 
 impl MaterialReader<'_> {
     fn material(&mut self, material: &GltfMaterial) -> Material {
-        let metallic = material.pbr_metallic_roughness();
-        let is_other = material.unlit() || material.pbr_specular_glossiness().is_some();
-        let base = material.pbr_specular_glossiness().map_or(metallic.base_color_factor(), |m| m.diffuse_factor());
+        let (metallic, extensions) = (&material.pbr_metallic_roughness, &material.extensions);
+        let is_unlit = extensions.unlit.is_some();
+        let is_other = is_unlit || extensions.specular_glossiness.is_some();
+        let base = extensions.specular_glossiness.as_ref().map_or(metallic.base_color_factor, |of| of.diffuse_factor);
+        let mut texture = |info: Option<&TextureInfo>| self.texture(info?);
         Material {
-            name: material.name().unwrap_or_default().to_owned(),
-            base_colour: base.map(|factor| if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 1.0 }),
+            name: material.name.clone().unwrap_or_default(),
+            base_colour: base.map(|factor| factor.clamp(0.0, 1.0) as f32),
             opacity_texture: None,
             has_object_normals: false,
-            base_texture: base_texture(material).and_then(|texture| self.texture(&texture)),
-            normal_texture: material.normal_texture().and_then(|info| {
-                let transform = transform_of(info.extension_value("KHR_texture_transform"));
-                Some((self.image_use(&info.texture(), info.tex_coord(), transform)?, info.scale()))
-            }),
-            emissive: material.emissive_factor().map(|factor| factor * emissive_strength(material)),
-            emissive_texture: material.emissive_texture().and_then(|texture| self.texture(&texture)),
-            occlusion_texture: material.occlusion_texture().and_then(|info| {
-                let transform = transform_of(info.extension_value("KHR_texture_transform"));
-                Some((self.image_use(&info.texture(), info.tex_coord(), transform)?, info.strength()))
-            }),
-            metallic_roughness_texture: metallic
-                .metallic_roughness_texture()
-                .filter(|_| !is_other)
-                .and_then(|texture| self.texture(&texture)),
+            base_texture: texture(base_texture(material)),
+            normal_texture: material
+                .normal_texture
+                .as_ref()
+                .and_then(|info| Some((texture(Some(info))?, info.scale as f32))),
+            emissive: material.emissive_factor.map(|factor| factor as f32 * emissive_strength(material)),
+            emissive_texture: texture(material.emissive_texture.as_ref()),
+            occlusion_texture: material
+                .occlusion_texture
+                .as_ref()
+                .and_then(|info| Some((texture(Some(info))?, info.strength as f32))),
+            metallic_roughness_texture: texture(metallic.metallic_roughness_texture.as_ref().filter(|_| !is_other)),
             metallic_texture: None,
             roughness_texture: None,
             // Materials of other models are no metals: their factors stand at values that nobody chose.
-            metallic: if is_other { 0.0 } else { metallic.metallic_factor() },
-            roughness: if is_other { 1.0 } else { metallic.roughness_factor() },
-            double_sided: material.double_sided(),
-            alpha: match material.alpha_mode() {
-                GltfAlpha::Opaque => AlphaMode::Opaque,
-                GltfAlpha::Mask => AlphaMode::Mask(material.alpha_cutoff().unwrap_or(0.5)),
-                GltfAlpha::Blend => AlphaMode::Blend,
+            metallic: if is_other { 0.0 } else { metallic.metallic_factor as f32 },
+            roughness: if is_other { 1.0 } else { metallic.roughness_factor as f32 },
+            double_sided: material.double_sided,
+            alpha: match material.alpha_mode.as_deref() {
+                Some("MASK") => AlphaMode::Mask(material.alpha_cutoff as f32),
+                Some("BLEND") => AlphaMode::Blend,
+                _ => AlphaMode::Opaque,
             },
-            unlit: material.unlit(),
+            unlit: is_unlit,
             hides_vertex_colour: false,
         }
     }
 
-    fn texture(&mut self, info: &Info) -> Option<TextureUse> {
-        let transform = info.texture_transform().map(|transform| rows(&transform));
-        self.image_use(&info.texture(), uv_set(info), transform)
-    }
-
-    fn image_use(&mut self, texture: &Texture, set: u32, transform: Option<[f32; 6]>) -> Option<TextureUse> {
-        let image = self.image_of(texture)?;
+    fn texture(&mut self, info: &TextureInfo) -> Option<TextureUse> {
+        let (number, set) = (usize::from(info.index), info.uv_set());
+        let texture = self.document.textures.get(number);
+        let (image, label) = (self.image_of(number, texture)?, label_of(number, texture));
         let Ok(set) = self.uv_sets.binary_search(&set) else {
-            self.causes.add("sets", &label_of(texture), |label| {
+            self.causes.add("sets", &label, |label| {
                 format!(
                     "{label} needs TEXCOORD_{set}, but only {MAX_UV_SETS} sets of texture coordinates are read: \
                      {FACTOR_ALONE}; export it with fewer sets"
@@ -186,28 +180,30 @@ impl MaterialReader<'_> {
             });
             return None;
         };
-        let sampler = texture.sampler();
-        if sampler.mag_filter() == Some(MagFilter::Nearest) && self.noted.insert(texture.index()) {
-            self.causes.add("nearest", &label_of(texture), |label| {
+        let sampler = texture.and_then(|texture| self.document.samplers.get(usize::from(texture.sampler?)));
+        if sampler.and_then(|sampler| sampler.mag_filter).map(usize::from) == Some(NEAREST) && self.noted.insert(number)
+        {
+            self.causes.add("nearest", &label, |label| {
                 format!("{label} asks for its nearest texel: colours are interpolated between texels here")
             });
         }
-        let wrap = |mode: WrappingMode| match mode {
-            WrappingMode::Repeat => Wrap::Repeat,
-            WrappingMode::MirroredRepeat => Wrap::Mirror,
-            WrappingMode::ClampToEdge => Wrap::Clamp,
+        let wrap = |mode: Option<Index>| match mode.map(usize::from) {
+            Some(33648) => Wrap::Mirror,
+            Some(33071) => Wrap::Clamp,
+            _ => Wrap::Repeat,
         };
-        Some(TextureUse { image, uv_set: set as u8, wrap: [wrap(sampler.wrap_s()), wrap(sampler.wrap_t())], transform })
+        let wrap = [sampler.and_then(|of| of.wrap_s), sampler.and_then(|of| of.wrap_t)].map(wrap);
+        Some(TextureUse { image, uv_set: set as u8, wrap, transform: info.transform().map(rows) })
     }
 
     /// The number of a texture's image: that of the WebP extension where there is one. None, with a note, where it cannot be read.
-    fn image_of(&mut self, texture: &Texture) -> Option<u32> {
-        let webp = texture.extension_value("EXT_texture_webp").and_then(|extension| extension.get("source")?.as_u64());
-        let named = [webp.map(|source| source as usize), texture.source().map(|image| image.index())];
-        let image_count = self.document.as_json().images.len();
-        let Some(number) = named.into_iter().flatten().find(|&number| number < image_count) else {
-            if self.noted.insert(texture.index()) {
-                self.note_texture_without_image(texture);
+    fn image_of(&mut self, texture_number: usize, texture: Option<&Texture>) -> Option<u32> {
+        let webp = texture.and_then(|texture| *texture.extensions.get(WEBP)?);
+        let named = [webp, texture.and_then(|texture| texture.source)].into_iter().flatten().map(usize::from);
+        let image_count = self.document.images.len();
+        let Some(number) = named.into_iter().find(|&number| number < image_count) else {
+            if self.noted.insert(texture_number) {
+                self.note_texture_without_image(texture_number, texture);
             }
             return None;
         };
@@ -219,9 +215,10 @@ impl MaterialReader<'_> {
         image
     }
 
-    fn note_texture_without_image(&mut self, texture: &Texture) {
-        let label = label_of(texture);
-        match UNREAD_IMAGES.iter().find(|name| texture.extension_value(name).is_some()) {
+    fn note_texture_without_image(&mut self, number: usize, texture: Option<&Texture>) {
+        let label = label_of(number, texture);
+        let has = |name: &&&str| texture.is_some_and(|texture| texture.extensions.contains_key(**name));
+        match UNREAD_IMAGES.iter().find(has) {
             Some(extension) => self.causes.add(extension, &label, |label| {
                 format!(
                     "{label} has its image only in the form of {extension}, which is not read: {FACTOR_ALONE}; \
@@ -236,12 +233,10 @@ impl MaterialReader<'_> {
 
     /// Where an image is; none, with a note, where it cannot be.
     fn image(&mut self, number: usize) -> Option<ImageSource> {
-        // The document's own access panics where an image is not described completely.
-        let json = self.document.as_json().images.get(number)?;
+        let json = self.document.images.get(number)?;
         let (name, label) = (format!("image {number}"), format!("image {number} of {}", self.source.path.display()));
-        if let Some(view) = &json.buffer_view {
-            let view = self.document.views().nth(view.value())?;
-            let found = self.buffers.image(&view, &label);
+        if let Some(view) = json.buffer_view {
+            let found = self.buffers.image(view.into(), &label);
             if found.is_none() {
                 self.causes.add("beyond", &name, |name| format!("{name} reaches beyond its buffer: it was left out"));
             }
@@ -249,12 +244,12 @@ impl MaterialReader<'_> {
         }
         match json.uri.as_deref() {
             Some(uri) if uri.starts_with("data:") => {
-                let decoded = ::gltf::buffer::Data::from_source(::gltf::buffer::Source::Uri(uri), None);
-                if decoded.is_err() {
+                let decoded = decode_data_uri(uri);
+                if decoded.is_none() {
                     let sentence = |name: &str| format!("{name} has a data URI that is not base64: it was left out");
                     self.causes.add("base64", &name, sentence);
                 }
-                decoded.ok().map(|data| ImageSource::Inline { name: label, bytes: data.0 })
+                decoded.map(|bytes| ImageSource::Inline { name: label, bytes })
             }
             Some(uri) if has_scheme(uri) => {
                 self.causes.add("remote", uri, |uri| {
@@ -281,39 +276,28 @@ impl MaterialReader<'_> {
 }
 
 /// The name of a texture in messages.
-fn label_of(texture: &Texture) -> String {
-    match texture.name().filter(|name| !name.is_empty()) {
-        Some(name) => format!("texture {} ({name})", texture.index()),
-        None => format!("texture {}", texture.index()),
+fn label_of(number: usize, texture: Option<&Texture>) -> String {
+    match texture.and_then(|texture| texture.name.as_ref()).filter(|name| !name.is_empty()) {
+        Some(name) => format!("texture {number} ({name})"),
+        None => format!("texture {number}"),
     }
 }
 
 /// By how much emitted light is brighter than its factor (`KHR_materials_emissive_strength`).
 fn emissive_strength(material: &GltfMaterial) -> f32 {
-    let strength = material.extension_value("KHR_materials_emissive_strength");
-    let strength = strength.and_then(|extension| extension.get("emissiveStrength")?.as_f64()).unwrap_or(1.0);
-    if strength.is_finite() { strength.max(0.0) as f32 } else { 1.0 }
+    let strength = material.extensions.emissive_strength.as_ref().and_then(|extension| extension.emissive_strength);
+    strength.unwrap_or(1.0).max(0.0) as f32
 }
 
 /// The rows of a texture transform (`KHR_texture_transform`).
 fn rows(transform: &TextureTransform) -> [f32; 6] {
-    affine(transform.offset(), transform.scale(), transform.rotation())
-}
-
-/// The rows of a texture transform that the `gltf` crate does not read: those of images of normals and of occlusion.
-fn transform_of(extension: Option<&serde_json::Value>) -> Option<[f32; 6]> {
-    let pair = |name: &str, default: f32| {
-        let values = extension?.get(name).and_then(|values| values.as_array());
-        let value = |k: usize| values.and_then(|values| values.get(k)?.as_f64()).map_or(default, |value| value as f32);
-        Some([value(0), value(1)])
-    };
-    let rotation = extension?.get("rotation").and_then(|value| value.as_f64()).unwrap_or(0.0);
-    Some(affine(pair("offset", 0.0)?, pair("scale", 1.0)?, rotation as f32))
+    let pair = |pair: [f64; 2]| pair.map(|value| value as f32);
+    affine(pair(transform.offset), pair(transform.scale), transform.rotation)
 }
 
 /// Scaled, turned, moved.
-fn affine([x, y]: [f32; 2], [width, height]: [f32; 2], rotation: f32) -> [f32; 6] {
-    let [sine, cosine] = sine_and_cosine(f64::from(rotation));
+fn affine([x, y]: [f32; 2], [width, height]: [f32; 2], rotation: f64) -> [f32; 6] {
+    let [sine, cosine] = sine_and_cosine(rotation);
     let of = |factor: f64, scale: f32| (factor * f64::from(scale)) as f32;
     [of(cosine, width), of(sine, height), x, of(-sine, width), of(cosine, height), y]
 }

@@ -1,34 +1,36 @@
-//! glTF 2.0 and GLB: reads every triangle primitive of the default scene, expands instances, and applies node
-//! transforms in f64.
+//! glTF 2.0 and GLB: reads every triangle primitive of the default scene, expands instances, and applies node transforms in f64.
 //!
-//! The `gltf` crate parses and validates the JSON. Buffers and accessors are read here: images are not opened yet,
-//! external buffers are memory-mapped, and every offset and count is checked.
+//! [`document`] is the part of the JSON that is needed, and [`extensions`] says which others a document may require. Buffers are mapped
+//! ([`buffers`]) or decompressed ([`meshopt`], [`draco`]), and every offset and count is checked when an [`accessor`] is read. [`scene`] says
+//! where meshes are, [`skin`] where their joints put them, and [`primitive`] hands vertices and triangles on. Images are not opened yet.
 
 mod accessor;
+mod arrays;
 mod attributes;
 mod buffers;
 mod document;
-mod extras;
+mod draco;
+mod extensions;
 mod materials;
+mod meshopt;
+mod primitive;
+mod scene;
+mod skin;
 mod smooth;
 
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-use ::gltf::mesh::Mode;
-use ::gltf::scene::Transform;
-use ::gltf::{Document, Node, Primitive};
-use glam::{DMat4, DQuat, DVec3, Vec4};
-
 use super::beside::Beside;
-use super::error::{ImportError, Location, Parsed};
+use super::error::{Location, Parsed};
 use super::sink::MeshSink;
 use super::source::Source;
 
-use accessor::{location_of, read_indices, read_positions};
-use attributes::{SceneAttributes, is_surface};
+use attributes::SceneAttributes;
 use buffers::Buffers;
-use document::{check_surface_extensions, document_bytes, parse_document};
+use document::{Document, Weights, document_bytes, parse_document};
+use draco::DracoDecoder;
+use primitive::PrimitiveReader;
 
 /// Reads a binary container.
 pub(super) fn read_glb(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
@@ -73,16 +75,35 @@ pub(super) fn read_gltf(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
 
 fn read_document<'a>(source: &Source<'a>, json: &'a [u8], binary: Option<&'a [u8]>, sink: &mut MeshSink) -> Parsed<()> {
     sink.hold(source, document_bytes(json))?;
-    let document = parse_document(source, json)?;
+    // The place of the text in the file, which comes first where there is nothing else.
+    let start = json.as_ptr() as usize - source.bytes.as_ptr() as usize;
+    let mut document = parse_document(source, json, if binary.is_some() || start > 3 { start } else { 0 })?;
     source.drop_pages();
-    check_surface_extensions(source, &document, binary.is_some())?;
-    let buffers = Buffers::open(source, &document, binary)?;
-    let attributes = SceneAttributes::of_document(source, &document, &buffers, sink)?;
-    let mut scene = SceneReader { source, buffers: &buffers, attributes, sink, skipped_primitive_count: 0 };
-    scene.read_nodes(&document)?;
-    scene.attributes.note(source);
-    source.note_skipped(scene.skipped_primitive_count, "point or line primitives were left out");
-    source.note_skipped(document.skins().len() as u64, "skins were ignored: the mesh is taken in its bind pose");
+    extensions::check_required(source, &document)?;
+    let uris = document.take_uris();
+    let buffers = Buffers::open(source, &document, &uris, binary)?;
+    drop(uris);
+    let held = document_bytes(json).saturating_add(buffers.decompressed_bytes());
+    sink.hold_decompressed(source, held)?;
+    let decoder = DracoDecoder::new(sink.room().memory);
+    let attributes = SceneAttributes::of_document(source, &document, &buffers, &decoder, sink)?;
+    let mut reader = PrimitiveReader {
+        source,
+        document: &document,
+        buffers: &buffers,
+        attributes,
+        decoder,
+        sink,
+        held,
+        skipped_primitive_count: 0,
+        placeless_primitive_count: 0,
+    };
+    scene::read_scene(source, &document, &buffers, &mut reader)?;
+    reader.attributes.note(source);
+    source.note_skipped(reader.skipped_primitive_count, "point or line primitives were left out");
+    source.note_skipped(reader.placeless_primitive_count, "primitives without positions were left out");
+    let skins = document.skins.len() as u64;
+    source.note_skipped(skins, "skins were read as their joints stand: animations are left out");
     let what = "meshes have morph targets with weights, which were ignored: the mesh is taken in its base shape";
     source.note_skipped(morphed_count(&document), what);
     Ok(())
@@ -118,221 +139,26 @@ pub(super) fn files_beside(source: &Source) -> Vec<PathBuf> {
 
 /// How many meshes are not in their base shape.
 fn morphed_count(document: &Document) -> u64 {
-    let root = document.as_json();
-    let weights_of = |mesh: usize| root.meshes.get(mesh).and_then(|mesh| mesh.weights.as_deref());
+    let weights_of = |mesh: usize| document.meshes.get(mesh)?.weights.as_ref();
     let has_targets = |mesh: usize| {
-        let primitives = root.meshes.get(mesh).map_or(&[][..], |mesh| &mesh.primitives);
-        primitives.iter().any(|primitive| primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()))
+        let primitives = document.meshes.get(mesh).map_or(&[][..], |mesh| &mesh.primitives);
+        primitives.iter().any(|primitive| !primitive.targets.is_empty())
     };
     // The weights of a node stand in place of those of its mesh.
-    let of_nodes = root.nodes.iter().filter_map(|node| {
-        let mesh = node.mesh?.value();
-        Some((mesh, node.weights.as_ref().map(|weights| &weights[..]).or(weights_of(mesh))))
+    let of_nodes = document.nodes.iter().filter_map(|node| {
+        let mesh = usize::from(node.mesh?);
+        Some((mesh, node.weights.as_ref().or(weights_of(mesh))))
     });
-    let of_meshes = (0..root.meshes.len()).filter(|_| root.nodes.is_empty()).map(|mesh| (mesh, weights_of(mesh)));
-    let is_morphed = |weights: Option<&[f32]>| weights.unwrap_or_default().iter().any(|&weight| weight != 0.0);
+    let of_meshes =
+        (0..document.meshes.len()).filter(|_| document.nodes.is_empty()).map(|mesh| (mesh, weights_of(mesh)));
+    let is_morphed = |weights: Option<&Weights>| weights.is_some_and(|weights| weights.are_set);
     of_nodes.chain(of_meshes).filter(|&(mesh, weights)| is_morphed(weights) && has_targets(mesh)).count() as u64
 }
 
-struct SceneReader<'a> {
-    source: &'a Source<'a>,
-    buffers: &'a Buffers<'a>,
-    attributes: SceneAttributes,
-    sink: &'a mut MeshSink,
-    skipped_primitive_count: u64,
-}
-
-impl SceneReader<'_> {
-    /// Walks the default scene; without one, the first scene; without any scene, all root nodes; without nodes, the
-    /// meshes as they are.
-    fn read_nodes(&mut self, document: &Document) -> Parsed<()> {
-        if document.nodes().len() == 0 {
-            return document.meshes().try_for_each(|mesh| self.read_mesh(&mesh, DMat4::IDENTITY));
-        }
-        let node_count = document.nodes().len();
-        let mut is_child = vec![false; node_count];
-        document
-            .nodes()
-            .flat_map(|n| n.children().map(|c| c.index()).collect::<Vec<_>>())
-            .for_each(|i| is_child[i] = true);
-        let scene = document.default_scene().or_else(|| document.scenes().next());
-        let roots: Vec<Node> = match scene {
-            Some(scene) => scene.nodes().collect(),
-            None => document.nodes().filter(|n| !is_child[n.index()]).collect(),
-        };
-        self.source.note_skipped(
-            (document.scenes().len() as u64).saturating_sub(1),
-            "other scenes were left out: only the default one is read",
-        );
-        // A list instead of recursion, and each node once: a damaged file can neither overflow the stack nor loop
-        // forever.
-        let mut seen = vec![false; node_count];
-        let mut open: Vec<(Node, DMat4)> = roots.into_iter().rev().map(|n| (n, DMat4::IDENTITY)).collect();
-        while let Some((node, world_from_parent)) = open.pop() {
-            let index = node.index();
-            if std::mem::replace(&mut seen[index], true) {
-                let problem = "is reached twice, but nodes must form a tree; export the file again";
-                return Err(self.source.syntax(Location::Item("node", index as u64), problem));
-            }
-            let world_from_node = world_from_parent * parent_from_node(&node);
-            if !world_from_node.is_finite() {
-                let problem = "has a transform that is not finite; export the file again";
-                return Err(self.source.syntax(Location::Item("node", index as u64), problem));
-            }
-            if let Some(mesh) = node.mesh() {
-                self.read_mesh(&mesh, world_from_node)?;
-            }
-            let children: Vec<_> = node.children().map(|child| (child, world_from_node)).collect();
-            open.extend(children.into_iter().rev());
-        }
-        Ok(())
-    }
-
-    fn read_mesh(&mut self, mesh: &::gltf::Mesh, world_from_mesh: DMat4) -> Parsed<()> {
-        for (number, primitive) in mesh.primitives().enumerate() {
-            if is_surface(&primitive) {
-                let location = Location::Item("mesh", mesh.index() as u64);
-                self.read_primitive(&primitive, number, location, world_from_mesh)?;
-            } else {
-                self.skipped_primitive_count += 1;
-            }
-        }
-        Ok(())
-    }
-
-    fn read_primitive(
-        &mut self,
-        primitive: &Primitive,
-        number: usize,
-        location: Location,
-        world_from_mesh: DMat4,
-    ) -> Parsed<()> {
-        let Some(accessor) = primitive.get(&::gltf::Semantic::Positions) else {
-            let problem = format!("primitive {number} has no positions; export the file again");
-            return Err(self.source.syntax(location, problem));
-        };
-        for (semantic, _) in primitive.attributes() {
-            match semantic {
-                ::gltf::Semantic::TexCoords(set) if !self.attributes.reads_uv(set) => {
-                    self.sink.leave_out("texture coordinates");
-                }
-                ::gltf::Semantic::Colors(set) if set > 0 || !self.attributes.reads_colour() => {
-                    self.sink.leave_out("colours");
-                }
-                _ => {}
-            }
-        }
-        if primitive.material().index().is_some() && !self.sink.attributes.wants_colour() {
-            self.sink.leave_out("materials");
-        }
-        let positions = read_positions(self.source, self.buffers, &accessor)?;
-        // A mirrored instance turns its triangles inside out; a renderer would turn them back (glTF 2.0, section
-        // 3.7.4).
-        let mirrored = world_from_mesh.determinant() < 0.0;
-        let shape = Shape { mode: primitive.mode(), number, location, vertex_count: positions.len() as u64, mirrored };
-        super::check_size(self.source.path, self.sink.vertex_count() + shape.vertex_count, 0)?;
-        let first = self.sink.vertex_count() as u32;
-        self.sink.reserve(positions.len(), 0)?;
-        let identity = world_from_mesh == DMat4::IDENTITY;
-        let mut records = self.attributes.of_primitive(self.source, self.buffers, primitive, world_from_mesh);
-        for (vertex, position) in positions.enumerate() {
-            if !position.is_finite() {
-                return Err(self.source.coordinate(location_of(&accessor), vertex as u64, position));
-            }
-            let moved = if identity { position } else { world_from_mesh.transform_point3(position) };
-            if !moved.is_finite() {
-                return Err(self.source.coordinate(location, vertex as u64, moved));
-            }
-            if let Some(records) = &mut records {
-                self.sink.attributes.push_vertex(records.next());
-            }
-            self.sink.push_vertex(moved)?;
-        }
-        if let Some(records) = records {
-            self.attributes.clamped_count += records.clamped_count;
-        }
-        self.sink.set_material(self.attributes.material_of(primitive));
-        match primitive.indices() {
-            Some(accessor) => {
-                let indices = read_indices(self.source, self.buffers, &accessor)?;
-                self.push_triangles(indices, first, &shape)
-            }
-            None => self.push_triangles((0..shape.vertex_count as usize).map(|i| i as u32), first, &shape),
-        }
-    }
-
-    fn push_triangles(&mut self, indices: impl ExactSizeIterator<Item = u32>, first: u32, shape: &Shape) -> Parsed<()> {
-        let &Shape { mode, number, location, vertex_count, mirrored } = shape;
-        let count = indices.len();
-        if mode == Mode::Triangles && !count.is_multiple_of(3) {
-            let problem = format!(
-                "primitive {number} has {count} indices, which is not a multiple of three; export the file again"
-            );
-            return Err(self.source.syntax(location, problem));
-        }
-        let more = if mode == Mode::Triangles { count / 3 } else { count.saturating_sub(2) };
-        super::check_size(self.source.path, 0, self.sink.triangle_count() + more as u64)?;
-        self.sink.reserve(0, more)?;
-        let (mut a, mut b) = (0, 0);
-        // Which corner it is: the first or second of a triangle, or its last.
-        let mut corner = 0;
-        for (at, c) in indices.enumerate() {
-            if u64::from(c) >= vertex_count {
-                let face = if mode == Mode::Triangles { at / 3 } else { at.saturating_sub(2) } as u64;
-                let (path, index) = (self.source.path.to_owned(), i64::from(c));
-                return Err(ImportError::Index { path, location, face, index, vertex_count, first_vertex: 0 }.into());
-            }
-            let c = first + c;
-            match corner {
-                0 => (a, corner) = (c, 1),
-                1 => (b, corner) = (c, 2),
-                _ => {
-                    // Every second triangle of a strip is wound the other way. Repeated vertices only join strips.
-                    let strip = mode == Mode::TriangleStrip;
-                    if !strip || (a != b && b != c && c != a) {
-                        let mut triangle = if strip && !at.is_multiple_of(2) { [b, a, c] } else { [a, b, c] };
-                        if mirrored {
-                            triangle.swap(1, 2);
-                        }
-                        self.sink.push_triangle(triangle)?;
-                    }
-                    match mode {
-                        Mode::TriangleStrip => (a, b) = (b, c),
-                        Mode::TriangleFan => b = c,
-                        _ => corner = 0,
-                    }
-                }
-            }
-        }
-        Ok(())
-    }
-}
-
-/// How the indices of a primitive form triangles, and how messages name it.
-struct Shape {
-    mode: Mode,
-    number: usize,
-    location: Location,
-    vertex_count: u64,
-    mirrored: bool,
-}
-
-/// A node's own transform, composed in f64 so that far translations keep their precision.
-fn parent_from_node(node: &Node) -> DMat4 {
-    match node.transform() {
-        Transform::Matrix { matrix } => {
-            DMat4::from_cols_array_2d(&matrix.map(|column| Vec4::from_array(column).as_dvec4().to_array()))
-        }
-        Transform::Decomposed { translation, rotation, scale } => {
-            let rotation = DQuat::from_array(rotation.map(f64::from));
-            // In f32 the norm is only near 1.
-            let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
-            let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
-            DMat4::from_scale_rotation_translation(vector(scale), rotation, vector(translation))
-        }
-    }
-}
-
+#[cfg(test)]
+mod compression_tests;
+#[cfg(test)]
+mod scene_tests;
 #[cfg(test)]
 pub(super) mod tests;
 #[cfg(test)]

@@ -2,35 +2,28 @@
 
 use glam::DVec3;
 
-use ::gltf::mesh::Mode;
-use ::gltf::{Primitive, Semantic};
-
-use super::accessor::{read_indices, read_normals, read_positions};
-use super::buffers::Buffers;
+use super::accessor::{read_normals, read_positions};
+use super::arrays::Arrays;
+use super::document::Semantic;
 use crate::import::source::Source;
 
 /// From this mean angle on, in degrees, normals are worth their bytes. Scans have a few degrees of noise, and triangles so small that
 /// nobody sees it.
 const LEAST_ANGLE: f64 = 8.0;
 /// Primitives of more vertices are dense. So many are read before anything else is, too.
-const MOST_VERTICES: usize = 1 << 16;
+pub(super) const MOST_VERTICES: usize = 1 << 16;
 const MOST_VERTICES_IN_ALL: usize = 1 << 20;
 
 /// Whether the normals of lit primitives of few vertices are far from those of their triangles, on average over their area.
-pub(super) fn are_smooth<'a>(
-    source: &Source,
-    buffers: &Buffers,
-    primitives: impl Iterator<Item = Primitive<'a>>,
-) -> bool {
+pub(super) fn are_smooth<'a>(source: &Source, primitives: impl Iterator<Item = Arrays<'a>>) -> bool {
     let (mut sum, mut area, mut left) = (0.0, 0.0, MOST_VERTICES_IN_ALL);
-    for primitive in primitives.filter(|primitive| primitive.mode() == Mode::Triangles && !primitive.material().unlit())
-    {
-        let count = primitive.get(&Semantic::Positions).map_or(usize::MAX, |accessor| accessor.count());
+    for arrays in primitives {
+        let count = arrays.get(Semantic::Position).map_or(usize::MAX, |array| array.count());
         if count > MOST_VERTICES || count > left {
             continue;
         }
         left -= count;
-        if let Some([angles, areas]) = angles_of(source, buffers, &primitive) {
+        if let Some([angles, areas]) = angles_of(source, &arrays) {
             sum += angles;
             area += areas;
         }
@@ -40,18 +33,11 @@ pub(super) fn are_smooth<'a>(
 
 /// The angles between the normals of corners and of triangles times the areas of these, and the areas; none where anything cannot be read,
 /// which the import itself will say.
-fn angles_of(source: &Source, buffers: &Buffers, primitive: &Primitive) -> Option<[f64; 2]> {
-    let (of_normals, of_positions) = (primitive.get(&Semantic::Normals)?, primitive.get(&Semantic::Positions)?);
-    let normals = read_normals(source, buffers, &of_normals).ok()?;
+fn angles_of(source: &Source, arrays: &Arrays) -> Option<[f64; 2]> {
+    let normals = read_normals(source, &arrays.get(Semantic::Normal)?).ok()?;
     let normals: Vec<DVec3> = normals.map(|normal| DVec3::from_array(normal.map(f64::from))).collect();
-    let positions: Vec<DVec3> = read_positions(source, buffers, &of_positions).ok()?.collect();
-    let indices: Vec<u32> = match primitive.indices() {
-        Some(accessor) if accessor.count() <= 6 * MOST_VERTICES => {
-            read_indices(source, buffers, &accessor).ok()?.collect()
-        }
-        Some(_) => return None,
-        None => (0..positions.len() as u32).collect(),
-    };
+    let positions: Vec<DVec3> = read_positions(source, &arrays.get(Semantic::Position)?).ok()?.collect();
+    let indices = arrays.all_indices(source, positions.len(), 6 * MOST_VERTICES).ok()??;
     let mut sums = [0.0; 2];
     for triangle in indices.as_chunks::<3>().0 {
         let at = |corner: u32| Some((*positions.get(corner as usize)?, *normals.get(corner as usize)?));

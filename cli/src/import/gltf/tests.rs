@@ -1,11 +1,11 @@
 use std::path::Path;
 
+use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::super::import_meshes;
 use super::super::tests::{error_of, import_bytes, import_noting};
-use super::document::SURFACE_EXTENSIONS;
-use super::*;
+use crate::import::ImportError;
 use crate::mesh::Mesh;
 use crate::progress::Silent;
 
@@ -221,15 +221,40 @@ fn omissions_are_noted_and_unreadable_features_refused() {
     let (mesh, notes) = import_noting("a.glb", &glb(&document, &binary()));
     assert_eq!(mesh.unwrap().triangles.len(), 2);
     assert!(notes.contains("1 other scenes") && notes.contains("1 point or line primitives"), "{notes}");
-    for extension in SURFACE_EXTENSIONS {
-        assert!(changed_error(|d| d["extensionsRequired"] = json!([extension])).contains(extension));
-    }
-    assert!(changed_error(|d| d["extensionsRequired"] = json!(["ACME_curves"])).contains("extensionsRequired[0]"));
     assert!(changed_error(|d| d["buffers"][0]["uri"] = "https://example.org/a.bin".into()).contains("download it"));
 }
 
 #[test]
-fn extensions_that_are_not_required_are_refused_only_if_the_surface_is_nowhere_else() {
+fn required_extensions_that_are_not_read_are_named_and_never_called_damage() {
+    let with = |names: Value| {
+        let mut document = document();
+        document["extensionsUsed"] = names.clone();
+        document["extensionsRequired"] = names;
+        let (mesh, notes) = import_noting("a.glb", &glb(&document, &binary()));
+        (mesh.map_err(|error| error.to_string()), notes)
+    };
+    let whole = changed(|_| {}).unwrap();
+    // They say how the surface looks, moves or is used.
+    for name in ["KHR_materials_clearcoat", "KHR_lights_punctual", "EXT_mesh_features", "KHR_animation_pointer"] {
+        let (mesh, notes) = with(json!([name]));
+        assert_eq!(mesh.as_ref(), Ok(&whole), "{name}");
+        let note = format!("uses the extension {name}, which is not supported; the surface is read without it");
+        assert!(notes.contains(&note), "{notes}");
+    }
+    // Those that are read need no word.
+    for name in ["KHR_mesh_quantization", "KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu"]
+    {
+        assert_eq!(with(json!([name])), (Ok(whole.clone()), String::new()), "{name}");
+    }
+    for name in ["ACME_curves", "EXT_primitive_voxels", "curves"] {
+        let error = with(json!(["KHR_materials_ior", name])).0.unwrap_err();
+        assert!(error.contains(&format!("uses the extension {name}, which is not supported")), "{error}");
+        assert!(!error.contains("export") && !error.contains("damaged") && !error.contains("not valid"), "{error}");
+    }
+}
+
+#[test]
+fn bytes_that_are_not_compressed_stand_in_place_of_those_that_are() {
     let whole = changed(|_| {}).unwrap();
     let used = |pointer: &str, name: &str, value: Value, lacks: bool| {
         let change = |document: &mut Value| {
@@ -244,20 +269,68 @@ fn extensions_that_are_not_required_are_refused_only_if_the_surface_is_nowhere_e
         };
         changed(change).map_err(|error| error.to_string())
     };
-    for name in SURFACE_EXTENSIONS {
-        assert_eq!(changed(|document| document["extensionsUsed"] = json!([name])).unwrap(), whole);
-    }
+    // What is compressed here is nothing that could be decompressed.
     let draco = "KHR_draco_mesh_compression";
     let of_primitive = json!({"bufferView": 4, "attributes": {"POSITION": 0}});
     assert_eq!(used("/meshes/0/primitives/0", draco, of_primitive.clone(), false), Ok(whole.clone()));
-    assert!(used("/meshes/0/primitives/0", draco, of_primitive, true).unwrap_err().contains(draco));
+    let error = used("/meshes/0/primitives/0", draco, of_primitive, true).unwrap_err();
+    assert!(error.contains("mesh 0: primitive 0 cannot be decoded by Draco"), "{error}");
     for name in ["EXT_meshopt_compression", "KHR_meshopt_compression"] {
         let of_view = json!({"buffer": 0, "byteLength": 9, "byteStride": 12, "count": 4, "mode": "ATTRIBUTES"});
         assert_eq!(used("/bufferViews/0", name, of_view.clone(), false), Ok(whole.clone()));
-        assert!(used("/bufferViews/0", name, of_view, true).unwrap_err().contains(name));
+        let error = used("/bufferViews/0", name, of_view, true).unwrap_err();
+        assert!(error.contains("buffer view 0: its compressed bytes are damaged"), "{error}");
     }
-    let instances = "EXT_mesh_gpu_instancing";
-    assert!(used("/nodes/0", instances, json!({"attributes": {}}), false).unwrap_err().contains(instances));
+}
+
+#[test]
+fn what_is_valid_and_not_needed_is_no_error() {
+    let whole = changed(|_| {}).unwrap();
+    let changes: [(&str, &str, Value); 12] = [
+        ("/meshes/0/primitives/0/attributes", "_FEATURE_ID_0", json!(2)),
+        ("/meshes/0/primitives/0/attributes", "_", json!(2)),
+        ("/meshes/0/primitives/0/attributes", "_TEMPERATURE", json!(2)),
+        ("", "scenes", json!([{"nodes": [0]}, {"name": "Scene.001"}])),
+        ("", "scenes", json!([{"nodes": [0]}, {}])),
+        (
+            "",
+            "animations",
+            json!([{"channels": [{"sampler": 0, "target": {"path": "pointer"}}], "samplers": [{"input": 0, "output": 1}]}]),
+        ),
+        ("", "animations", json!([{}])),
+        ("", "cameras", json!([{"type": "of another kind"}])),
+        ("", "extensionsUsed", json!(["ACME_thing", "KHR_materials_clearcoat"])),
+        ("/accessors/0", "count", json!(4.0)),
+        ("/asset", "minVersion", json!("2.0")),
+        ("/scenes/0", "name", Value::Null),
+    ];
+    for (place, key, value) in changes {
+        let read = changed(|document| document.pointer_mut(place).unwrap()[key] = value.clone());
+        assert!(read.as_ref().is_ok_and(|mesh| *mesh == whole), "{place} {key} {value}: {:?}", read.err());
+    }
+    // Scenes of nothing have no surface, and are no damage.
+    let empty = changed_error(|document| document["scenes"] = json!([{}]));
+    assert!(empty.contains("no triangles") && !empty.contains("not valid"), "{empty}");
+    // Primitives without positions are not drawn (glTF 2.0, section 3.7.2.1).
+    let mut with_blank = document();
+    with_blank["meshes"][0]["primitives"].as_array_mut().unwrap().push(json!({"attributes": {"NORMAL": 0}}));
+    let (mesh, notes) = import_noting("a.glb", &glb(&with_blank, &binary()));
+    assert_eq!(mesh.unwrap(), whole);
+    assert!(notes.contains("1 primitives without positions were left out"), "{notes}");
+}
+
+#[test]
+fn what_is_lost_beside_the_surface_is_noted() {
+    let mut document = document();
+    document["meshes"][0]["primitives"][0]["attributes"]["_FEATURE_ID_0"] = json!(2);
+    let noted = |document: &Value| import_noting("a.glb", &glb(document, &binary())).1;
+    assert!(noted(&document).contains("custom attributes of the input are left out"), "{}", noted(&document));
+    document["scenes"][0]["nodes"] = json!([0, 1]);
+    document["nodes"] = json!([{"mesh": 0, "name": "roof"}, {"mesh": 0, "name": "wall"}]);
+    assert!(noted(&document).contains("names of nodes"), "{}", noted(&document));
+    // The name of the only part is that of the model.
+    document["nodes"] = json!([{"mesh": 0, "name": "house"}, {"name": "nothing"}]);
+    assert!(!noted(&document).contains("names of nodes"), "{}", noted(&document));
 }
 
 #[test]
@@ -315,13 +388,19 @@ fn meshes_that_are_not_in_their_base_shape_are_noted() {
 
 #[test]
 fn damaged_documents_give_one_clear_error() {
-    let cases: [(&str, Value, &str); 13] = [
+    let cases: [(&str, Value, &str); 19] = [
         ("/nodes/0/children", json!([0]), "node 0: is reached twice"),
         ("/scenes/0/nodes", json!([0, 0]), "node 0: is reached twice"),
-        ("/nodes/0/scale", json!([1e38, 1e38, 1e39]), "number out of range"),
-        ("/nodes/0/mesh", json!(7), "nodes[0].mesh"),
+        ("/nodes/0/scale", json!([1e308, 1e308, 1e308]), "node 0: has a transform that is not finite"),
+        ("/nodes/0/mesh", json!(7), "node 0: uses mesh 7, but there are 1"),
         ("/meshes/0/primitives/0/attributes/POSITION", json!(99), "mesh 0: uses accessor 99, but there are 3"),
-        ("/meshes/0/primitives/0/indices", json!(99), "indices"),
+        ("/meshes/0/primitives/0/indices", json!(99), "mesh 0: uses accessor 99, but there are 3"),
+        ("/meshes/0/primitives/0/indices", json!(-1), "a whole number from 0 on"),
+        ("/accessors/0/componentType", json!(5124), "accessor 0: has the component type 5124, which is none"),
+        ("/accessors/0/bufferView", json!(5), "buffer view 5: is not there: the document has 5"),
+        ("/bufferViews/0/buffer", json!(1), "buffer 1: is not there: the document has 1"),
+        ("/nodes/0/children", json!([9]), "node 9: is named, but there are 1"),
+        ("/scene", json!(3), "scene 3: is the default one, but there are 1"),
         ("/meshes/0/primitives/0/indices", json!(0), "accessor 0: indices must be single unsigned numbers"),
         ("/accessors/0/count", json!(5), "accessor 0: the file ends too early"),
         ("/accessors/0/count", json!(1_000_000_000_000_000_000u64), "accessor 0: the file ends too early"),
