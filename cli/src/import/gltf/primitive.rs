@@ -51,7 +51,7 @@ impl PrimitiveReader<'_> {
             // Triangles that were decoded are no strips any more.
             let mode = if arrays.decoded_indices().is_some() { Mode::Triangles } else { mode };
             let location = Location::Item("mesh", number as u64);
-            self.check_accessors(primitive, location)?;
+            self.check_references(primitive, location)?;
             let shape = Shape { mode, number: primitive_number, location };
             for &world in worlds {
                 self.read_primitive(&arrays, &shape, Pose { world, joints })?;
@@ -78,14 +78,18 @@ impl PrimitiveReader<'_> {
         self.sink.leave_out(what);
     }
 
-    fn check_accessors(&self, primitive: &Primitive, location: Location) -> Parsed<()> {
-        let count = self.document.accessors.len();
+    fn check_references(&self, primitive: &Primitive, location: Location) -> Parsed<()> {
+        let missing = |what: &str, number: usize, count: usize| {
+            let problem = format!("uses {what} {number}, but there are {count}; export the file again");
+            Err(self.source.syntax(location, problem))
+        };
+        let (accessor_count, material_count) = (self.document.accessors.len(), self.document.materials.len());
         let mut accessors = primitive.attributes.accessors().chain(primitive.indices.map(usize::from));
-        match accessors.find(|&accessor| accessor >= count) {
-            Some(accessor) => {
-                let problem = format!("uses accessor {accessor}, but there are {count}; export the file again");
-                Err(self.source.syntax(location, problem))
-            }
+        if let Some(number) = accessors.find(|&accessor| accessor >= accessor_count) {
+            return missing("accessor", number, accessor_count);
+        }
+        match primitive.material.map(usize::from).filter(|&material| material >= material_count) {
+            Some(number) => missing("material", number, material_count),
             None => Ok(()),
         }
     }

@@ -388,10 +388,11 @@ fn meshes_that_are_not_in_their_base_shape_are_noted() {
 
 #[test]
 fn damaged_documents_give_one_clear_error() {
+    let far = json!([{"scale": [1e308, 1, 1], "children": [1]}, {"mesh": 0, "scale": [1e308, 1, 1]}]);
     let cases: [(&str, Value, &str); 19] = [
         ("/nodes/0/children", json!([0]), "node 0: is reached twice"),
         ("/scenes/0/nodes", json!([0, 0]), "node 0: is reached twice"),
-        ("/nodes/0/scale", json!([1e308, 1e308, 1e308]), "node 0: has a transform that is not finite"),
+        ("/nodes", far, "node 1: has a transform that is not finite"),
         ("/nodes/0/mesh", json!(7), "node 0: uses mesh 7, but there are 1"),
         ("/meshes/0/primitives/0/attributes/POSITION", json!(99), "mesh 0: uses accessor 99, but there are 3"),
         ("/meshes/0/primitives/0/indices", json!(99), "mesh 0: uses accessor 99, but there are 3"),

@@ -139,3 +139,43 @@ fn textures_of_nearest_texels_are_noted_once() {
     let sentence = "texture 0 asks for its nearest texel: colours are interpolated between texels here";
     assert!(notes.contains(sentence) && !notes.contains("the same is true"), "{notes}");
 }
+
+#[test]
+fn coordinates_that_a_transform_names_count_for_every_map() {
+    let maps = ["normalTexture", "occlusionTexture", "emissiveTexture", "metallicRoughnessTexture", "baseColorTexture"];
+    for (number, map) in maps.into_iter().enumerate() {
+        let mut document = textured(json!({"source": 0}), json!([{"uri": "a.png"}]));
+        document.0["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = json!(1);
+        let material = &mut document.0["materials"][0];
+        material["emissiveFactor"] = json!([1.0, 1.0, 1.0]);
+        for other in maps {
+            // The transform's set counts, and not that of the texture.
+            let transform = json!({"KHR_texture_transform": {"texCoord": 1, "offset": [0.5, 0.0]}});
+            let info = if other == map {
+                json!({"index": 0, "texCoord": 0, "extensions": transform})
+            } else {
+                json!({"index": 0})
+            };
+            let place = if ["metallicRoughnessTexture", "baseColorTexture"].contains(&other) {
+                &mut material["pbrMetallicRoughness"]
+            } else {
+                &mut *material
+            };
+            place[other] = info;
+        }
+        let (appearance, notes) = import(&document, &[("a.png", &png(2, 2))]);
+        let material = &appearance.materials[1];
+        let uses = [
+            material.normal_texture.as_ref().map(|(texture, _)| texture),
+            material.occlusion_texture.as_ref().map(|(texture, _)| texture),
+            material.emissive_texture.as_ref(),
+            material.metallic_roughness_texture.as_ref(),
+            material.base_texture.as_ref(),
+        ];
+        for (other, texture) in uses.into_iter().enumerate() {
+            let texture = texture.unwrap_or_else(|| panic!("{map} {notes}"));
+            assert_eq!(texture.uv_set, u8::from(other == number), "{map} {other}");
+            assert_eq!(texture.transform.map(|rows| rows[2]), (other == number).then_some(0.5), "{map} {other}");
+        }
+    }
+}
