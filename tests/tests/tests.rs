@@ -30,6 +30,7 @@
 //! - [`ground`]: a mesh on its ground of heights in one file: joined, taken apart, verified, exported, refused
 //! - [`tin`]: few triangles of any shape out of files of heights, within a tolerance
 //! - [`bad_terrain`]: every kind of bad raster gives a correct file or one clear error
+//! - [`ragged`]: coarse levels of surfaces with ragged borders keep their outline, and no level says what another one does
 //! - [`stability`]: generated meshes, from easy to impossible, give sound files or clear errors
 //! - [`damage`]: truncated and flipped files are never trusted and never panic
 //! - [`nothing_unneeded`]: a scene without a feature has no byte for it, and `info --why` accounts for every byte
@@ -69,6 +70,7 @@ mod nothing_unneeded;
 mod python;
 mod quantized;
 mod queries;
+mod ragged;
 mod remote;
 mod report;
 mod serve;

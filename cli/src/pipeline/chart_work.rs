@@ -23,6 +23,8 @@ const CERTIFY_GAP: f64 = 0.05;
 const WORTHWHILE: f64 = 0.8;
 /// Distances below this share of the tolerance need not be resolved in charts of several parts.
 const FLOOR_OF_PARTS: f64 = 0.75;
+/// Share by which the errors of two levels differ at least, and the same of a lattice step. A file rounds them up by less than half of it.
+const APART: f64 = 1.0 / 128.0;
 /// Where a chart is above the tolerance, what exceeds this share of it is too far off: there is always something, then.
 pub(super) const ALMOST: f64 = 0.9;
 /// Points of a chart at which its root mean square error is estimated.
@@ -252,9 +254,9 @@ impl ChartWork<'_> {
         if let Some(CodedLevel { patch, positions, .. }) = crowded {
             let whole = CoarseSurface { positions, triangles: patch.triangles, error: finest_error };
             let few = if self.charted.jumps_inside(self.chart) { Few::Lines } else { Few::Surface };
-            reduce_top(&whole, &mut blocks[..last], self.charted.scale, few, &mut drawn, &mut bounds);
+            reduce_top(&whole, &mut blocks[..last], self.charted.scale, few, &mut drawn, &mut bounds, false);
         }
-        raise_coarser(&mut blocks);
+        raise_coarser(&mut blocks, None, self.charted.scale.step());
         let origin = DVec3::from_array(self.charted.scale.lattice.origin);
         let record = RootRecord {
             filling,
@@ -275,13 +277,14 @@ impl ChartWork<'_> {
     }
 }
 
-/// Gives coarser blocks at least the bounds of finer ones: then refinement never raises an error. A coarser level may happen to be closer
-/// than a finer one, above all where the vertices of a nested filling serve all levels.
-pub(super) fn raise_coarser(blocks: &mut [Option<BlockRecord>]) {
-    let mut finer: f64 = 0.0;
+/// Gives coarser blocks larger bounds than finer ones, the finest a larger one than that of what lies `below`: then refinement always lowers
+/// the error. A coarser level may happen to be closer than a finer one, above all where the vertices of a nested filling serve all levels.
+pub(super) fn raise_coarser(blocks: &mut [Option<BlockRecord>], below: Option<f64>, step: f64) {
+    let mut finer = below;
     for block in blocks.iter_mut().rev().flatten() {
-        finer = finer.max(block.error);
-        block.error = finer;
+        let least = finer.map_or(0.0, |finer| finer * (1.0 + APART) + step * APART);
+        block.error = block.error.max(least);
+        finer = Some(block.error);
     }
 }
 

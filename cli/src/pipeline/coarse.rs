@@ -5,7 +5,7 @@ use super::manifold::{boundary_loops, manifold, open_edges};
 use super::overview::OVERVIEW_TRIANGLES;
 use super::product::drawn_at;
 use crate::mesh::{Mesh, NONE};
-use crate::stage::arc_samples::closest_on_segment;
+use crate::stage::arcs::closest_on_segment;
 use crate::stage::areas::Areas;
 use crate::stage::certify::{self, CertifyOptions, two_sided};
 use crate::stage::chart::ChartMesh;

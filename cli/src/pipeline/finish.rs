@@ -19,8 +19,6 @@ const SMALL_CUT: u64 = 20_000;
 const LARGE_CUT: u64 = 200_000;
 /// this many times must do: time grows with the cut.
 const LARGE_CUT_PER_TRIANGLE: f64 = 2.5;
-/// A coarser cut that has few enough triangles as it is replaces a reduced one with more than this many times its error.
-const FARTHER: f64 = 1.5;
 
 /// A reduced cut.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,14 +41,16 @@ fn cut_triangles(triangles: u64) -> u64 {
     several.max((triangles as f64 * LARGE_CUT_PER_TRIANGLE) as u64)
 }
 
-/// The cut of a query from which `triangles` triangles are to be made, and a coarser one that has fewer, where there is none between: a
-/// surface of hundreds of handles may be drawn with very few triangles or with very many.
+/// The cut of a query from which `triangles` triangles are to be made, and the finest one that has no more as it is, if there is one.
 ///
 /// # Errors
 /// Those of [`File::select`].
 pub fn cut_to_finish<S: ReadAt>(file: &File<S>, query: &Query, triangles: u64) -> lodpack::Result<(Cut, Option<Cut>)> {
     let mut most = cut_triangles(triangles);
-    let mut coarser = None;
+    let coarser = match file.select(&Query { max_triangles: Some(triangles), ..*query }) {
+        Err(lodpack::Error::Query { .. }) => None,
+        cut => Some(cut?),
+    };
     loop {
         let cut = match file.select(&Query { max_triangles: Some(most), ..*query }) {
             // The coarsest cut of many small parts may be larger.
@@ -62,14 +62,13 @@ pub fn cut_to_finish<S: ReadAt>(file: &File<S>, query: &Query, triangles: u64) -
         if cut.triangle_count >= triangles || cut.limited_by != Limiter::Triangles {
             return Ok((cut, coarser));
         }
-        coarser = Some(cut);
         most = most.saturating_mul(2);
     }
 }
 
-/// Whether a cut that has few enough triangles is so much nearer than a reduced one with an error that it takes its place.
+/// Whether a cut that has few enough triangles is nearer than a reduced one with an error.
 pub fn is_nearer(cut: &Cut, error: f64) -> bool {
-    cut.error_everywhere() * FARTHER < error
+    cut.error_everywhere() < error
 }
 
 /// Reduces the mesh of a cut to at most `triangles` triangles. `positions` are world coordinates of points of the lattice; `error` bounds

@@ -73,7 +73,7 @@ use crate::mesh::attributes::Surface;
 use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
 use crate::region::{Region, RegionStore, Regions};
-use crate::stage::arcs::{Atlas, Seams, trace_arcs};
+use crate::stage::arcs::{Atlas, Seams, trace_arcs_to_bends};
 use crate::stage::areas::{Areas, ColourAreas, Jumps};
 use crate::stage::pack::chart_weights;
 use crate::stage::subdivide::texel_shares;
@@ -134,8 +134,11 @@ pub(crate) fn build_region(
 ) -> Result<RegionProduct, PipelineError> {
     let Region { mesh, adjacency, labels, attributes } = region;
     let start = thread_cpu_time();
-    let atlas = trace_arcs(mesh, adjacency, labels, seams);
     let scale = &plan.scale;
+    // A grid lies between few corners.
+    let has_grids = plan.fillings != Fillings::IrregularOnly;
+    let straight = if has_grids { f64::INFINITY } else { scale.straight_boundary() };
+    let atlas = trace_arcs_to_bends(mesh, adjacency, labels, seams, straight);
     let coarsest = if atlas.charts.len() > 1 { scale.coarsest_of_charts } else { scale.coarsest_of_regions };
     let has_channels = !plan.appearance.is_empty();
     let start_of_areas = thread_cpu_time();

@@ -219,6 +219,13 @@ impl Scale {
         }
     }
 
+    /// How far the boundary of the surface may be from straight lines between corners: what groups of the second height allow, since samples
+    /// of arcs take fewer bytes than corners, or where there are no such groups, the coarsest level. Infinite where there is one level alone.
+    pub(super) fn straight_boundary(&self) -> f64 {
+        let level = usize::from(self.coarsest_of_charts).saturating_sub(2);
+        self.levels[..usize::from(self.finest())].get(level).map_or(f64::INFINITY, |level| level.arc_tolerance)
+    }
+
     /// For each level how far an arc may be from its samples, as far as the level chooses these.
     pub(super) fn arc_tolerances(&self) -> Vec<f64> {
         let levels = (0..).zip(&self.levels);

@@ -9,7 +9,7 @@
 //! every level.
 
 use crate::mesh::Mesh;
-use crate::stage::arcs::{ARC_UNITS, Atlas, halving};
+use crate::stage::arcs::{ARC_UNITS, Atlas, closest_on_segment, halving};
 use crate::stage::chart::NEVER;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -129,14 +129,6 @@ fn chord_deviation(points: &[DVec3]) -> f64 {
     let (a, b) = (points[0], points[points.len() - 1]);
     let squared = points.iter().map(|&p| p.distance_squared(closest_on_segment(p, a, b).0)).fold(0.0, f64::max);
     squared.sqrt()
-}
-
-/// The point of segment `ab` that is closest to `p`, and its parameter in 0..=1.
-pub(crate) fn closest_on_segment(p: DVec3, a: DVec3, b: DVec3) -> (DVec3, f64) {
-    let direction = b - a;
-    let squared = direction.length_squared();
-    let t = if squared > 0.0 { ((p - a).dot(direction) / squared).clamp(0.0, 1.0) } else { 0.0 };
-    (a + direction * t, t)
 }
 
 /// How far the surface beside an arc can move when the arc is drawn with more samples than level `level` has. `samples`

@@ -7,10 +7,17 @@
 use std::collections::BTreeMap;
 
 use super::super::Scale;
+use super::super::exact::power_of_two;
 use super::net::Net;
 use crate::mesh::NONE;
-use crate::stage::arc_samples::closest_on_segment;
+use crate::stage::arcs::closest_on_segment;
 use glam::DVec3;
+
+/// The top of a file has so many corners that its border is nearer than its level asks for: a few hundred triangles have no use for a rough
+/// outline.
+const CORNERS_OF_TOP: usize = 64;
+/// How often the distance that a border may have is halved for that.
+const MOST_HALVINGS: i32 = 12;
 
 /// The coarsest level of each corner, above nodes of the level `bottom` up to the level `end`. `group_of` names, for each height above
 /// these nodes, the group of each.
@@ -19,8 +26,14 @@ pub(super) fn corner_levels(net: &Net, scale: &Scale, [end, bottom]: [u8; 2], gr
     for level in (end..bottom).rev() {
         let height = usize::from(bottom - level).min(group_of.len());
         let Some(groups) = height.checked_sub(1).and_then(|height| group_of.get(height)) else { continue };
-        let borders = Level { net, scale, level, levels: &levels };
-        for corner in borders.vertices(groups) {
+        let vertices = |straight: f64| Level { net, scale, level, levels: &levels, straight }.vertices(groups);
+        let straight = scale.levels[usize::from(level)].arc_tolerance;
+        let mut corners = vertices(straight);
+        if end == 0 && groups.iter().all(|&group| group == 0) {
+            let nearer = (1..=MOST_HALVINGS).map(|halvings| vertices(straight * power_of_two(-halvings)));
+            corners = nearer.take_while(|nearer| nearer.len() <= CORNERS_OF_TOP).last().unwrap_or(corners);
+        }
+        for corner in corners {
             levels[corner as usize] = level;
         }
     }
@@ -34,6 +47,8 @@ struct Level<'a> {
     level: u8,
     /// The corners that are vertices one level finer have that level here.
     levels: &'a [u8],
+    /// How far a border may be from the points that it leaves out.
+    straight: f64,
 }
 
 /// A point of a chain of arcs between corners that stay.
@@ -107,6 +122,13 @@ impl Level<'_> {
             let candidate = points.iter().position(|p| p.candidate.is_some());
             let first = points.iter().position(|p| p.stays || p.candidate.is_some());
             let mut kept = self.ring(points.clone(), first.unwrap_or(0));
+            // Where it was begun is any corner, which may be gone: with two others, coarser levels would have less than a loop.
+            let is_vertex = |p: &&Point| p.lasts || p.stays && p.candidate.is_some();
+            if kept[1..].iter().filter(is_vertex).count() < 3 {
+                points[0].stays = false;
+                let first = points.iter().position(|p| p.lasts || p.candidate.is_some());
+                kept = self.ring(points.clone(), first.unwrap_or(0));
+            }
             // The samples of a long straight border may be enough for its shape, but a loop begins with a corner.
             if let Some(candidate) = candidate.filter(|_| !kept.iter().any(is_corner)) {
                 kept = self.ring(points, candidate);
@@ -183,13 +205,12 @@ impl Level<'_> {
 
     /// Keeps further points until none is too far from the chords between those that stay.
     fn keep_needed(&self, points: &mut [Point]) {
-        let tolerance = self.scale.levels[usize::from(self.level)].arc_tolerance;
         let kept: Vec<usize> = (0..points.len()).filter(|&i| points[i].stays).collect();
         let mut pending: Vec<[usize; 2]> = kept.windows(2).map(|pair| [pair[0], pair[1]]).collect();
         while let Some([first, last]) = pending.pop() {
             let [a, b] = [points[first].position, points[last].position];
             let off = |i: &usize| points[*i].position.distance(closest_on_segment(points[*i].position, a, b).0);
-            if (first + 1..last).all(|i| off(&i) <= tolerance) {
+            if (first + 1..last).all(|i| off(&i) <= self.straight) {
                 continue;
             }
             let candidates = (first + 1..last).filter(|&i| points[i].candidate.is_some());

@@ -42,9 +42,9 @@ use corners::corner_levels;
 use levels::{MadeLevel, Making};
 use net::Net;
 use outline::Borders;
-use parts::{InParts, is_of_small_parts};
+use parts::{InParts, collapsed, is_of_small_parts};
 use surface::{Joined, Part, join};
-use top::{Few, leave_out, reduce_top};
+use top::{Few, halve_levels, leave_out, reduce_top};
 
 /// How often corners are kept because a border could not be simplified without them.
 const MAX_ROUNDS: usize = 4;
@@ -327,6 +327,9 @@ impl<'a> Forest<'a> {
             true => Some(making.make_finest(&joined, &mut simplified, &mut early, times).ok_or_else(Vec::new)?),
             false => None,
         };
+        if is_plain && coarsest == 0 && !joined.loops.is_empty() {
+            halve_levels(&mut simplified.levels, FEWEST, |level, wanted| collapsed(&joined, level, wanted));
+        }
         for (level, level_patch) in (0..=finest).zip(&simplified.levels) {
             let Some(level_patch) = level_patch else { continue };
             let made =
@@ -360,16 +363,18 @@ impl<'a> Forest<'a> {
                 (false, Some(areas)) if areas.have_jumps() => Few::Lines,
                 (false, _) => Few::Surface,
             };
-            let mut top = reduce_top(&below.whole(), &mut blocks, scale, few, &mut all_drawn, &mut bounds);
+            let mut top = reduce_top(&below.whole(), &mut blocks, scale, few, &mut all_drawn, &mut bounds, true);
             // Of very many parts too many may be left, however they are reduced; the members have fewer.
             if !top.has_few && !std::ptr::eq(below, &members) {
-                top = reduce_top(&members.whole(), &mut blocks, scale, few, &mut all_drawn, &mut bounds);
+                top = reduce_top(&members.whole(), &mut blocks, scale, few, &mut all_drawn, &mut bounds, true);
             }
             if let Some((level, surface)) = top.replaced {
                 surfaces.insert(0, NodeSurface::new(level, surface));
             }
         }
-        raise_coarser(&mut blocks);
+        let of_members =
+            nodes.iter().filter_map(|node| self.records[node.record as usize].blocks.iter().flatten().next());
+        raise_coarser(&mut blocks, of_members.map(|block| block.error).reduce(f64::max), scale.step());
         let mut bounds = bounds.map(|p| (p + origin).to_array());
         for node in &nodes {
             let of_member = self.records[node.record as usize].bounds;

@@ -101,7 +101,7 @@ fn small_parts(vertex_count: usize, triangles: &[[u32; 3]], border: impl Iterato
 }
 
 /// A level of a surface with so many triangles, however far it is off then; more where topology needs more.
-fn collapsed(surface: &Joined, level: usize, wanted: usize) -> Option<LevelPatch> {
+pub(super) fn collapsed(surface: &Joined, level: usize, wanted: usize) -> Option<LevelPatch> {
     let thresholds = vec![f64::INFINITY; level + 1];
     let options = SimplifyOptions {
         thresholds: &thresholds,

@@ -8,8 +8,8 @@ use super::net::Net;
 use super::outline::{BorderPoint, Borders, Members, Place};
 use crate::mesh::union_find::{find, unite};
 use crate::mesh::{NONE, ordered, sides};
-use crate::stage::arc_samples::closest_on_segment;
 use crate::stage::arcs::HalfArc;
+use crate::stage::arcs::closest_on_segment;
 use glam::DVec3;
 
 /// A surface that is to be joined with others of the same level.

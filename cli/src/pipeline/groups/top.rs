@@ -10,6 +10,7 @@ use super::super::overview::{OVERVIEW_TRIANGLES, coded};
 use super::super::reduce::{Ways, reduce};
 use super::super::scale::{Scale, factor_of};
 use super::parts::closed;
+use crate::stage::simplify::LevelPatch;
 
 /// The lattice step, grown with the tolerance of a level, over the bound of a reduced surface of that level, at most.
 const STEP_PER_BOUND: f64 = 0.25;
@@ -36,6 +37,27 @@ pub(super) fn leave_out(blocks: &mut [Option<BlockRecord>]) {
     }
 }
 
+/// Makes coarse levels of a top with a border anew where they have hardly fewer triangles than finer ones: each has half of the finer level's, as
+/// far as its border allows. `coarser` makes a level of about so many triangles.
+pub(super) fn halve_levels(
+    levels: &mut [Option<LevelPatch>],
+    most: usize,
+    coarser: impl Fn(usize, usize) -> Option<LevelPatch>,
+) {
+    let (mut finer, mut wanted) = (usize::MAX, most);
+    for level in (0..levels.len()).rev() {
+        let fits =
+            |patch: &LevelPatch| finer == usize::MAX || patch.triangles.len() as f64 <= finer as f64 * WORTHWHILE;
+        if !levels[level].as_ref().is_some_and(fits)
+            && let Some(patch) = coarser(level, wanted).filter(fits)
+        {
+            levels[level] = Some(patch);
+        }
+        finer = levels[level].as_ref().map_or(finer, |patch| patch.triangles.len());
+        wanted = (finer.min(most) / 2).max(1);
+    }
+}
+
 /// What a top has whose triangles are few.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in super::super) enum Few {
@@ -57,7 +79,7 @@ pub(in super::super) struct ReducedTop {
 
 /// Replaces the coarsest blocks of a top by one of few triangles, if these have more or are farther off; one that has no block gets one at
 /// its finest level. `surface` is what it stands for, `drawn` what is drawn of it, and `bounds` the box around all of that, relative to
-/// the lattice's origin.
+/// the lattice's origin. Where the top `has_children`, it keeps its finest level.
 pub(in super::super) fn reduce_top(
     surface: &CoarseSurface,
     blocks: &mut [Option<BlockRecord>],
@@ -65,6 +87,7 @@ pub(in super::super) fn reduce_top(
     few: Few,
     drawn: &mut DrawnBlocks,
     bounds: &mut [DVec3; 2],
+    has_children: bool,
 ) -> ReducedTop {
     let mut replaced = None;
     let Some(last) = blocks.len().checked_sub(1) else { return ReducedTop { has_few: false, replaced } };
@@ -86,7 +109,10 @@ pub(in super::super) fn reduce_top(
         let finest_step = scale.step() * power_of_two(i32::from(scale.fineness));
         let step = |level: usize| finest_step * factor_of(usize::from(scale.finest()) - level);
         let is_fine = |&level: &usize| step(level) <= STEP_PER_BOUND * (reduced.error - surface.error);
-        let level = (0..=finest).find(is_fine).unwrap_or(finest);
+        let goes = blocks[finest].as_ref().is_none_or(|block| is_small(&block));
+        // Levels of children follow the finest one.
+        let coarsest = if has_children && goes { finest } else { 0 };
+        let level = (coarsest..=finest).find(is_fine).unwrap_or(finest);
         if let Some((OverviewRecord { error, loops, triangle_count, symbols, .. }, patch)) =
             coded(surface, reduced, scale, level)
             && loops.is_empty()

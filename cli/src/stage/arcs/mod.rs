@@ -5,16 +5,18 @@
 //! at least three half-arcs where it has as many edges; that halving reaches every vertex of an arc that is not a seam;
 //! and that all ids depend on the input alone.
 
+mod bends;
 mod cut_chart;
 pub(crate) mod cut_edges;
 pub(in crate::stage) mod halving;
 mod seams;
 mod trace;
 
+pub(crate) use bends::closest_on_segment;
 pub use cut_chart::{LocalChart, LoopVertex, cut_chart};
 pub use halving::ARC_UNITS;
 pub use seams::{SeamCorner, SeamStart, Seams};
-pub use trace::trace_arcs;
+pub use trace::{trace_arcs, trace_arcs_to_bends};
 
 /// A chain of mesh edges between two corners. It separates two charts, or a chart from the outside of the mesh.
 #[derive(Clone, Debug, PartialEq)]

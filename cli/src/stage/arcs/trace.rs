@@ -1,9 +1,11 @@
 //! Traces corners, arcs and loops from one label per triangle.
 
+use super::bends::{bends, farthest};
 use super::cut_edges::CutEdges;
 use super::halving::intervals_too_deep;
 use super::{Arc, Atlas, Chart, HalfArc, Seams};
 use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
+use glam::DVec3;
 use rayon::prelude::*;
 
 /// The fewest half-arcs of a loop that has as many edges.
@@ -17,14 +19,24 @@ const LEAST_SIDES: usize = 3;
 /// - the vertices at which the number of cut edges is not two, and the corners of seams;
 /// - extra corners on arcs that would end where they begin and on loops of fewer than three half-arcs, at equal parts
 ///   of the length, counted from the smallest vertex where the loop has no corner;
+/// - for [`trace_arcs_to_bends`], the bends of the boundary;
 /// - extra corners on arcs whose edges differ so much in length that halving would not reach every vertex.
 ///
 /// Seams stay as they are. Every id depends on the input alone.
 pub fn trace_arcs(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], seams: &Seams) -> Atlas {
+    trace_arcs_to_bends(mesh, adjacency, labels, seams, f64::INFINITY)
+}
+
+/// As [`trace_arcs`], with further corners on the boundary of the mesh: where it would otherwise leave its chords by more than `straight`,
+/// a length.
+pub fn trace_arcs_to_bends(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], seams: &Seams, straight: f64) -> Atlas {
     let cut = CutEdges::new(adjacency, labels);
     let tracer = Tracer { mesh, adjacency, labels, seams, cut: &cut };
     let is_corner = tracer.natural_corners();
-    let chains = tracer.chains(&is_corner);
+    let mut chains = tracer.chains(&is_corner);
+    if straight < f64::INFINITY {
+        chains = chains.into_iter().flat_map(|chain| tracer.split_at_bends(chain, &is_corner, straight)).collect();
+    }
     let arc_counts = tracer.arc_counts(&chains);
     let chains = tracer.split(chains, &arc_counts);
     let chains = tracer.split_deep(chains);
@@ -118,6 +130,44 @@ impl Tracer<'_> {
 
     fn is_seam(&self, chain: &[u32]) -> bool {
         self.seams.contains(self.half_edge(chain[0]))
+    }
+
+    /// Splits a chain of the boundary where it bends. Between two corners of seams something unknown may lie beyond it.
+    fn split_at_bends(&self, mut chain: Chain, is_corner: &[bool], straight: f64) -> Vec<Chain> {
+        let first = self.half_edge(chain[0]);
+        let ends = [self.origin(first), self.target(self.half_edge(chain[chain.len() - 1]))];
+        let is_boundary = self.adjacency.opposite[first as usize] == NONE;
+        if !is_boundary || self.is_seam(&chain) || ends.iter().all(|&v| self.seams.corner(v).is_some()) {
+            return vec![chain];
+        }
+        let path = |chain: &[u32]| -> Vec<DVec3> {
+            let vertices = chain.iter().map(|&at| self.origin(self.half_edge(at)));
+            let end = self.target(self.half_edge(chain[chain.len() - 1]));
+            vertices.chain([end]).map(|v| self.mesh.positions[v as usize]).collect()
+        };
+        let mut points = path(&chain);
+        let mut cuts = vec![];
+        if ends[0] == ends[1] {
+            let Some(mut middle) = farthest(&points, straight) else { return vec![chain] };
+            if !is_corner[ends[0] as usize] {
+                // The farthest point is a corner wherever the chain begins.
+                chain.rotate_left(middle);
+                points = path(&chain);
+                middle = farthest(&points, straight).unwrap_or(middle);
+            }
+            cuts.extend(bends(&points[..=middle], straight));
+            cuts.push(middle);
+            cuts.extend(bends(&points[middle..], straight).into_iter().map(|bend| middle + bend));
+        } else {
+            cuts = bends(&points, straight);
+        }
+        let mut chains = vec![];
+        for cut in cuts.into_iter().rev() {
+            chains.push(chain.split_off(cut));
+        }
+        chains.push(chain);
+        chains.reverse();
+        chains
     }
 
     /// Whether a chain ends where it begins. Two vertices of one region may be the same corner once all regions are

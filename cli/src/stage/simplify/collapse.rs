@@ -122,6 +122,8 @@ pub(super) struct Collapser<'a> {
     pub min_triangles: usize,
     /// See [`SimplifyOptions::stops`].
     pub stops: &'a [f64],
+    /// Vertices around which border vertices were removed whatever that cost, since the last level.
+    pub forced: Vec<u32>,
     queue: EdgeQueue,
     /// Vertices whose mark equals the generation are neighbours of the vertex in question.
     mark: Vec<u32>,
@@ -148,6 +150,7 @@ impl<'a> Collapser<'a> {
         importance.resize(positions.len(), 1.0);
         let mut collapser = Self {
             twins,
+            forced: vec![],
             queue: EdgeQueue::new(mesh.edge_count()),
             mark: vec![0; positions.len()],
             generation: 0,

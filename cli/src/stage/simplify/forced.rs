@@ -18,7 +18,17 @@ impl Collapser<'_> {
         [RELAXED, ANY_SHAPE].into_iter().any(|tolerated| {
             let mut removed_any = false;
             for &vertex in remaining {
-                removed_any |= self.mesh.is_alive(vertex) && self.force_vertex(vertex, tolerated);
+                if !self.mesh.is_alive(vertex) {
+                    continue;
+                }
+                let mut ring = vec![];
+                self.mesh.ring(vertex, &mut ring);
+                if self.force_vertex(vertex, tolerated) {
+                    removed_any = true;
+                    if tolerated == ANY_SHAPE {
+                        self.forced.append(&mut ring);
+                    }
+                }
             }
             removed_any
         })

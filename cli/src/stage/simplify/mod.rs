@@ -25,6 +25,7 @@ mod queue;
 mod sweep;
 #[cfg(test)]
 mod tests;
+mod unfold;
 
 use glam::DVec3;
 
@@ -182,6 +183,7 @@ pub fn simplify_again(
                 break remaining;
             }
         };
+        collapser.unfold();
         if remaining.is_empty() {
             result.levels[level] = Some(level_patch(chart, &collapser, level as u8, &unit_cube, options.areas));
         } else {

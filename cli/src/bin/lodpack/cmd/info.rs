@@ -152,6 +152,8 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
         .levels
         .iter()
         .enumerate()
+        // A level without blocks is that beside it.
+        .filter(|(_, l)| l.block_count > 0)
         .map(|(level, l)| Level {
             level: level as u8,
             triangles: l.triangle_count,
