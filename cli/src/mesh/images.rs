@@ -1,8 +1,10 @@
 //! Images as inputs have them: encoded, in files or within them.
 
+mod compression;
 mod jpeg;
 mod png_rows;
 mod problem;
+mod ycbcr;
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
@@ -12,6 +14,8 @@ use std::path::{Path, PathBuf};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use serde::{Deserialize, Serialize};
 
+use compression::unread_tiff_compression;
+pub use compression::{tiff_compression_name, unread_exr_compression};
 pub use png_rows::{RowsOfPng, rows_of_png};
 use problem::{damaged, undecodable};
 pub(crate) use problem::{shown_name, unreadable};
@@ -125,14 +129,36 @@ pub trait EncodedImage: BufRead + Seek {}
 
 impl<R: BufRead + Seek> EncodedImage for R {}
 
+/// What decodes an image, and its format.
+fn decoder_of<'a>(
+    mut encoded: impl EncodedImage + 'a,
+) -> Result<(Option<ImageFormat>, Box<dyn ImageDecoder + 'a>), String> {
+    let is_ycbcr = ycbcr::is_ycbcr(&mut encoded).map_err(|error| unreadable(&error))?;
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    if is_ycbcr {
+        let decoder = ycbcr::YcbcrDecoder::new(encoded).map_err(|error| undecodable(&error))?;
+        return Ok((Some(ImageFormat::Tiff), Box::new(decoder)));
+    }
+    let of_exr = unread_exr_compression(&mut encoded).ok().flatten();
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    let compression = of_exr.or_else(|| unread_tiff_compression(&mut encoded));
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    if let Some(compression) = compression {
+        return Err(format!("its compression {compression} is not read: save it with ZIP or Deflate compression"));
+    }
+    let reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
+    let format = reader.format();
+    Ok((format, Box::new(reader.into_decoder().map_err(|error| undecodable(&error))?)))
+}
+
 /// Columns and rows that an encoded image declares.
 ///
 /// # Errors
 /// What is wrong with it.
 pub fn image_size(mut encoded: impl EncodedImage) -> Result<[u32; 2], String> {
-    let reader = ImageReader::new(&mut encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
-    let format = reader.format();
-    let (width, height) = reader.into_dimensions().map_err(|error| undecodable(&error))?;
+    let (format, decoder) = decoder_of(&mut encoded)?;
+    let (width, height) = decoder.dimensions();
+    drop(decoder);
     if width == 0 || height == 0 {
         return Err("it has no texels: export it again".into());
     }
@@ -150,9 +176,16 @@ pub fn image_size(mut encoded: impl EncodedImage) -> Result<[u32; 2], String> {
 /// # Errors
 /// What is wrong with it.
 pub fn is_finer_than_bytes(encoded: impl EncodedImage) -> Result<bool, String> {
-    let reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
-    let colours = reader.into_decoder().map_err(|error| undecodable(&error))?.color_type();
+    let colours = decoder_of(encoded)?.1.color_type();
     Ok(colours.bytes_per_pixel() > colours.channel_count())
+}
+
+/// Whether an image says how opaque each texel is.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn has_opacity(encoded: impl EncodedImage) -> Result<bool, String> {
+    Ok(decoder_of(encoded)?.1.color_type().has_alpha())
 }
 
 /// Texels of a block of a JPEG.
@@ -184,12 +217,15 @@ pub fn decode_image(mut encoded: impl EncodedImage) -> Result<DynamicImage, Stri
     encoded.rewind().map_err(|error| unreadable(&error))?;
     refuse_cut_jpeg(&mut encoded)?;
     encoded.rewind().map_err(|error| unreadable(&error))?;
-    let mut reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
+    ycbcr::refuse_lying_pieces(&mut encoded)?;
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    let (_, mut decoder) = decoder_of(encoded)?;
     let mut limits = image::Limits::default();
     // The largest texel has four numbers of 32 bits.
     limits.max_alloc = Some(texels_of(size) * 16 + (16 << 20));
-    reader.limits(limits);
-    reader.decode().map_err(|error| undecodable(&error))
+    limits.reserve(decoder.total_bytes()).map_err(|error| undecodable(&error))?;
+    decoder.set_limits(limits).map_err(|error| undecodable(&error))?;
+    DynamicImage::from_decoder(decoder).map_err(|error| undecodable(&error))
 }
 
 /// Refuses a JPEG that has no end: its decoder fills what is missing with grey, and says nothing.
@@ -216,9 +252,9 @@ pub fn decoding_bytes(mut encoded: impl EncodedImage) -> Result<u64, String> {
     encoded.rewind().map_err(|error| unreadable(&error))?;
     let is_progressive = jpeg::is_progressive(&mut encoded).map_err(|error| unreadable(&error))?;
     encoded.rewind().map_err(|error| unreadable(&error))?;
-    let reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
-    let format = reader.format();
-    let decoder = reader.into_decoder().map_err(|error| undecodable(&error))?;
+    let is_ycbcr = ycbcr::is_ycbcr(&mut encoded).map_err(|error| unreadable(&error))?;
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    let (format, decoder) = decoder_of(encoded)?;
     let (width, height) = decoder.dimensions();
     let (colours, texels) = (decoder.color_type(), texels_of([width, height]));
     let decoded = u64::from(colours.bytes_per_pixel());
@@ -226,6 +262,8 @@ pub fn decoding_bytes(mut encoded: impl EncodedImage) -> Result<u64, String> {
         // All coefficients of a progressive image are there before the first row is: three of two bytes.
         (ColorType::Rgb8, Some(ImageFormat::Jpeg)) if is_progressive => decoded + 6,
         (ColorType::L8, Some(ImageFormat::Jpeg)) if is_progressive => decoded + 3,
+        // As luma and chroma, too.
+        (ColorType::Rgb8, _) if is_ycbcr => 2 * decoded,
         // Chroma is a quarter of luma.
         (ColorType::Rgb8, Some(ImageFormat::WebP)) => 2 * decoded,
         (ColorType::Rgb8, _) => decoded,

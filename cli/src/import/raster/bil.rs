@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use super::crs::Crs;
 use super::header::{Header, HeightRows};
 use super::lines::{Lines, place_of};
+use super::sidecar::with_extension_in_any_case;
 use super::{ImportError, Parsed, grid_error};
 use crate::import::error::Location;
 
@@ -103,13 +104,18 @@ impl HeightRows for FlatRows {
     }
 }
 
+/// The header of a file, which lies beside it.
+pub(super) fn header_of(path: &Path) -> Option<PathBuf> {
+    with_extension_in_any_case(path, "hdr")
+}
+
 pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
-    let hdr = path.with_extension("hdr");
-    if !hdr.is_file() {
+    let Some(hdr) = header_of(path) else {
+        let hdr = path.with_extension("hdr");
         let problem =
             format!("needs its header {}, which says how many rows and columns it has; put it there", hdr.display());
         return Err(grid_error(path, &problem));
-    }
+    };
     let lines = Lines::read(&hdr)?;
     let mut header = Header::new([lines.needed("NCOLS")?, lines.needed("NROWS")?]);
     let is_flt = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("flt"));
@@ -144,20 +150,32 @@ pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
     Ok((header, Box::new(rows)))
 }
 
+/// How the header says that samples are stored: ESRI's PIXELTYPE, or the DATATYPE of others, as `INT2S`, `FLT4S` or `U16`.
 fn number_of(lines: &Lines, is_flt: bool) -> Parsed<Number> {
-    let bits: u32 = lines.number("NBITS")?.unwrap_or(if is_flt { 32 } else { 16 });
-    let kind = lines.text("PIXELTYPE").unwrap_or_default().to_ascii_uppercase();
-    let is_float = kind.contains("FLOAT") || is_flt && kind.is_empty();
+    let said = lines.text("PIXELTYPE").or(lines.text("DATATYPE")).unwrap_or_default().to_ascii_uppercase();
+    let digits: String = said.chars().filter(char::is_ascii_digit).collect();
+    // R counts bytes, all others bits.
+    let bits_of_kind = digits.parse::<u32>().ok().map(|count| if count < 8 { 8 * count } else { count });
+    let bits: u32 = lines.number("NBITS")?.or(bits_of_kind).unwrap_or(if is_flt { 32 } else { 16 });
+    let kind: &str = said.trim_matches(|c: char| c.is_ascii_digit());
+    let is_float = kind.starts_with('F') || is_flt && kind.is_empty();
     // Headers of 16 bits without a type are those of heights, which have a sign (GTOPO30).
-    let is_signed = !kind.contains("UNSIGNED") && (kind.contains("SIGNED") || bits == 16);
+    let is_unsigned = kind.starts_with('U') || kind.ends_with('U') || kind.is_empty() && bits != 16;
     let order = lines.text("BYTEORDER").unwrap_or_default().to_ascii_uppercase();
-    let is_big_endian = matches!(order.as_str(), "M" | "MSBFIRST");
+    let is_big_endian = match order.chars().next() {
+        None | Some('I' | 'L' | '0') => false,
+        Some('M' | 'B' | '1') => true,
+        Some(_) => {
+            let problem = format!("says BYTEORDER \"{order}\"; write I for Intel's or M for Motorola's");
+            return Err(grid_error(&lines.path, &problem));
+        }
+    };
     let is_known = if is_float { matches!(bits, 32 | 64) } else { matches!(bits, 8 | 16 | 32) };
     if !is_known {
         let problem = format!(
-            "says NBITS {bits} and PIXELTYPE \"{kind}\"; integers of 8, 16 and 32 bits and floats of 32 and 64 can be read"
+            "says NBITS {bits} and PIXELTYPE \"{said}\"; integers of 8, 16 and 32 bits and floats of 32 and 64 can be read"
         );
         return Err(grid_error(&lines.path, &problem));
     }
-    Ok(Number { bytes: (bits / 8) as usize, is_float, is_signed, is_big_endian })
+    Ok(Number { bytes: (bits / 8) as usize, is_float, is_signed: !is_unsigned, is_big_endian })
 }

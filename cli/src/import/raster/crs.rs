@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use super::sidecar::with_extension;
+
 /// A coordinate reference system.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Crs {
@@ -65,7 +67,7 @@ impl Crs {
 
     /// The system in the `.prj` beside a file. What is not there or is no WKT says nothing.
     pub fn beside(path: &Path) -> Self {
-        let prj = path.with_extension("prj");
+        let Some(prj) = with_extension(path, "prj") else { return Self::default() };
         let is_small = std::fs::metadata(&prj).is_ok_and(|file| file.is_file() && file.len() <= MAX_WKT_BYTES);
         let text = if is_small { std::fs::read_to_string(&prj).unwrap_or_default() } else { String::new() };
         let text = text.trim();

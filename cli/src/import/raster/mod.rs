@@ -6,6 +6,7 @@
 //! `triangulate` makes vertices and triangles. `drape` adds colours,
 //! and `geoid` the height of the geoid.
 
+mod affine;
 mod asc;
 mod bil;
 mod crs;
@@ -19,10 +20,12 @@ mod heights;
 mod hgt;
 mod lerc;
 mod lines;
+mod mask;
 mod mosaic;
 mod options;
 mod png;
 mod ramp;
+mod sidecar;
 mod surface;
 mod tiff;
 mod triangulate;
@@ -37,6 +40,8 @@ use super::source::FileBytes;
 use crate::mesh::tolerance::Unit;
 use crate::progress::{Progress, Silent};
 
+use affine::{Turned, of_world_file, placed};
+use crs::Crs;
 pub use crs::is_geographic;
 use header::{Header, HeightRows};
 pub use heights::HeightSource;
@@ -104,29 +109,42 @@ pub(super) fn format_of(path: &Path) -> Option<RasterFormat> {
 
 /// The header files and projections that belong to a raster.
 pub(super) fn files_beside(path: &Path, format: RasterFormat) -> Vec<PathBuf> {
-    let named = |extension: &str| path.with_extension(extension);
-    let files = match format {
-        RasterFormat::Bil => vec![named("hdr"), named("prj")],
-        RasterFormat::Asc => vec![named("prj")],
-        _ => vec![],
-    };
-    files.into_iter().filter(|file| file.is_file()).collect()
+    let header = (format == RasterFormat::Bil).then(|| bil::header_of(path)).flatten();
+    header.into_iter().chain(sidecars(path)).collect()
+}
+
+/// The files that say where a raster or an image is, and which samples of it count.
+pub(super) fn sidecars(path: &Path) -> Vec<PathBuf> {
+    [sidecar::with_extension(path, "prj"), affine::world_file(path), mask::beside(path)].into_iter().flatten().collect()
 }
 
 /// Opens a raster: what it says about its grid, and where its rows come from.
 fn open(path: &Path, options: &RasterOptions) -> Parsed<(Header, Box<dyn HeightRows>)> {
     let format = format_of(path).ok_or_else(|| grid_error(path, "is no raster that can be read"))?;
+    let with_masks = options.nodata != Some(Nodata::None);
     let (mut header, rows) = match format {
-        RasterFormat::Tiff => tiff::open(path)?,
+        RasterFormat::Tiff => tiff::open(path, with_masks)?,
         RasterFormat::Hgt => hgt::open(path)?,
         RasterFormat::Asc => asc::open(path)?,
         RasterFormat::Bil => bil::open(path)?,
-        RasterFormat::Png => png::open(path, options.height_code)?,
+        RasterFormat::Png => png::open(path, options.height_code, with_masks)?,
         RasterFormat::Exr => exr::open(path)?,
         RasterFormat::Lerc => lerc::open(path)?,
         RasterFormat::Gtx => gtx::open(path)?,
     };
+    if header.place.is_none() {
+        (header.place, header.turned) = placed(of_world_file(path)?, path, header.size)?;
+    }
+    if header.crs == Crs::default() {
+        header.crs = Crs::beside(path);
+    }
     header.complete(path, options)?;
+    if header.turned[1] && matches!(format, RasterFormat::Png | RasterFormat::Asc) {
+        let problem = "has its first row in the south by its world file, and is read from its first row on; turn it over, with `gdalwarp`";
+        return Err(grid_error(path, problem));
+    }
+    let rows = if with_masks { mask::masked(path, header.size, rows)? } else { rows };
+    let rows = Turned::over(rows, header.turned, header.size[1]);
     Ok((header, rows))
 }
 
