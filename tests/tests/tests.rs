@@ -23,6 +23,7 @@
 //! - [`inputs`]: folders, patterns and lodpack files as inputs, and meshes that say where they are
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
 //! - [`terrain`]: rasters of heights become the surface that they describe, on planes and globes
+//! - [`rasters`]: rasters as their writers lay them out: masks, no data, bits, places, sidecars, images over them
 //! - [`heights`]: files of heights keep their promises on planes and globes, and commands work with them
 //! - [`heights_jobs`]: files of heights in parts: kills, changed files, the bytes of one build
 //! - [`ground`]: a mesh on its ground of heights in one file: joined, taken apart, verified, exported, refused
@@ -65,6 +66,7 @@ mod normals;
 mod nothing_unneeded;
 mod python;
 mod quantized;
+mod rasters;
 mod remote;
 mod report;
 mod serve;

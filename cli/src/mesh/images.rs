@@ -4,6 +4,7 @@ mod compression;
 mod jpeg;
 mod png_rows;
 mod problem;
+pub(crate) mod tiff_directory;
 mod ycbcr;
 
 use std::fs::File;
@@ -19,6 +20,7 @@ pub use compression::{tiff_compression_name, unread_exr_compression};
 pub use png_rows::{RowsOfPng, rows_of_png};
 use problem::{damaged, undecodable};
 pub(crate) use problem::{shown_name, unreadable};
+use tiff_directory::Directory;
 
 /// Where the bytes of an encoded image are.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -219,7 +221,41 @@ pub fn decode_image(mut encoded: impl EncodedImage) -> Result<DynamicImage, Stri
     encoded.rewind().map_err(|error| unreadable(&error))?;
     ycbcr::refuse_lying_pieces(&mut encoded)?;
     encoded.rewind().map_err(|error| unreadable(&error))?;
+    if let Some((directory, changes)) = whole_tiles(&mut encoded) {
+        let whole = decode(BufReader::new(directory.view(encoded, &changes)), size)?;
+        return Ok(whole.crop_imm(0, 0, size[0], size[1]));
+    }
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    decode(encoded, size)
+}
+
+/// What has to be changed in a TIFF so that it has its last tiles as a whole, if these are in LZW: the decoder stumbles over parts of their rows.
+fn whole_tiles(encoded: &mut impl EncodedImage) -> Option<(Directory, [(u16, u32); 2])> {
+    const LZW: u64 = 5;
+    if !matches!(encoded.fill_buf().ok()?, [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..]) {
+        return None;
+    }
+    let mut all = vec![];
+    let _ = Directory::read_all(encoded, &mut all);
+    let first = all.into_iter().next()?;
+    let [columns, rows] = first.size();
+    let tile = [tiff_directory::TILE_WIDTH, tiff_directory::TILE_LENGTH].map(|tag| first.get(tag));
+    let [Some(width @ 1..), Some(length @ 1..)] = tile else { return None };
+    let is_even = columns % width == 0 && rows % length == 0;
+    if first.get(tiff_directory::COMPRESSION) != Some(LZW) || is_even {
+        return None;
+    }
+    let padded = |count: u64, tile: u64| u32::try_from(count.div_ceil(tile).checked_mul(tile)?).ok();
+    let size = [padded(columns, width)?, padded(rows, length)?];
+    let is_small = texels_of(size) <= MAX_IMAGE_TEXELS;
+    let changes = [(tiff_directory::IMAGE_WIDTH, size[0]), (tiff_directory::IMAGE_LENGTH, size[1])];
+    is_small.then_some((first, changes))
+}
+
+/// Decodes an image that is about as large as another one.
+fn decode(encoded: impl EncodedImage, size: [u32; 2]) -> Result<DynamicImage, String> {
     let (_, mut decoder) = decoder_of(encoded)?;
+    let size = [0, 1].map(|axis| size[axis].max([decoder.dimensions().0, decoder.dimensions().1][axis]));
     let mut limits = image::Limits::default();
     // The largest texel has four numbers of 32 bits.
     limits.max_alloc = Some(texels_of(size) * 16 + (16 << 20));

@@ -1,7 +1,7 @@
 //! Rasters: grids of heights become triangles. Rows are read from north to south and handed on, so memory holds a few of them whatever
 //! the size of the grid.
 //!
-//! `header` says what a file tells about its grid; a file a format (`tiff`, `hgt`, `asc`, `bil`, `png`, `exr`, `lerc`, `gtx`) reads
+//! `header` says what a file tells about its grid; a file a format (`tiff`, `hgt`, `asc`, `bil`, `envi`, `png`, `exr`, `lerc`, `gtx`) reads
 //! headers and rows. `mosaic` joins files whose grids agree, `surface` knows where a sample is on a plane, a sphere or the ellipsoid, and
 //! `triangulate` makes vertices and triangles. `drape` adds colours,
 //! and `geoid` the height of the geoid.
@@ -11,6 +11,7 @@ mod asc;
 mod bil;
 mod crs;
 mod drape;
+mod envi;
 mod exr;
 mod geoid;
 mod geokeys;
@@ -91,7 +92,9 @@ pub(super) fn detect(path: &Path, bytes: &[u8]) -> Option<RasterFormat> {
         "gtx" => Some(RasterFormat::Gtx),
         "hgt" => Some(RasterFormat::Hgt),
         "asc" => Some(RasterFormat::Asc),
-        "bil" | "flt" | "dem" | "raw" => Some(RasterFormat::Bil),
+        "bil" | "bip" | "bsq" | "flt" | "dem" | "raw" => Some(RasterFormat::Bil),
+        // Other programs have these extensions, too.
+        "img" | "dat" if envi::is_beside(path) => Some(RasterFormat::Bil),
         _ if asc::looks_like_asc(bytes) => Some(RasterFormat::Asc),
         _ => None,
     }

@@ -366,7 +366,8 @@ pub(super) fn clean(header: &Header, heights: &mut [f64]) {
     let nodata = header.nodata.unwrap_or(f64::NAN);
     // Texts have fewer digits than numbers: two steps of these are no difference, as GDAL has it.
     let step = if header.is_f32 { f64::from(f32::EPSILON) } else { f64::EPSILON };
-    let slack = if header.is_integer { 0.0 } else { 4.0 * step * nodata.abs() };
+    let has_slack = !header.is_integer && nodata.is_finite();
+    let slack = if has_slack { 4.0 * step * nodata.abs() } else { 0.0 };
     let most = if header.are_all_heights { f64::INFINITY } else { NO_HEIGHT };
     for height in heights.iter_mut() {
         let is_height = height.abs() < most && !((*height - nodata).abs() <= slack);

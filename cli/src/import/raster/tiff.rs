@@ -1,18 +1,16 @@
 //! TIFF, GeoTIFF and cloud-optimised GeoTIFF, in strips or tiles, through the crate `tiff`. The first image counts; the others are
 //! overviews and masks.
 
-mod directory;
 mod rows;
 
 use std::fs::File;
-use std::io::{BufReader, Read, Seek};
+use std::io::{self, BufReader, Read, Seek};
 use std::path::Path;
 
 use ::tiff::decoder::Decoder;
 use ::tiff::tags::Tag;
 use ::tiff::{TiffError, TiffUnsupportedError};
 
-use self::directory::{BITS_PER_SAMPLE, Directory, EXTRA_SAMPLES, PHOTOMETRIC, SAMPLE_FORMAT, SAMPLES_PER_PIXEL};
 use self::rows::{REMEDY, TiffRows, ViewDecoder};
 use super::affine::{Affine, placed};
 use super::crs::Crs;
@@ -22,6 +20,9 @@ use super::mask::Masked;
 use super::{ImportError, Parsed, RasterFormat, grid_error};
 use crate::import::error::Location;
 use crate::mesh::images::tiff_compression_name;
+use crate::mesh::images::tiff_directory::{
+    BITS_PER_SAMPLE, Directory, EXTRA_SAMPLES, PHOTOMETRIC, SAMPLE_FORMAT, SAMPLES_PER_PIXEL,
+};
 
 const MODEL_PIXEL_SCALE: u16 = 33550;
 const MODEL_TIEPOINT: u16 = 33922;
@@ -32,7 +33,7 @@ const GDAL_NODATA: u16 = 42113;
 
 /// Opens a TIFF, without what its own masks leave out if these count.
 pub(super) fn open(path: &Path, with_masks: bool) -> Parsed<(Header, Box<dyn HeightRows>)> {
-    let images = Directory::all(path)?;
+    let images = directories(path)?;
     let [image, others @ ..] = &images[..] else { return Err(grid_error(path, "has no image")) };
     let has_alpha = alpha_of(path, image)?;
     let mut rows = TiffRows::open(path, image, 0)?;
@@ -59,6 +60,21 @@ pub(super) fn open(path: &Path, with_masks: bool) -> Parsed<(Header, Box<dyn Hei
     Ok((header, rows))
 }
 
+/// The directories of a file.
+fn directories(path: &Path) -> Parsed<Vec<Directory>> {
+    let io = |source| ImportError::Io { path: path.to_owned(), source };
+    let (mut file, mut all) = (BufReader::new(File::open(path).map_err(io)?), vec![]);
+    match Directory::read_all(&mut file, &mut all) {
+        Ok(()) => Ok(all),
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
+            let (path, location) = (path.to_owned(), Location::Item("image", all.len() as u64));
+            let missing = "the TIFF names a list of entries behind the end of the file".to_owned();
+            Err(ImportError::Truncated { path, location, missing }.into())
+        }
+        Err(error) => Err(io(error).into()),
+    }
+}
+
 /// Refuses what is no single band of heights; says whether a second one is how opaque each sample is.
 fn alpha_of(path: &Path, image: &Directory) -> Parsed<bool> {
     let samples = image.get(SAMPLES_PER_PIXEL).unwrap_or(1);
@@ -79,7 +95,7 @@ fn alpha_of(path: &Path, image: &Directory) -> Parsed<bool> {
 
 /// The rows of a file that is a mask of another one of a size.
 pub(super) fn open_mask(path: &Path, size: [u32; 2]) -> Parsed<Box<dyn HeightRows>> {
-    let images = Directory::all(path)?;
+    let images = directories(path)?;
     let Some(image) = images.first() else { return Err(grid_error(path, "has no image")) };
     mask_rows(path, image, 0, size)
 }
@@ -111,7 +127,7 @@ pub(super) fn place_of_image(path: &Path) -> Parsed<Option<(Option<Affine>, Crs,
     let fault = |error| damaged(path, Location::Byte(0), error);
     let mut decoder = Decoder::new(BufReader::new(file)).map_err(fault)?;
     let tags = tags_of(&mut decoder);
-    let has_mask = Directory::all(path)?.iter().skip(1).any(Directory::is_mask);
+    let has_mask = directories(path)?.iter().skip(1).any(Directory::is_mask);
     Ok(Some((tags.place(path)?, tags.crs(path)?, has_mask)))
 }
 

@@ -8,15 +8,15 @@ use ::tiff::TiffError;
 use ::tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use ::tiff::tags::Tag;
 
-use super::directory::{
-    BITS_PER_SAMPLE, COMPRESSION, Directory, FILL_ORDER, IMAGE_LENGTH, IMAGE_WIDTH, Layout, PHOTOMETRIC,
-    PLANAR_CONFIGURATION, PREDICTOR, SAMPLE_FORMAT, SAMPLES_PER_PIXEL, TILE_LENGTH, TILE_OFFSETS, TILE_WIDTH, View,
-};
 use super::{Location, Parsed, damaged};
 use crate::import::error::ImportError;
 use crate::import::raster::grid_error;
 use crate::import::raster::header::HeightRows;
 use crate::import::raster::lerc::{Packing, decode_piece};
+use crate::mesh::images::tiff_directory::{
+    BITS_PER_SAMPLE, COMPRESSION, Directory, FILL_ORDER, IMAGE_LENGTH, IMAGE_WIDTH, Layout, PHOTOMETRIC,
+    PLANAR_CONFIGURATION, PREDICTOR, SAMPLE_FORMAT, SAMPLES_PER_PIXEL, TILE_LENGTH, TILE_OFFSETS, TILE_WIDTH, View,
+};
 
 const LERC_PARAMETERS: u16 = 50674;
 /// Numbers of compressions: that of LERC, which the crate does not decode, and that of JPEG.
@@ -32,7 +32,7 @@ const MAX_BAND_BYTES: u64 = 1 << 30;
 pub(super) const REMEDY: &str = "convert it first, with `gdal_translate -co COMPRESS=DEFLATE`";
 
 /// What decodes an image.
-pub(super) type ViewDecoder = Decoder<BufReader<View>>;
+pub(super) type ViewDecoder = Decoder<BufReader<View<File>>>;
 
 /// The rows of an image.
 pub(super) struct TiffRows {
@@ -261,7 +261,13 @@ fn lerc_of(path: &Path, image: &Directory, decoder: &mut ViewDecoder) -> Parsed<
 
 impl Lerc {
     /// The heights of a strip or tile of a number of bytes, in a band of a number of rows.
-    fn read(&self, file: &mut BufReader<View>, number: usize, bytes: u64, rows: usize) -> Result<Vec<f64>, TiffError> {
+    fn read(
+        &self,
+        file: &mut BufReader<View<File>>,
+        number: usize,
+        bytes: u64,
+        rows: usize,
+    ) -> Result<Vec<f64>, TiffError> {
         let offset = self.offsets.get(number).copied().unwrap_or(u64::MAX);
         let length = file.seek(SeekFrom::End(0))?;
         if bytes > length.saturating_sub(offset).min(MAX_CHUNK_BYTES) {

@@ -4,29 +4,24 @@
 //! unusual widths. Entries that call such numbers shades of grey in bytes give them as they are stored.
 
 use std::collections::BTreeSet;
-use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
-use std::path::Path;
-
-use super::{Location, Parsed};
-use crate::import::error::ImportError;
 
 /// Numbers of tags.
-pub(super) const NEW_SUBFILE_TYPE: u16 = 254;
-pub(super) const IMAGE_WIDTH: u16 = 256;
-pub(super) const IMAGE_LENGTH: u16 = 257;
-pub(super) const BITS_PER_SAMPLE: u16 = 258;
-pub(super) const COMPRESSION: u16 = 259;
-pub(super) const PHOTOMETRIC: u16 = 262;
-pub(super) const FILL_ORDER: u16 = 266;
-pub(super) const SAMPLES_PER_PIXEL: u16 = 277;
-pub(super) const PLANAR_CONFIGURATION: u16 = 284;
-pub(super) const PREDICTOR: u16 = 317;
-pub(super) const TILE_WIDTH: u16 = 322;
-pub(super) const TILE_LENGTH: u16 = 323;
-pub(super) const TILE_OFFSETS: u16 = 324;
-pub(super) const EXTRA_SAMPLES: u16 = 338;
-pub(super) const SAMPLE_FORMAT: u16 = 339;
+pub(crate) const NEW_SUBFILE_TYPE: u16 = 254;
+pub(crate) const IMAGE_WIDTH: u16 = 256;
+pub(crate) const IMAGE_LENGTH: u16 = 257;
+pub(crate) const BITS_PER_SAMPLE: u16 = 258;
+pub(crate) const COMPRESSION: u16 = 259;
+pub(crate) const PHOTOMETRIC: u16 = 262;
+pub(crate) const FILL_ORDER: u16 = 266;
+pub(crate) const SAMPLES_PER_PIXEL: u16 = 277;
+pub(crate) const PLANAR_CONFIGURATION: u16 = 284;
+pub(crate) const PREDICTOR: u16 = 317;
+pub(crate) const TILE_WIDTH: u16 = 322;
+pub(crate) const TILE_LENGTH: u16 = 323;
+pub(crate) const TILE_OFFSETS: u16 = 324;
+pub(crate) const EXTRA_SAMPLES: u16 = 338;
+pub(crate) const SAMPLE_FORMAT: u16 = 339;
 
 /// Bits of the kind of an image: a smaller version of another one, and a mask of another one.
 const IS_REDUCED: u64 = 1;
@@ -36,7 +31,7 @@ const MAX_DIRECTORIES: usize = 1 << 16;
 
 /// How numbers are stored, and how wide offsets are.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Layout {
+pub(crate) struct Layout {
     pub is_little: bool,
     is_big: bool,
 }
@@ -62,7 +57,7 @@ impl Layout {
 }
 
 /// What describes one image of a file.
-pub(super) struct Directory {
+pub(crate) struct Directory {
     pub layout: Layout,
     /// Where it is in the file.
     at: u64,
@@ -72,26 +67,13 @@ pub(super) struct Directory {
 }
 
 impl Directory {
-    /// All directories of a file in order; there is at least one.
-    pub fn all(path: &Path) -> Parsed<Vec<Self>> {
-        let io = |source| ImportError::Io { path: path.to_owned(), source };
-        let mut file = File::open(path).map_err(io)?;
-        let length = file.metadata().map_err(io)?.len();
-        let mut all = vec![];
-        Self::read_all(&mut file, length, &mut all).map_err(|source| match source.kind() {
-            io::ErrorKind::UnexpectedEof | io::ErrorKind::InvalidData => {
-                let (location, missing) = (
-                    Location::Item("image", all.len() as u64),
-                    "the TIFF names a list of entries behind the end of the file".to_owned(),
-                );
-                ImportError::Truncated { path: path.to_owned(), location, missing }
-            }
-            _ => io(source),
-        })?;
-        Ok(all)
-    }
-
-    fn read_all(file: &mut File, length: u64, all: &mut Vec<Self>) -> io::Result<()> {
+    /// All directories of a file in order; there is at least one. Those before an error are in `all`.
+    ///
+    /// # Errors
+    /// If it cannot be read, or names directories behind its end.
+    pub fn read_all(file: &mut (impl Read + Seek), all: &mut Vec<Self>) -> io::Result<()> {
+        let length = file.seek(SeekFrom::End(0))?;
+        file.rewind()?;
         let mut start = [0; 16];
         file.read_exact(&mut start[..8])?;
         let is_little = start[0] == b'I';
@@ -164,7 +146,7 @@ impl Directory {
     }
 
     /// The file with this image as its first one, whose entries of some tags say other numbers.
-    pub fn view(&self, file: File, changes: &[(u16, u32)]) -> View {
+    pub fn view<R>(&self, file: R, changes: &[(u16, u32)]) -> View<R> {
         let layout = self.layout;
         let [bytes, inline] = layout.entry_bytes();
         let mut patches = vec![match layout.is_big {
@@ -193,14 +175,14 @@ impl Directory {
 }
 
 /// A file of which some bytes are others.
-pub(super) struct View {
-    file: File,
+pub(crate) struct View<R> {
+    file: R,
     at: u64,
     /// Places, and what stands there.
     patches: Vec<(u64, Vec<u8>)>,
 }
 
-impl Read for View {
+impl<R: Read> Read for View<R> {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         let read = self.file.read(into)?;
         let end = self.at + read as u64;
@@ -217,7 +199,7 @@ impl Read for View {
     }
 }
 
-impl Seek for View {
+impl<R: Seek> Seek for View<R> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         self.at = self.file.seek(to)?;
         Ok(self.at)
