@@ -219,8 +219,9 @@ fn no_data_is_found_where_its_text_has_fewer_digits_than_the_samples() {
         assert_eq!(count(floats(hidden), 32, nodata, &default), 60, "{hidden} {nodata}");
     }
     assert_eq!(count(floats(-9999.11), 32, "-9999.1", &default), 66, "another height");
-    let doubles = mask(100.0, -1.797_693_134_862_315_7e308).iter().flat_map(|height: &f64| height.to_le_bytes());
-    assert_eq!(count(doubles.collect(), 64, "-1.79769e+308", &default), 60);
+    let doubles: Vec<f64> = mask(100.0, -1.797_693_134_862_315_7e308);
+    let doubles = doubles.iter().flat_map(|height| height.to_le_bytes()).collect();
+    assert_eq!(count(doubles, 64, "-1.79769e+308", &default), 60);
     let all = RasterOptions { nodata: Some(Nodata::None), ..default };
     assert_eq!(count(floats(-2e30), 32, "", &all), 66, "all are heights if somebody says so");
 }
@@ -445,7 +446,7 @@ fn damaged_masks_and_bits_never_panic() {
     let bits = file(&[Image::grey(SIZE, 12, 1, packed(&[7; 66], 11, 12)).at([0.0, 0.0, 1.0, 1.0])], false);
     for bytes in [masked, bits] {
         for at in 0..bytes.len() {
-            for value in [0, 0xFF, bytes[at] ^ 1, bytes[at] ^ 0x40] {
+            for value in [0xFF, bytes[at] ^ 1] {
                 let mut damaged = bytes.clone();
                 damaged[at] = value;
                 let _ = import_shape(&[folder.write("a.tif", &damaged)], &RasterOptions::default(), &Silent);
@@ -455,14 +456,13 @@ fn damaged_masks_and_bits_never_panic() {
             refused(&folder.write("a.tif", &bytes[..end]), &RasterOptions::default());
         }
     }
-    // A list of images that leads back to itself ends, and one that leads nowhere is an error.
+    // A list of images that leads back to itself, and one that leads nowhere.
     let sound = file(&[grey()], false);
     let next = 8 + 2 + 12 * usize::from(u16::from_le_bytes([sound[8], sound[9]]));
-    for (to, is_sound) in [(8u32, true), (sound.len() as u32 + 5, false)] {
+    for to in [8, sound.len() as u32 + 5] {
         let mut bytes = sound.clone();
         bytes[next..next + 4].copy_from_slice(&to.to_le_bytes());
-        let read = import_shape(&[folder.write("a.tif", &bytes)], &RasterOptions::default(), &Silent);
-        assert_eq!(read.is_ok(), is_sound);
+        refused(&folder.write("a.tif", &bytes), &RasterOptions::default());
     }
 }
 
