@@ -263,7 +263,7 @@ fn damaged_tiffs_of_luma_and_chroma_are_refused_and_allocate_nothing() {
     let image = image::RgbImage::from_fn(80, 30, |x, y| image::Rgb([x as u8, y as u8, 77]));
     let bytes = ycbcr(&image, true, false);
     for at in 0..bytes.len() {
-        for value in [0, 0xFF, bytes[at] ^ 1, bytes[at] ^ 0x80] {
+        for value in [0xFF, bytes[at] ^ 1] {
             let mut damaged = bytes.clone();
             damaged[at] = value;
             // Whatever is said, nothing panics and nothing large is allocated.
