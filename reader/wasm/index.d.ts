@@ -159,12 +159,16 @@ export interface Cut {
   nodeErrors: Float64Array;
   /** The largest of these inside the query's volume and view. */
   error: number;
+  /** The largest of all: it bounds everything that is drawn. */
+  errorEverywhere: number;
   /** The largest error in the view, pixels; 0 without a view. */
   pixelError: number;
   triangleCount: number;
   /** Bytes of pages that it needs; 0 unless the query had `maxBytes`. */
   byteCount: number;
   limitedBy?: Limiter;
+  /** The `id` of the file that it was selected in, which others refuse. Cuts that are put together by hand may omit it. */
+  file?: string;
 }
 
 /** Triangles, watertight where the surface is. */
@@ -287,6 +291,10 @@ export class LodpackFile {
   readonly storesNormals: boolean;
   /** The grid of a file of heights; null for a mesh. */
   readonly heights: HeightGrid | null;
+  /** What tells this file from others: files of the same bytes have the same one. */
+  readonly id: string;
+  /** The axis that points up, if the file says so. */
+  readonly up: 'y' | 'z' | null;
   /** Version of the format. */
   readonly version: string;
   readonly byteLength: number;

@@ -1,6 +1,7 @@
 //! Integration tests, one line a theme:
 //!
 //! - [`commands`]: the program as people run it: build, info, verify, extract, exit codes, temporary files
+//! - [`queries`]: one table of queries, which the program and the packages for Python, C and JavaScript answer alike
 //! - [`typed`]: commands as people type them: default names, the viewer, shell completions, man pages
 //! - [`remote`]: files on web servers
 //! - [`serve`]: files on the program's own web server, and what it says of other servers
@@ -22,6 +23,7 @@
 //! - [`atlas_charts`]: the charts of an atlas become the roots of a file, whole or in parts
 //! - [`inputs`]: folders, patterns and lodpack files as inputs, and meshes that say where they are
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
+//! - [`georeference`]: places, systems and units of rasters, read and written again
 //! - [`terrain`]: rasters of heights become the surface that they describe, on planes and globes
 //! - [`rasters`]: rasters as their writers lay them out: masks, no data, bits, places, sidecars, images over them
 //! - [`heights`]: files of heights keep their promises on planes and globes, and commands work with them
@@ -52,6 +54,7 @@ mod compiled;
 mod damage;
 mod determinism;
 mod drawings;
+mod georeference;
 mod ground;
 mod heights;
 mod heights_jobs;
@@ -66,6 +69,7 @@ mod normals;
 mod nothing_unneeded;
 mod python;
 mod quantized;
+mod queries;
 mod rasters;
 mod remote;
 mod report;

@@ -295,14 +295,15 @@ impl Scene {
         Some(*ground)
     }
 
-    /// What a view of all of it has to know. Heights go along z, and are looked at from near the ground; so is a mesh that stands on some, unless
-    /// it says that y is up.
+    /// What a view of all of it has to know. A mesh has the axis up that its file says, or else y. Heights go along z, and are looked at from
+    /// near the ground; so is a mesh that stands on some, unless it says that y is up.
     pub(crate) fn extent(&self) -> Extent {
-        let is_upright = |file: &File<Source>| file.placement().is_none_or(|placement| placement.up != UpAxis::Y);
+        let axis = |file: &File<Source>| file.placement().map(|placement| placement.up);
         let (up, near_share) = match (&self.content, &self.ground) {
             (Content::Heights(_), _) => ("z", 1e-2),
-            (Content::Mesh(mesh), Some(_)) if is_upright(&mesh.file) => ("z", 1e-2),
-            (Content::Mesh(_), Some(_)) => ("y", 1e-2),
+            (Content::Mesh(mesh), Some(_)) if axis(&mesh.file) == Some(UpAxis::Y) => ("y", 1e-2),
+            (Content::Mesh(_), Some(_)) => ("z", 1e-2),
+            (Content::Mesh(mesh), None) if axis(&mesh.file) == Some(UpAxis::Z) => ("z", 1.0),
             (Content::Mesh(_), None) => ("y", 1.0),
         };
         Extent { bounds: self.bounds, up, near_share }

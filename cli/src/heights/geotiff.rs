@@ -8,19 +8,15 @@ use lodpack::{Error, ReadAt, Result};
 use tiff::encoder::{DirectoryEncoder, TiffEncoder, TiffKind, TiffKindBig, TiffKindStandard};
 use tiff::tags::{CompressionMethod, PhotometricInterpretation, Tag};
 
+use super::georeference::Georeference;
 use super::tile::touches;
-use crate::import::raster::is_geographic;
 use crate::progress::Progress;
 
 /// Rows that are compressed together.
 const STRIP_ROWS: u32 = 64;
 /// TIFF counts bytes with 32 bits; beyond this many, BigTIFF does with 64.
 const PLAIN_BYTES: u64 = 3_900_000_000;
-/// Keys of GeoTIFF 1.1.
-const MODEL_TYPE: u16 = 1024;
-const RASTER_TYPE: u16 = 1025;
-const GEODETIC_CRS: u16 = 2048;
-const PROJECTED_CRS: u16 = 3072;
+const GDAL_METADATA: u16 = 42112;
 
 /// A window of samples at equal distances.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,16 +31,6 @@ pub struct RasterWindow {
     pub size: [u64; 2],
     /// A bound of the distance between the surface of these samples and what the heights were made from, in units of space.
     pub error: f64,
-}
-
-/// Where a window is in its reference system.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Georeference {
-    first: [f64; 2],
-    /// Both positive; rows go to the south.
-    spacing: [f64; 2],
-    /// A number of EPSG, and whether its coordinates are degrees.
-    crs: Option<(u16, bool)>,
 }
 
 /// The window of the samples that a box touches, as few of them as the tolerance allows.
@@ -92,12 +78,45 @@ pub fn window_of<S: ReadAt>(
             let west = surface.first[0] + (low[0] - surface.first[0]).rem_euclid(around);
             let width =
                 if high[0] >= low[0] { (high[0] - low[0]).min(around) } else { (high[0] - low[0]).rem_euclid(around) };
-            let [from, to] = ends(0, west, west + width);
-            range[0] = [from.min(turn - 1), to.min(from.min(turn - 1) + turn - 1)];
+            // All of it begins where the grid does.
+            if width < around {
+                let [from, to] = ends(0, west, west + width);
+                range[0] = [from.min(turn - 1), to.min(from.min(turn - 1) + turn - 1)];
+            } else {
+                range[0] = [0, turn - 1];
+            }
         }
     }
     let size = range.map(|[from, to]| to - from + 1);
     Ok(RasterWindow { depth, stride, first: range.map(|[from, _]| from), size, error: cut.error })
+}
+
+/// [`window_of`] without rows beyond the poles: where a grid of areas ends half a row before a pole, its file has a row for the pole itself,
+/// which closes the surface again when it is built from the window.
+///
+/// # Errors
+/// [`Error::Query`] if there are no samples; those of reading the index.
+pub fn raster_window_of<S: ReadAt>(
+    file: &Heights<S>,
+    bounds: Option<[[f64; 2]; 2]>,
+    tolerance: Option<f64>,
+) -> Result<RasterWindow> {
+    let mut window = window_of(file, bounds, tolerance)?;
+    let surface = file.surface();
+    if surface.is_globe() {
+        let step = surface.spacing[1] * window.stride as f64;
+        let is_beyond = |row: u64| (surface.first[1] + step * row as f64).abs() > 90.0 + 1e-6 * step.abs();
+        while window.size[1] > 0 && is_beyond(window.first[1]) {
+            (window.first[1], window.size[1]) = (window.first[1] + 1, window.size[1] - 1);
+        }
+        while window.size[1] > 0 && is_beyond(window.first[1] + window.size[1] - 1) {
+            window.size[1] -= 1;
+        }
+        if window.size[1] == 0 {
+            return Err(Error::Query { what: "nothing but a pole touches the box".into() });
+        }
+    }
+    Ok(window)
 }
 
 /// Writes a window, and returns how many samples have no data.
@@ -111,8 +130,9 @@ pub fn write_geotiff<S: ReadAt>(
     progress: &dyn Progress,
 ) -> std::io::Result<u64> {
     let info = file.info();
-    let is_whole = info.sample_error == 0.0 && info.zero.fract() == 0.0 && info.step.fract() == 0.0;
-    let range = range_of(file).map_err(std::io::Error::other)?;
+    let place = Georeference::of(file, window);
+    let is_whole = info.sample_error == 0.0 && [info.zero, info.step, place.zero].iter().all(|x| x.fract() == 0.0);
+    let range = range_of(file).map_err(std::io::Error::other)?.map(|height| height + place.zero);
     let fits = |low: f64, high: f64| is_whole && range[0] > low && range[1] <= high;
     let is_large = window.size[0].saturating_mul(window.size[1]).saturating_mul(4) > PLAIN_BYTES;
     let kind = match (fits(f64::from(i16::MIN), f64::from(i16::MAX)), fits(f64::from(i32::MIN), f64::from(i32::MAX))) {
@@ -120,7 +140,7 @@ pub fn write_geotiff<S: ReadAt>(
         (_, true) => Kind::Long,
         _ => Kind::Float,
     };
-    let job = Job { file, window, kind, progress };
+    let job = Job { file, window, place, kind, progress };
     let written = match is_large {
         true => job.write::<_, TiffKindBig>(out),
         false => job.write::<_, TiffKindStandard>(out),
@@ -206,6 +226,7 @@ pub fn range_of<S: ReadAt>(file: &Heights<S>) -> Result<[f64; 2]> {
 struct Job<'a, S> {
     file: &'a Heights<S>,
     window: &'a RasterWindow,
+    place: Georeference,
     kind: Kind,
     progress: &'a dyn Progress,
 }
@@ -243,7 +264,11 @@ impl<S: ReadAt> Job<'_, S> {
         self.progress.begin("raster", height.into());
         let (mut strip, mut missing, mut row_count) = (vec![], 0, 0);
         let (mut offsets, mut lengths) = (vec![], vec![]);
+        let mut raised = vec![];
         Bands::new(self.file, self.window).for_each_row(|row| {
+            raised.clear();
+            raised.extend(row.iter().map(|height| height + self.place.zero));
+            let row = &raised[..];
             missing += row.iter().filter(|height| height.is_nan()).count() as u64;
             self.kind.encode(row, &mut strip);
             row_count += 1;
@@ -268,40 +293,25 @@ impl<S: ReadAt> Job<'_, S> {
         &self,
         directory: &mut DirectoryEncoder<'_, W, K>,
     ) -> std::result::Result<(), JobError> {
-        let Georeference { first, spacing, crs } = self.georeference();
+        let Georeference { first, spacing, keys, metres, .. } = &self.place;
         directory.write_tag(Tag::ModelPixelScaleTag, &[spacing[0], spacing[1], 0.0][..])?;
         directory.write_tag(Tag::ModelTiepointTag, &[0.0, 0.0, 0.0, first[0], first[1], 0.0][..])?;
-        // A sample is a point.
-        let mut keys: Vec<[u16; 4]> = vec![[RASTER_TYPE, 0, 1, 2]];
-        if let Some((code, is_degrees)) = crs {
-            keys.insert(0, [MODEL_TYPE, 0, 1, if is_degrees { 2 } else { 1 }]);
-            keys.push([if is_degrees { GEODETIC_CRS } else { PROJECTED_CRS }, 0, 1, code]);
+        directory.write_tag(Tag::GeoKeyDirectoryTag, &keys.directory()[..])?;
+        if !keys.doubles.is_empty() {
+            directory.write_tag(Tag::GeoDoubleParamsTag, &keys.doubles[..])?;
         }
-        let mut numbers = vec![1, 1, 0, keys.len() as u16];
-        numbers.extend(keys.as_flattened());
-        directory.write_tag(Tag::GeoKeyDirectoryTag, &numbers[..])?;
+        if !keys.texts.is_empty() {
+            directory.write_tag(Tag::GeoAsciiParamsTag, &keys.texts[..])?;
+        }
+        if let Some(metres) = metres {
+            let item = format!(
+                "<GDALMetadata>\n<Item name=\"SCALE\" sample=\"0\" role=\"scale\">{metres}</Item>\n</GDALMetadata>\n"
+            );
+            directory.write_tag(Tag::Unknown(GDAL_METADATA), &item[..])?;
+        }
         let text = if self.kind == Kind::Float { "nan".to_owned() } else { self.kind.nodata().to_string() };
         directory.write_tag(Tag::GdalNodata, &text[..])?;
         Ok(())
-    }
-
-    fn georeference(&self) -> Georeference {
-        let (surface, stride) = (self.file.surface(), self.window.stride as f64);
-        let placement = self.file.placement().cloned().unwrap_or_default();
-        let code = placement.crs.strip_prefix("EPSG:").and_then(|code| code.parse::<u16>().ok());
-        let is_degrees = is_geographic(&placement.crs);
-        // On a globe lines are degrees; on a plane metres around an origin, which is no CRS if it is in degrees.
-        let (unit, origin, crs) = match (surface.is_globe(), is_degrees) {
-            (true, _) => (1.0, [0.0; 3], Some((4326, true))),
-            (false, true) => (1.0, [0.0; 3], None),
-            (false, false) => (placement.unit.unwrap_or(1.0), placement.origin, code.map(|code| (code, false))),
-        };
-        let at = |axis: usize| surface.first[axis] + surface.spacing[axis] * stride * self.window.first[axis] as f64;
-        Georeference {
-            first: [0, 1].map(|axis| at(axis) * unit + origin[axis]),
-            spacing: surface.spacing.map(|spacing| spacing.abs() * unit * stride),
-            crs,
-        }
     }
 }
 

@@ -14,6 +14,7 @@ mod build;
 mod coding;
 mod even;
 mod facets;
+mod georeference;
 mod geotiff;
 mod mask;
 mod needs;
@@ -37,7 +38,8 @@ use crate::progress::Progress;
 pub use above::Seen;
 pub use basis::Basis;
 pub use build::{Builder, BuiltUnit, Joint};
-pub use geotiff::{RasterWindow, range_of, window_of, write_geotiff};
+pub use georeference::Georeference;
+pub use geotiff::{RasterWindow, range_of, raster_window_of, window_of, write_geotiff};
 pub use samples::{About, Keep, Samples};
 pub use tin::{Patch, Tin, triangulate, triangulate_patch};
 

@@ -111,10 +111,12 @@ impl BuildOptions {
 pub fn typed_raster(model: &ModelOptions) -> RasterOptions {
     let placement = model.placement.as_ref();
     RasterOptions {
-        crs: placement
-            .map(|placement| placement.crs.clone())
-            .filter(|crs| !crs.is_empty())
-            .or(model.raster.crs.clone()),
+        // What was typed at first says more than the name that files keep: it may name a system of heights, too.
+        crs: model
+            .raster
+            .crs
+            .clone()
+            .or(placement.map(|placement| placement.crs.clone()).filter(|crs| !crs.is_empty())),
         origin: placement.map(|placement| placement.origin).filter(|origin| *origin != [0.0; 3]),
         unit: model.unit,
         ..model.raster.clone()

@@ -232,7 +232,11 @@ fn some_query<S: ReadAt>(file: &Heights<S>, random: &mut Random) -> HeightsQuery
     let tolerance = least * (coarsest / least).powf(random.unit());
     let mut query = HeightsQuery { tolerance: Some(tolerance), ..HeightsQuery::default() };
     match (3.0 * random.unit()) as u32 {
-        0 => query.max_triangles = Some((8.0 * 30_000f64.powf(random.unit())) as u64),
+        0 => {
+            let coarsest = file.cut(&HeightsQuery { tolerance: Some(f64::MAX), ..HeightsQuery::default() });
+            let least = coarsest.map_or(0, |cut| cut.triangle_count);
+            query.max_triangles = Some(((8.0 * 30_000f64.powf(random.unit())) as u64).max(least));
+        }
         1 => {
             let (surface, cells) = (file.surface(), file.grid().cells());
             let mut bounds = [[0.0; 2]; 2];

@@ -69,7 +69,7 @@ pub fn cut_to_finish<S: ReadAt>(file: &File<S>, query: &Query, triangles: u64) -
 
 /// Whether a cut that has few enough triangles is so much nearer than a reduced one with an error that it takes its place.
 pub fn is_nearer(cut: &Cut, error: f64) -> bool {
-    cut.node_errors.iter().copied().fold(cut.error, f64::max) * FARTHER < error
+    cut.error_everywhere() * FARTHER < error
 }
 
 /// Reduces the mesh of a cut to at most `triangles` triangles. `positions` are world coordinates of points of the lattice; `error` bounds

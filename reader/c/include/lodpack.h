@@ -453,7 +453,7 @@ lodpack_status lodpack_read_heights(const lodpack_file *file,
                                     double *heights,
                                     size_t capacity);
 
-// Reads, decodes and joins the triangles of a cut of this file. The mesh is watertight where the whole surface is. Of heights it has normals and
+// Reads, decodes and joins the triangles of a cut of this file, or of one of the same bytes. The mesh is watertight where the whole surface is. Of heights it has normals and
 // colours, too.
 lodpack_status lodpack_decode(const lodpack_file *file,
                               const lodpack_cut *cut,

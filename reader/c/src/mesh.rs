@@ -3,7 +3,10 @@
 
 use std::sync::Arc;
 
-use lodpack::heights::{HeightsMesh, Ramp};
+use lodpack::{
+    Opened,
+    heights::{HeightsMesh, Ramp},
+};
 
 use crate::{
     channels::Textured,
@@ -88,20 +91,22 @@ impl Mesh {
     }
 }
 
-/// Reads, decodes and joins the triangles of a cut of this file. The mesh is watertight where the whole surface is. Of heights it has normals and
+/// Reads, decodes and joins the triangles of a cut of this file, or of one of the same bytes. The mesh is watertight where the whole surface is. Of heights it has normals and
 /// colours, too.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_decode(file: *const File, cut: *const Cut, mesh: *mut *mut Mesh) -> Status {
     guard(|| {
         write(mesh, std::ptr::null_mut(), "mesh")?;
         let file = borrow(file, "file")?;
-        match borrow(cut, "cut")? {
-            Cut::Mesh(cut) => give(mesh, Mesh::Bare(file.mesh()?.extract(cut).map_err(|error| file.blame(error))?)),
-            Cut::Heights(cut) => {
-                let heights = file.heights()?;
+        match (borrow(cut, "cut")?, file.opened()) {
+            (Cut::Mesh(cut), Opened::Mesh(opened)) => {
+                give(mesh, Mesh::Bare(opened.extract(cut).map_err(|error| file.blame(error))?))
+            }
+            (Cut::Heights(cut), Opened::Heights(heights)) => {
                 let found = heights.mesh(cut).map_err(|error| file.blame(error))?;
                 give(mesh, Mesh::Heights(Lit::new(found, heights.ramp())))
             }
+            _ => Err(Failure::other_cut().of(file.name())),
         }
     })
 }
@@ -128,7 +133,7 @@ pub extern "C" fn lodpack_decode_channels(
             numbers.push(channel as u8);
         }
         let Cut::Mesh(cut) = borrow(cut, "cut")? else {
-            return Err(Failure::argument("the cut is one of heights, and the file holds a mesh".into()));
+            return Err(Failure::other_cut().of(file.name()));
         };
         let found = mesh_file.extract_textured(cut, &numbers).map_err(|error| file.blame(error))?;
         give(mesh, Mesh::Textured(Arc::new(Textured { mesh: found, channels: infos })))

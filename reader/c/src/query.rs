@@ -196,7 +196,7 @@ pub extern "C" fn lodpack_get_cut_info(cut: *const Cut, info: *mut CutInfo) -> S
         let value = match borrow(cut, "cut")? {
             Cut::Mesh(cut) => CutInfo {
                 error: cut.error,
-                error_everywhere: cut.node_errors.iter().copied().fold(0.0, f64::max),
+                error_everywhere: cut.error_everywhere(),
                 pixel_error: cut.pixel_error,
                 triangle_count: cut.triangle_count,
                 node_count: cut.nodes.len() as u64,

@@ -43,6 +43,11 @@ impl Failure {
         Self { status: Status::Argument, message }
     }
 
+    /// A cut of a mesh for a file of heights, or the other way round: what the reader says of cuts of other files.
+    pub fn other_cut() -> Self {
+        Self { status: Status::Query, message: "this cut is one of another file; select it in this one".into() }
+    }
+
     /// Adds the name of the file.
     pub fn of(self, name: &str) -> Self {
         Self { message: format!("{name}: {}", self.message), ..self }

@@ -197,3 +197,15 @@ fn the_example_of_the_readme_draws_a_file() {
     let wrong = Command::new(&program).arg(dir.path().join("nowhere.lodpack")).arg("1").output().expect("it starts");
     assert!(!wrong.status.success() && text(&wrong).contains("nowhere.lodpack: No such file"), "{}", text(&wrong));
 }
+
+#[test]
+fn queries_are_answered_as_in_every_other_language() {
+    if !is_there("cc") {
+        return;
+    }
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let program = compile("queries.c", false, dir.path());
+    let table = package().join("../../tests/data/queries.txt");
+    let said = succeeds(Command::new(&program).arg(table).arg(vectors()));
+    assert!(said.contains(" 0 answered otherwise"), "{said}");
+}

@@ -45,7 +45,6 @@ impl NativeFrame {
 
     /// The box of a map below a box in the space of the mesh, which may be endless.
     fn map_box(&self, bbox: [[f64; 3]; 2]) -> [[f64; 2]; 2] {
-        // What heights are asked for is finite.
-        self.0.bounds_of_ground(bbox).map(|[x, y, _]| [x, y].map(|at| at.clamp(-1e300, 1e300)))
+        self.0.bounds_of_ground(bbox).map(|[x, y, _]| [x, y])
     }
 }

@@ -7,7 +7,6 @@ use crate::{
     source::Source,
 };
 use lodpack::{
-    Limiter,
     heights::{Base, Heights, HeightsMesh, HeightsQuery},
     source::Counting,
 };
@@ -124,11 +123,7 @@ impl HeightsReader {
             let colours = file.ramp().map(colour);
             Ok((cut, mesh, colours))
         })?;
-        let limited_by = match cut.limiter {
-            Limiter::Tolerance => "tolerance",
-            Limiter::Triangles => "triangles",
-            _ => "finest",
-        };
+        let limited_by = cut.limiter.name();
         let HeightsMesh { positions, triangles, triangle_tiles, normals, .. } = mesh;
         let normals: Vec<[f32; 3]> = normals.into_iter().map(|normal| normal.map(|x| f32::from(x) / 32767.0)).collect();
         let arrays = (

@@ -10,7 +10,7 @@ use crate::{
     textured::Textured,
 };
 use lodpack::{
-    Cut, Error, File, Ground, Limiter, Limits, Mesh, Opened, Opener, Outside, Query, ReadAt,
+    Cut, Error, File, Ground, Limits, Mesh, Opened, Opener, Outside, Query, ReadAt,
     source::{Counting, Within},
 };
 use pyo3::{
@@ -349,7 +349,7 @@ impl NativeCut {
 
     #[getter]
     fn error_everywhere(&self) -> f64 {
-        self.0.node_errors.iter().copied().fold(0.0, f64::max)
+        self.0.error_everywhere()
     }
 
     #[getter]
@@ -364,13 +364,7 @@ impl NativeCut {
 
     #[getter]
     fn limited_by(&self) -> &'static str {
-        match self.0.limited_by {
-            Limiter::Tolerance => "tolerance",
-            Limiter::Finest => "finest",
-            Limiter::Triangles => "triangles",
-            Limiter::Nodes => "nodes",
-            _ => "page_bytes",
-        }
+        self.0.limited_by.name()
     }
 
     /// Roots, levels and errors of the nodes.

@@ -67,6 +67,47 @@ class Building(unittest.TestCase):
         named = lodpack.build(self.folder / "grid.ply", tolerance="0.4edge")
         self.assertEqual(named["output"], self.folder / "grid.lodpack")
 
+    def test_meshes_in_memory_keep_what_they_carry(self):
+        import pyvista
+        import trimesh
+        from PIL import Image
+
+        positions, triangles = grid(40)
+        colours = np.full((len(positions), 4), 255, np.uint8)
+        colours[:, :3] = (np.stack([positions[:, 0], positions[:, 1], 20 + 0 * positions[:, 0]], axis=1) * 6).astype(np.uint8)
+        faces = np.tile(np.array([200, 30, 60, 255], np.uint8), (len(triangles), 1))
+        uv = positions[:, :2] / 39
+        image = np.zeros((64, 64, 3), np.uint8)
+        image[:32], image[32:] = (250, 20, 20), (20, 20, 250)
+        painted = trimesh.Trimesh(positions, triangles, process=False, vertex_colors=colours)
+        swatches = trimesh.Trimesh(positions, triangles, process=False, face_colors=faces)
+        visual = trimesh.visual.TextureVisuals(uv=uv, image=Image.fromarray(image))
+        textured = trimesh.Trimesh(positions, triangles, process=False, visual=visual)
+        surface = pyvista.PolyData.from_regular_faces(positions, triangles)
+        surface.point_data["RGB"], surface.point_data["depth"] = colours[:, :3], positions[:, 2]
+        mapped = pyvista.PolyData.from_regular_faces(positions, triangles)
+        mapped.active_texture_coordinates = uv.astype(np.float32)
+        built = []
+        for source in [painted, swatches, textured, surface, (mapped, pyvista.Texture(image))]:
+            output = self.folder / f"{len(built)}.lodpack"
+            built.append((lodpack.build(source, output, tolerance=0.05), lodpack.open(output).extract(channels="all")))
+        for summary, mesh in built:
+            self.assertEqual(mesh.channels[0]["kind"], "colour")
+            self.assertFalse([note for note in summary["notes"] if "not kept" in note])
+        for _, mesh in (built[0], built[3]):
+            expected = mesh.positions[:, :2] * 6
+            self.assertLess(np.abs(mesh.colours[:, :2] - expected).mean(), 6)
+        self.assertLess(np.abs(built[1][1].colours.astype(int) - faces[0]).max(), 10)
+        np.testing.assert_allclose(built[3][1].values("depth")[:, 0], built[3][1].positions[:, 2], atol=0.2)
+        # The first rows of an image are at its top.
+        for _, mesh in (built[2], built[4]):
+            above = mesh.positions[:, 1] > 22
+            below = mesh.positions[:, 1] < 17
+            self.assertGreater(mesh.colours[above, 0].mean(), 200)
+            self.assertGreater(mesh.colours[below, 2].mean(), 200)
+        summary = lodpack.build(mapped, self.folder / "bare.lodpack", tolerance=0.05)
+        self.assertIn("texture coordinates are not kept", " ".join(summary["notes"]))
+
     def test_what_cannot_be_built_is_named_and_leaves_nothing(self):
         positions, triangles = grid(5)
         output = self.folder / "out.lodpack"

@@ -17,6 +17,21 @@ class Converting(unittest.TestCase):
         np.testing.assert_array_equal(converted.faces, mesh.triangles)
         self.assertEqual(converted.metadata["certified_error"], mesh.error)
 
+    def test_the_error_of_everything_goes_along_whatever_the_box(self):
+        file = lodpack.open(SMALL)
+        low, high = file.bounds
+        whole = file.extract(nodes=1).error
+        for bbox in [(low, (low + high) / 2), (high + 1, high + 2)]:
+            mesh = file.extract(bbox=bbox, context=True)
+            self.assertGreater(mesh.error_everywhere, mesh.error)
+            self.assertLessEqual(mesh.error_everywhere, whole)
+            expected = {"certified_error": mesh.error_everywhere, "certified_error_in_box": mesh.error}
+            self.assertEqual(mesh.to_trimesh().metadata, expected)
+            fields = mesh.to_pyvista().field_data
+            self.assertEqual({name: fields[name][0] for name in expected}, expected)
+            for said in [repr(mesh), repr(mesh.cut)]:
+                self.assertIn(f"{mesh.error:g} in the box, {mesh.error_everywhere:g} everywhere", said)
+
     def test_pyvista_gets_levels_and_errors(self):
         mesh = lodpack.open(SCAN).extract(triangles=5000)
         converted = mesh.to_pyvista()

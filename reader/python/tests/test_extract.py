@@ -112,8 +112,11 @@ class Extracting(unittest.TestCase):
         ]:
             with self.subTest(query), self.assertRaisesRegex(lodpack.QueryError, message):
                 file.extract(**query)
+        torus = lodpack.open(SMALL.parent / "torus.lodpack")
         with self.assertRaisesRegex(lodpack.QueryError, "another file"):
-            file.extract(other.select())
+            file.extract(torus.select())
+        # Files of the same bytes share their cuts.
+        self.assertEqual(len(file.extract(other.select()).triangles), len(file.extract().triangles))
         for wrong in [{"tolerance": "1mm"}, {"triangles": 1.5}, {"tolerence": 1}]:
             with self.subTest(wrong), self.assertRaises((TypeError, ValueError)):
                 file.extract(**wrong)

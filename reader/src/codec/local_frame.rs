@@ -71,7 +71,8 @@ pub(crate) fn to_lattice(point: Vec3) -> Option<LatticePoint> {
     let nearest = |x: f64| {
         let above = x + 0.5;
         let cut = above as i64;
-        cut - i64::from(cut as f64 > above)
+        // Far below all integers this wraps, and is out of range anyway.
+        cut.wrapping_sub(i64::from(cut as f64 > above))
     };
     // `map` would be compiled to a call.
     let rounded = [nearest(point[0]), nearest(point[1]), nearest(point[2])];
@@ -100,6 +101,15 @@ mod tests {
         assert_eq!(LocalFrame::new([0.0; 3], [1.0, 0.0, 0.0]), AXES);
         assert_eq!(LocalFrame::new([0.0, 2.0, 0.0], [0.0, 1.0, 0.0]), AXES);
         assert_eq!(LocalFrame::new([f64::NAN; 3], [1.0, 0.0, 0.0]), AXES);
+    }
+
+    #[test]
+    fn coordinates_beyond_all_integers_are_refused_on_both_sides() {
+        for x in [1e13, 9.3e18, 1e19, 1e300, f64::MAX, f64::INFINITY] {
+            for x in [x, -x] {
+                assert_eq!(to_lattice([0.0, x, 0.0]), None, "{x}");
+            }
+        }
     }
 
     #[test]

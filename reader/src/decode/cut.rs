@@ -33,7 +33,8 @@ pub struct RootPatch {
 /// as many triangles as in the model.
 ///
 /// # Errors
-/// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if a node does not exist or a root occurs twice;
+/// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if the cut is one of another file, a node does not exist, or a root
+/// occurs twice;
 /// [`Error::Format`], [`Error::Limit`].
 pub fn extract(index: &Index, cut: &Cut, fetched: &Fetched) -> Result<Mesh> {
     Ok(joined(index, cut, 0, fetched, None)?.0)
@@ -61,6 +62,7 @@ pub(super) fn joined(
     fetched: &Fetched,
     mut visit: Option<&mut Visit<'_>>,
 ) -> Result<(Mesh, Vec<u32>)> {
+    index.id().check_cut(cut.file)?;
     let border_level = border_level.min(index.level_count().saturating_sub(1) as u8);
     let mut drawn = Drawn::new(index, &cut.nodes, border_level)?;
     let mut decoding = Decoding::new(index, fetched, &drawn.wanted)?;
@@ -103,6 +105,7 @@ pub(super) fn joined(
 /// # Errors
 /// [`Error::Missing`] until the index blocks needed have been supplied; [`Error::Query`] as [`extract`].
 pub fn own_bytes(index: &Index, cut: &Cut) -> Result<u64> {
+    index.id().check_cut(cut.file)?;
     needs::own_bytes(index, &Drawn::new(index, &cut.nodes, 0)?.wanted)
 }
 

@@ -155,6 +155,7 @@ pub fn extract_textured_with_borders(
     channels: &[u8],
     fetched: &Fetched,
 ) -> Result<TexturedMesh> {
+    index.id().check_cut(cut.file)?;
     let wanted: Vec<(u32, u8)> = cut.nodes.iter().map(|node| (node.root, node.level)).collect();
     let known: Vec<&ChannelInfo> =
         channels.iter().filter_map(|&channel| index.channels().get(usize::from(channel))).collect();

@@ -121,9 +121,35 @@ pub(crate) struct Section {
     pub length: u64,
 }
 
+/// Tells files apart, wherever they lie: the checksums of header and directory, on which those of all parts depend. Two files of the same
+/// bytes have the same one. It is no protection against files that are made to have another one's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct FileId([u32; 2]);
+
+impl FileId {
+    /// Numbers for programs in other languages.
+    pub fn numbers(self) -> [u32; 2] {
+        self.0
+    }
+
+    /// Checks that a cut that was selected in a file, if anybody says so, was selected in this one.
+    ///
+    /// # Errors
+    /// [`Error::Query`].
+    pub(crate) fn check_cut(self, file: Option<FileId>) -> Result<()> {
+        match file {
+            Some(file) if file != self => {
+                Err(Error::Query { what: "this cut is one of another file; select it in this one".into() })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Header and directory.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Header {
+    pub id: FileId,
     pub version: (u16, u16),
     pub lattice: Lattice,
     pub sections: Vec<Section>,
@@ -135,6 +161,7 @@ pub(crate) struct DirectorySpan {
     checksum: u32,
     version: (u16, u16),
     lattice: Lattice,
+    header_checksum: u32,
 }
 
 impl DirectorySpan {
@@ -145,7 +172,12 @@ impl DirectorySpan {
 }
 
 impl Header {
-    /// The bytes of header and directory. Derives the sections' offsets from their order and lengths.
+    /// What a file of these sections begins with, once it is written.
+    pub(crate) fn new(version: (u16, u16), lattice: Lattice, sections: Vec<Section>) -> Self {
+        Self { id: FileId([0; 2]), version, lattice, sections }
+    }
+
+    /// The bytes of header and directory. Derives the sections' offsets from their order and lengths, and the file's id.
     pub(crate) fn write(&mut self) -> Vec<u8> {
         let mut offset = (HEADER_BYTES + self.sections.len() * ENTRY_BYTES) as u64;
         let mut directory = Vec::new();
@@ -168,8 +200,10 @@ impl Header {
         bytes.extend(self.lattice.step_log2.to_le_bytes());
         bytes.extend((self.sections.len() as u32).to_le_bytes());
         bytes.extend((HEADER_BYTES as u64).to_le_bytes());
-        bytes.extend(crc32fast::hash(&directory).to_le_bytes());
-        bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
+        self.id.0[0] = crc32fast::hash(&directory);
+        bytes.extend(self.id.0[0].to_le_bytes());
+        self.id.0[1] = crc32fast::hash(&bytes);
+        bytes.extend(self.id.0[1].to_le_bytes());
         bytes.extend(directory);
         bytes
     }
@@ -229,7 +263,7 @@ fn parse_header(bytes: &[u8; HEADER_BYTES]) -> Result<DirectorySpan> {
     if cursor.u64()? != HEADER_BYTES as u64 {
         return Err(Error::format("the directory does not follow the header"));
     }
-    Ok(DirectorySpan { section_count, checksum: cursor.u32()?, version, lattice })
+    Ok(DirectorySpan { section_count, checksum: cursor.u32()?, version, lattice, header_checksum: checksum })
 }
 
 fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Header> {
@@ -304,7 +338,8 @@ fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Header> {
     if has_heights && span.lattice != Lattice::default() {
         return Err(Error::format("a file of heights has another lattice than that of origin 0 and step 1"));
     }
-    Ok(Header { version: span.version, lattice: span.lattice, sections })
+    let id = FileId([span.checksum, span.header_checksum]);
+    Ok(Header { id, version: span.version, lattice: span.lattice, sections })
 }
 
 #[cfg(test)]
@@ -320,7 +355,7 @@ mod tests {
             length: 10,
         });
         let lattice = Lattice { origin: [1.0, -2.5, 1e6], step_log2: -11 };
-        Header { version: VERSION, lattice, sections: sections.collect() }
+        Header::new(VERSION, lattice, sections.collect())
     }
 
     fn parse(bytes: &[u8]) -> Result<Header> {

@@ -51,7 +51,7 @@ pub fn join_ground<S: ReadAt, G: ReadAt>(surface: &File<S>, ground: &Heights<G>,
             sections.push(*known);
         }
     }
-    let head = Header { version: old.version.max(VERSION_WITH_GROUND), lattice: old.lattice, sections }.write();
+    let head = Header::new(old.version.max(VERSION_WITH_GROUND), old.lattice, sections).write();
     out.write_all(&head).map_err(|source| Error::Write { source })?;
     let mut total = head.len() as u64;
     for part in parts {

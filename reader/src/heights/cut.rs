@@ -12,6 +12,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
+    format::header::FileId,
     select::Limiter,
     source::ReadAt,
 };
@@ -23,7 +24,7 @@ const READ_AHEAD: f64 = 0.5;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HeightsQuery {
     /// The least and the greatest coordinates: x and y on a plane, degrees of longitude and latitude on a globe. Tiles that meet it are
-    /// drawn. Around a globe, the least longitude may be larger than the greatest: then the box crosses the end of the grid.
+    /// drawn. It may be infinite. Around a globe, the least longitude may be larger than the greatest: then the box crosses the end of the grid.
     pub bounds: Option<[[f64; 2]; 2]>,
     /// The error to reach, in units of space.
     pub tolerance: Option<f64>,
@@ -51,6 +52,8 @@ pub struct HeightsCut {
     pub triangle_count: u64,
     /// Why it is not finer.
     pub limiter: Limiter,
+    /// The file that it was selected in: another file refuses it. None for cuts that were put together by hand.
+    pub file: Option<FileId>,
 }
 
 /// Columns and rows of cells that a query wants: on a globe also once around to the west.
@@ -64,8 +67,8 @@ struct Wanted {
 impl Wanted {
     fn new<S: ReadAt>(heights: &Heights<S>, [least, greatest]: [[f64; 2]; 2]) -> Result<Self> {
         let wrong = |what: &str| Err(Error::Query { what: format!("the bounds {what}") });
-        if !least.iter().chain(&greatest).all(|x| x.is_finite()) {
-            return wrong("are not finite");
+        if least.iter().chain(&greatest).any(|x| x.is_nan()) {
+            return wrong("are not numbers");
         }
         let (surface, cells) = (heights.surface(), heights.grid().cells());
         let cell = |axis: usize, at: f64| (at - surface.first[axis]) / surface.spacing[axis];
@@ -73,7 +76,11 @@ impl Wanted {
         // Longitudes a turn apart are one place, also where a grid covers a part of the globe.
         let turn = if heights.grid().wraps() { cells[0] as f64 } else { 360.0 / surface.spacing[0] };
         let around = surface.is_globe().then_some(turn);
-        if let Some(around) = around {
+        if let Some(around) = around
+            && columns[1] - columns[0] == f64::INFINITY
+        {
+            columns = [0.0, around];
+        } else if let Some(around) = around {
             let width = columns[1] - columns[0];
             let width = if width < 0.0 { width.rem_euclid(around) } else { width.min(around) };
             let west = columns[0].rem_euclid(around);
@@ -81,7 +88,8 @@ impl Wanted {
         }
         // Rows go to the south.
         let rows = [cell(1, greatest[1]), cell(1, least[1])];
-        if columns[0] > columns[1] || rows[0] > rows[1] {
+        // Around a globe, no number of turns leads from one infinity to a longitude.
+        if !(columns[0] <= columns[1] && rows[0] <= rows[1]) {
             return wrong("end before they begin: give the least coordinates first");
         }
         Ok(Self { columns, rows, around })
@@ -151,7 +159,8 @@ impl<S: ReadAt> Heights<S> {
         }
         let wanted = query.bounds.map(|bounds| Wanted::new(self, bounds)).transpose()?;
         let max_triangles = query.max_triangles.unwrap_or(u64::MAX);
-        let mut cut = HeightsCut { limiter: Limiter::Tolerance, ..HeightsCut::default() };
+        let mut cut =
+            HeightsCut { limiter: Limiter::Tolerance, file: Some(self.index().id()), ..HeightsCut::default() };
         let mut waiting: BinaryHeap<Drawn> = BinaryHeap::new();
         for &root in self.roots() {
             if self.is_wanted(root, wanted.as_ref())
@@ -162,6 +171,9 @@ impl<S: ReadAt> Heights<S> {
             }
         }
         cut.triangle_count = waiting.iter().map(|tile| u64::from(tile.resolution().triangle_count)).sum();
+        if cut.triangle_count > max_triangles {
+            return Err(Error::Query { what: format!("the query needs at least {} triangles", cut.triangle_count) });
+        }
         let mut done = Vec::new();
         let mut level_count = 0;
         while let Some(tile) = waiting.pop() {

@@ -17,7 +17,7 @@ use crate::{
     codec::{bytes::has_checksum, entropy::Tables},
     error::{Error, Result},
     format::{
-        header::{Section, kind},
+        header::{FileId, Section, kind},
         placement::Placement,
         records::SourceInfo,
         sections::{Part, parse_source},
@@ -39,6 +39,7 @@ pub struct HeightsIndex {
     source_info: Option<SourceInfo>,
     placement: Option<Placement>,
     ramp: Option<Ramp>,
+    id: FileId,
     version: (u16, u16),
     tables: Tables,
     pub(super) index: Section,
@@ -98,6 +99,7 @@ impl HeightsIndex {
             source_info: source_info.transpose()?,
             placement: placement.transpose()?,
             ramp: ramp.transpose()?,
+            id: header.id,
             version: header.version,
             tables,
             index,
@@ -142,6 +144,11 @@ impl HeightsIndex {
     /// What the file says about all of it.
     pub fn info(&self) -> &HeightsInfo {
         &self.info
+    }
+
+    /// What tells this file from others.
+    pub fn id(&self) -> FileId {
+        self.id
     }
 
     /// The samples.

@@ -47,8 +47,9 @@ impl<S: ReadAt> Heights<S> {
     /// The mesh of a cut: without cracks, whatever the depths and the resolutions of its tiles.
     ///
     /// # Errors
-    /// [`Error::Query`] if the mesh has more than 2^32 vertices; [`Error::Io`], [`Error::Format`], [`Error::Limit`].
+    /// [`Error::Query`] if the cut is one of another file, or the mesh has more than 2^32 vertices; [`Error::Io`], [`Error::Format`], [`Error::Limit`].
     pub fn mesh(&self, cut: &HeightsCut) -> Result<HeightsMesh> {
+        self.index().id().check_cut(cut.file)?;
         let numbers: HashMap<TileId, usize> =
             cut.tiles.iter().zip(0..).map(|(tile, number)| (tile.id, number)).collect();
         let ids: Vec<TileId> = cut.tiles.iter().map(|tile| tile.id).collect();

@@ -219,7 +219,7 @@ impl HeightsWriter {
         let by_parts =
             in_parts.map(|(_, kind, length)| Section { kind, required: true, checksum: None, offset: 0, length });
         let directory = checked.chain(by_parts).collect();
-        let header = Header { version: VERSION_WITH_HEIGHTS, lattice: Lattice::default(), sections: directory }.write();
+        let header = Header::new(VERSION_WITH_HEIGHTS, Lattice::default(), directory).write();
         let write = |source| Error::Write { source };
         out.write_all(&header).map_err(write)?;
         for bytes in sections.iter().map(|(.., bytes)| bytes).chain(&pages) {

@@ -12,6 +12,7 @@ mod summary;
 pub(crate) mod texels;
 
 pub use crate::format::channels::{ChannelInfo, ChannelKind};
+pub use crate::format::header::FileId;
 pub use crate::format::placement::{Placement, UpAxis};
 pub use crate::format::records::{Filling, FillingCounts, HalfArc, SourceInfo};
 pub use contents::{BlockContents, RootContents};
@@ -91,6 +92,11 @@ impl Index {
     /// Where the lattice of coordinates lies.
     pub fn lattice(&self) -> Lattice {
         self.header.lattice
+    }
+
+    /// What tells this file from others.
+    pub fn id(&self) -> FileId {
+        self.header.id
     }
 
     /// Major and minor version of the format that the file was written in.

@@ -12,6 +12,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
+    format::header::FileId,
     select::{
         View,
         view::{Projection, Volume},
@@ -103,6 +104,28 @@ pub struct Cut {
     pub limited_by: Limiter,
     /// The budget that the cut exceeds. Only an [`super::Adapter`] makes such cuts, where even the coarsest cut exceeds it.
     pub exceeded: Option<Limiter>,
+    /// The file that it was selected in: another file refuses it. None for cuts that were put together by hand.
+    pub file: Option<FileId>,
+}
+
+impl Cut {
+    /// Bound of the error of everything that is drawn, also outside the volume and the view; `error` bounds what is inside.
+    pub fn error_everywhere(&self) -> f64 {
+        self.node_errors.iter().copied().fold(self.error, f64::max)
+    }
+}
+
+impl Limiter {
+    /// Its name in every language.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tolerance => "tolerance",
+            Self::Finest => "finest",
+            Self::Triangles => "triangles",
+            Self::Nodes => "nodes",
+            Self::Bytes => "bytes",
+        }
+    }
 }
 
 impl Query {
@@ -191,7 +214,8 @@ impl Adaptation {
 impl Front {
     /// The cut as it is, whatever limits it.
     pub(crate) fn cut(&self) -> Cut {
-        let mut cut = Cut { triangle_count: self.triangle_count, byte_count: self.byte_count, ..Cut::default() };
+        let (triangle_count, byte_count, file) = (self.triangle_count, self.byte_count, self.hierarchy.file());
+        let mut cut = Cut { triangle_count, byte_count, file, ..Cut::default() };
         let has_view = self.weights.scope().projection.is_some();
         for node in (0..self.hierarchy.node_count()).filter(|&node| self.is_drawn(node)) {
             let resolution = self.resolution(node);

@@ -25,7 +25,7 @@ use crate::{
     sorted::SortedMap,
 };
 
-/// Where a file's whole INDEX has at most this many bytes, all index blocks in the scope are read at once: a round trip costs more.
+/// Where a file's whole INDEX has at most this many bytes, all index blocks that a query may reach are read at once: a round trip costs more.
 pub(crate) const SMALL_INDEX_BYTES: u64 = 64 << 10;
 
 /// Finds the cut for a query, from the index alone: it walks down from the tops, and splits what the query wants finer.
@@ -60,13 +60,33 @@ fn walk(index: &Index, query: &Query, above: Above) -> Result<Adaptation> {
             split_needed(index, &mut known, above, query, &factor)?;
         }
         let hierarchy = Arc::new(hierarchy_of(index, &known.roots(), &|root| Ok(known.parent(root)), contents)?);
-        let adaptation = adapt_from_scratch(&hierarchy, query)?;
+        let mut adaptation = adapt_from_scratch(&hierarchy, query)?;
         let open = open_roots(index, &known, &adaptation)?;
         if open.is_empty() {
             return Ok(adaptation);
         }
+        if holds_tops(index, query, &known)? {
+            // As the adaptation says where it knows the children.
+            adaptation.blocked_by = Some(Limiter::Nodes);
+            return Ok(adaptation);
+        }
         known.split(&open)?;
     }
+}
+
+/// Whether a node budget is too small for the children of any top: then nobody needs to know these. Of a query that drops what is outside, a
+/// part of the children may be drawn, which is not known before.
+fn holds_tops(index: &Index, query: &Query, known: &Known<'_, '_>) -> Result<bool> {
+    let draws_all = query.outside == Outside::Coarsest || query.volume.is_none() && query.view.is_none();
+    let Some(most) = query.max_nodes.filter(|_| draws_all && !query.has_budget()) else { return Ok(false) };
+    let roots = known.roots();
+    for &root in &roots {
+        let children = u64::from(index.root_entry(root)?.child_count);
+        if known.parent(root).is_some() || children > 0 && roots.len() as u64 - 1 + children <= most {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Asks at once for the index blocks that a query probably needs, so that it takes few round trips. What it asks for does not decide
@@ -75,7 +95,18 @@ fn look_ahead(index: &Index, query: &Query, factor: &dyn Fn([LatticePoint; 2]) -
     let is_small = index.index_bytes() <= SMALL_INDEX_BYTES;
     let tolerance = query.goal(0.0).tolerance;
     let is_limited = query.max_nodes.is_some() || query.max_bytes.is_some();
+    let is_everything = query.volume.is_none() && query.view.is_none();
     let levels = &index.levels().levels;
+    // What a small index is read for at once. Budgets go further in a part of the surface, by nobody knows how much.
+    let may_reach = |entry: &Entry, coarser: &LevelRecord, factor: f64| {
+        let wants_finer = query.outside == Outside::Coarsest || factor * coarser.max_error > tolerance;
+        // Roots come coarse to fine, and a cut has more nodes than roots above it.
+        let first = u64::from(entry.sums.first_root);
+        let fits = query.max_triangles.is_none_or(|most| coarser.triangle_count <= most)
+            && query.max_bytes.is_none_or(|most| coarser.page_offset.saturating_add(coarser.page_bytes) <= most)
+            && query.max_nodes.is_none_or(|most| first <= most.saturating_mul(2));
+        wants_finer && (fits || !is_everything)
+    };
     let mut is_needed = |entry: &Entry| {
         let factor = factor(entry.sums.bounds);
         // Where the next coarser level is fine enough, or already too much for a budget, nobody asks for this one.
@@ -85,7 +116,7 @@ fn look_ahead(index: &Index, query: &Query, factor: &dyn Fn([LatticePoint; 2]) -
             factor > 0.0 && factor * coarser.max_error > tolerance && fits && !is_limited
         };
         let meets = factor > 0.0 || query.outside == Outside::Coarsest;
-        meets && (is_small || coarser.is_none_or(is_finer))
+        meets && coarser.is_none_or(|coarser| is_finer(coarser) || is_small && may_reach(entry, coarser, factor))
     };
     let needed = index.clusters_in(&mut is_needed)?;
     index.load_indices(needed.into_iter().map(|entry| entry.first_cluster))
@@ -176,6 +207,7 @@ pub fn uniform_cut(index: &Index, level: u8) -> Result<Cut> {
 /// # Errors
 /// As [`select_cut`].
 pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
+    index.id().check_cut(cut.file)?;
     index.load_indices(index.owners(cut.nodes.iter().map(|node| node.root), Cluster::roots)?)?;
     let entries = cut.nodes.iter().map(|node| Ok((node.root, index.root_entry(node.root)?)));
     let entries = entries.collect::<Result<Vec<_>>>()?;
@@ -282,7 +314,7 @@ fn hierarchy_of(
     let (sample_counts, level_count) = (lines.add_borders(&entries, &mut nodes)?, index.level_count() as u8);
     let page_bytes =
         if contents.with_bytes { super::page_bytes::add_pages(index, roots, &mut nodes)? } else { Vec::new() };
-    Ok(Hierarchy::new(&nodes, sample_counts, level_count, page_bytes)?.with_ids(roots.to_vec()))
+    Ok(Hierarchy::new(&nodes, sample_counts, level_count, page_bytes)?.with_ids(roots.to_vec()).of_file(index.id()))
 }
 
 /// The blocks of a root that the file holds.

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::{
     error::{Error, Result},
-    format::error_code::sum_of_bounds,
+    format::{error_code::sum_of_bounds, header::FileId},
 };
 
 /// One way to draw a node.
@@ -97,6 +97,8 @@ pub struct Hierarchy {
     bundles: Vec<u32>,
     /// The names of the nodes in cuts, ascending; empty where nodes are named by their numbers.
     ids: Vec<u32>,
+    /// The file that it was made from, if it was made from one.
+    file: Option<FileId>,
 }
 
 /// Roots of a bundle: few enough for a tight box, many enough that looking at it saves work.
@@ -201,6 +203,16 @@ impl Hierarchy {
     /// Names the nodes in cuts by other numbers, which ascend.
     pub(crate) fn with_ids(self, ids: Vec<u32>) -> Self {
         Self { ids, ..self }
+    }
+
+    /// Says which file it was made from.
+    pub(crate) fn of_file(self, file: FileId) -> Self {
+        Self { file: Some(file), ..self }
+    }
+
+    /// The file that it was made from.
+    pub(crate) fn file(&self) -> Option<FileId> {
+        self.file
     }
 
     /// The number that names a node in cuts.

@@ -194,7 +194,9 @@ fn random_cuts_are_closed() {
             let mut sizes = HashSet::new();
             for seed in 0..8 {
                 let tolerance = Some(10_f64.powf((hash([seed]) % 700) as f64 / 100.0 - 4.0)).filter(|_| seed > 0);
-                let max_triangles = (seed % 4 == 3).then_some(hash([seed, 1]) % 5000);
+                let coarsest = HeightsQuery { tolerance: Some(f64::MAX), ..HeightsQuery::default() };
+                let least = heights.cut(&coarsest).unwrap().triangle_count;
+                let max_triangles = (seed % 4 == 3).then_some((hash([seed, 1]) % 5000).max(least));
                 let cut = heights.cut(&HeightsQuery { tolerance, max_triangles, ..HeightsQuery::default() }).unwrap();
                 let mesh = heights.mesh(&cut).unwrap();
                 let is_coarse_globe = grid.wraps() && cut.tiles.iter().any(|tile| tile.id.depth == 0);

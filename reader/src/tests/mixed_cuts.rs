@@ -80,7 +80,7 @@ fn line(mesh: &Mesh) -> String {
 
 /// The mesh of a cut of heights with its vertices by row and column, and its triangles in ascending order.
 fn in_order(heights: &Heights<Vec<u8>>, tiles: Vec<CutTile>) -> Mesh {
-    let cut = HeightsCut { tiles, error: 0.0, triangle_count: 0, limiter: crate::Limiter::Finest };
+    let cut = HeightsCut { tiles, limiter: crate::Limiter::Finest, ..HeightsCut::default() };
     let mesh = heights.mesh(&cut).unwrap();
     let mut order: Vec<usize> = (0..mesh.positions.len()).collect();
     order.sort_by_key(|&vertex| [mesh.samples[vertex][1], mesh.samples[vertex][0]]);

@@ -10,6 +10,7 @@ mod lists;
 mod mixed_cuts;
 pub(crate) mod painted;
 mod pieces;
+mod queries;
 mod requests;
 mod round_trip;
 pub(crate) mod synthetic;

@@ -192,7 +192,7 @@ impl<S: Read + Write + Seek> Output<S> {
             offset: 0,
             length,
         });
-        let header = Header { version, lattice: *lattice, sections: checked.chain(by_parts).collect() }.write();
+        let header = Header::new(version, *lattice, checked.chain(by_parts).collect()).write();
         let names = sections.iter().map(|(name, .., bytes)| (*name, bytes.len() as u64));
         let names = [("header", header.len() as u64)].into_iter().chain(names);
         let names: Vec<_> = names.chain(in_parts.iter().map(|&(name, .., length)| (name, length))).collect();

@@ -28,6 +28,7 @@ export class Core {
   #streamCount = 0;
   #channels = [];
   #isOfHeights = false;
+  #id = '';
   #host;
 
   /** `host.read(offset, length, signal)` fetches; `host.notify(stream)` hears that a stream has decoded something. */
@@ -43,6 +44,7 @@ export class Core {
     await this.#until(() => this.call('finish'), (offset) => this.call('insert', offset), signal);
     this.#isOfHeights = this.call('info') === 1;
     const info = { kind: this.#isOfHeights ? 'heights' : 'mesh', ...this.#info(), heights: this.#isOfHeights ? this.#heights() : null };
+    this.#id = info.id;
     const count = this.call('channels');
     this.#channels = unpackChannels(this.floats(0, 7 * count), this.text(56 * count));
     return { ...info, channels: this.#channels };
@@ -74,7 +76,8 @@ export class Core {
       const [error, pixelError, triangleCount, byteCount, limiter] = this.floats(0, 5);
       const nodeErrors = this.floats(40, nodeCount);
       const nodes = this.words(40 + 8 * nodeCount, (this.#isOfHeights ? 4 : 2) * nodeCount);
-      return { nodes, nodeErrors, error, pixelError, triangleCount, byteCount, limitedBy: LIMITERS[limiter] };
+      const errorEverywhere = nodeErrors.reduce((most, error) => Math.max(most, error), error);
+      return { nodes, nodeErrors, error, errorEverywhere, pixelError, triangleCount, byteCount, limitedBy: LIMITERS[limiter], file: this.#id };
     }, signal);
   }
 
@@ -221,8 +224,8 @@ export class Core {
   }
 
   #info() {
-    const [major, minor, rootCount, topCount, levelCount] = this.floats(0, 5);
-    const numbers = this.floats(40, 16 + 4 * levelCount);
+    const [major, minor, rootCount, topCount, levelCount, first, second, axis] = this.floats(0, 8);
+    const numbers = this.floats(64, 16 + 4 * levelCount);
     const known = (number) => (Number.isNaN(number) ? undefined : number);
     const bounds = Number.isNaN(numbers[0]) ? null : { min: [...numbers.subarray(0, 3)], max: [...numbers.subarray(3, 6)] };
     const levels = Array.from({ length: levelCount }, (_, level) => {
@@ -232,9 +235,10 @@ export class Core {
     const overviewSummary = Number.isNaN(numbers[10]) ? null : { error: numbers[10], triangleCount: numbers[11] };
     const source = known(numbers[12]) === undefined ? null : {
       triangleCount: numbers[12], vertexCount: numbers[13], meanEdgeLength: numbers[14], area: numbers[15],
-      generator: this.text(40 + 8 * numbers.length),
+      generator: this.text(64 + 8 * numbers.length),
     };
-    return { version: `${major}.${minor}`, rootCount, topCount, bounds, lattice: { origin: [...numbers.subarray(6, 9)], step: numbers[9] }, levels, overviewSummary, source };
+    const id = [first, second].map((number) => number.toString(16).padStart(8, '0')).join('');
+    return { id, up: [null, 'y', 'z'][axis], version: `${major}.${minor}`, rootCount, topCount, bounds, lattice: { origin: [...numbers.subarray(6, 9)], step: numbers[9] }, levels, overviewSummary, source };
   }
 
   /** What a file of heights says about its grid. */

@@ -101,7 +101,7 @@ export class LodpackFile {
   }
 
   async extract(cut, { signal, channels = 'none', pageSize = 4096 } = {}) {
-    const [nodes, numbers] = [nodesOf(cut), channelNumbers(this.channels, channels)];
+    const [nodes, numbers] = [this.#nodesOf(cut), channelNumbers(this.channels, channels)];
     // Meshes of heights have the colours of a ramp anyway.
     if (numbers.length === 0 || this.kind === 'heights') return this.#reader.call('extract', { nodes }, signal);
     if (!(pageSize >= 1 && pageSize <= 65536)) throw new LodpackError('query', 'pageSize is a number of texels, up to 65536');
@@ -114,7 +114,18 @@ export class LodpackFile {
   }
 
   async boundaryEdgeCount(cut, { signal } = {}) {
-    return this.#reader.call('boundaryEdgeCount', { nodes: nodesOf(cut) }, signal);
+    return this.#reader.call('boundaryEdgeCount', { nodes: this.#nodesOf(cut) }, signal);
+  }
+
+  /** The nodes of a cut of this file. Those that were put together by hand may leave out which file they are for. */
+  #nodesOf(cut) {
+    if (!(cut?.nodes instanceof Uint32Array)) {
+      throw new LodpackError('query', 'a cut comes from select() or selectLevel(): its nodes are a Uint32Array');
+    }
+    if (cut.file !== undefined && cut.file !== this.id) {
+      throw new LodpackError('query', 'this cut is one of another file; select it in this one');
+    }
+    return cut.nodes;
   }
 
   get storesNormals() {
@@ -226,9 +237,4 @@ async function readRest(reading, offset, length, signal) {
   all.set(known);
   all.set(new Uint8Array(data), known.length);
   return all.buffer;
-}
-
-function nodesOf(cut) {
-  if (cut?.nodes instanceof Uint32Array) return cut.nodes;
-  throw new LodpackError('query', 'a cut comes from select() or selectLevel(): its nodes are a Uint32Array');
 }

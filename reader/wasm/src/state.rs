@@ -5,7 +5,7 @@ use std::sync::Arc;
 use lodpack::{
     Cut, Error, Fetched, Index, Limits, Mesh, Node, Opener, decode,
     heights::HeightsIndex,
-    index::SourceInfo,
+    index::{Placement, SourceInfo, UpAxis},
     select,
     stream::{Lit, Options},
 };
@@ -147,7 +147,8 @@ impl State {
         let [low, high] = index.bounds().unwrap_or([[f64::NAN; 3]; 2]);
         let (overview_error, overview_triangles) = index.overview_summary().unwrap_or((f64::NAN, 0));
         let source = index.source_info();
-        let counts = [index.root_count(), index.top_count(), index.level_count() as u32].map(f64::from);
+        let [first, second] = index.id().numbers();
+        let counts = [index.root_count(), index.top_count(), index.level_count() as u32, first, second, up(index.placement())].map(f64::from);
         self.output.put_floats([f64::from(major), f64::from(minor)].into_iter().chain(counts));
         self.output.put_floats(low.into_iter().chain(high).chain(lattice.origin).chain([lattice.step()]));
         self.output.put_floats([overview_error, overview_triangles as f64]);
@@ -165,7 +166,8 @@ impl State {
         let index = Arc::clone(self.heights_index()?);
         let ((major, minor), source) = (index.version(), index.source_info());
         let [low, high] = index.bounds().unwrap_or([[f64::NAN; 3]; 2]);
-        let counts = [index.known_tile_count() as f64, index.roots().len() as f64, 0.0];
+        let [first, second] = index.id().numbers().map(f64::from);
+        let counts = [index.known_tile_count() as f64, index.roots().len() as f64, 0.0, first, second, up(index.placement()).into()];
         self.output.put_floats([f64::from(major), f64::from(minor)].into_iter().chain(counts));
         self.output.put_floats(low.into_iter().chain(high).chain([0.0, 0.0, 0.0, 1.0]));
         self.output.put_floats([f64::NAN, 0.0].into_iter().chain(numbers_of(source)));
@@ -304,6 +306,15 @@ fn numbers_of(source: Option<&SourceInfo>) -> [f64; 4] {
     source.map_or([f64::NAN; 4], |source| {
         [source.triangle_count as f64, source.vertex_count as f64, source.mean_edge_length, source.area]
     })
+}
+
+/// The number of the axis that a file says is up; 0 if it says none.
+fn up(placement: Option<&Placement>) -> u32 {
+    match placement.map(|placement| placement.up) {
+        Some(UpAxis::Y) => 1,
+        Some(UpAxis::Z) => 2,
+        _ => 0,
+    }
 }
 
 /// A limiter's number in `js/core.js`; 0 is none.

@@ -55,7 +55,7 @@ pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
     let mut header = Header::new([lines.needed("NCOLS")?, lines.needed("NROWS")?]);
     header.nodata = Some(lines.number("NODATA_VALUE")?.unwrap_or(NODATA));
     header.place = place_of(&lines, header.size)?;
-    header.crs = Crs::beside(path);
+    header.crs = Crs::beside(path)?;
     Ok((header, Box::new(rows)))
 }
 

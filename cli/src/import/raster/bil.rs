@@ -151,7 +151,7 @@ pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
     (header.is_f32, header.is_integer) = number.kind();
     header.nodata = lines.number("NODATA")?.or(lines.number("NODATA_VALUE")?);
     header.place = place_of(&lines, header.size)?;
-    header.crs = Crs::beside(path);
+    header.crs = Crs::beside(path)?;
     if lines.number::<u32>("NBANDS")?.is_some_and(|bands| bands != 1) {
         return Err(grid_error(
             path,

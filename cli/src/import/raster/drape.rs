@@ -49,7 +49,7 @@ impl Painter {
         } else if let Some(ramp) = &options.ramp {
             let range = if ramp.needs_range() { mosaic.range(options)? } else { [0.0, 1.0] };
             // Ramps are checked when they are read.
-            painter.ramp = ramp.over(range, None).ok();
+            painter.ramp = ramp.over(range, mosaic.metres_of_heights()).ok();
             layout.add_colour();
             sink.set_vertex_layout(layout);
         }
@@ -116,7 +116,7 @@ fn map_of(mosaic: &Mosaic, drape: &Path, image: &ImageSource, progress: &dyn Pro
         Some(affine) => Some(affine),
         None => of_world_file(drape)?,
     };
-    let crs = if crs == Crs::default() { Crs::beside(drape) } else { crs };
+    let crs = if crs == Crs::default() { Crs::beside(drape)? } else { crs };
     let size = mosaic.size.map(|size| size as f64);
     let whole = [size.map(|size| 1.0 / size), size.map(|size| 0.5 / size)];
     let (Some(image), turned) = placed(affine, drape, extent)? else { return Ok(whole) };

@@ -114,13 +114,13 @@ impl<'a> Fields<'a> {
         Ok(Some(Georeference { first: [x + (1.5 - column) * dx, y - (1.5 - row) * dy], spacing: [dx, dy] }))
     }
 
-    fn crs(&self) -> Crs {
+    fn crs(&self) -> Parsed<Crs> {
         match self.text("coordinate system string") {
-            Some(wkt) if !wkt.is_empty() => Crs::named(wkt),
+            Some(wkt) if !wkt.is_empty() => Crs::of_wkt(wkt).map_err(|error| grid_error(self.path, &error)),
             _ if self.text("map info").is_some_and(|info| info.starts_with("Geographic")) => {
-                Crs { kind: CrsKind::Geographic, ..Crs::default() }
+                Ok(Crs { kind: CrsKind::Geographic, ..Crs::default() })
             }
-            _ => Crs::default(),
+            _ => Ok(Crs::default()),
         }
     }
 }
@@ -142,7 +142,7 @@ pub(super) fn open(path: &Path, header: &Path) -> Parsed<(Header, Box<dyn Height
     (grid.is_f32, grid.is_integer) = number.kind();
     grid.nodata = fields.number("data ignore value")?;
     grid.place = fields.place()?;
-    grid.crs = fields.crs();
+    grid.crs = fields.crs()?;
     let file = File::open(path).map_err(|source| ImportError::Io { path: path.to_owned(), source })?;
     let rows = FlatRows::new(path, file, grid.size, number).after(fields.number("header offset")?.unwrap_or(0));
     rows.check_length(grid.size)?;

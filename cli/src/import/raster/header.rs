@@ -83,18 +83,36 @@ impl Header {
             );
             return Err(grid_error(path, &problem));
         }
-        if let Some(crs) = &options.crs {
-            let said = std::mem::replace(&mut self.crs, Crs::named(crs));
+        // The name that the file has itself says no more than the file.
+        if let Some(crs) = options.crs.as_ref().filter(|&crs| *crs != self.crs.name) {
+            let named = match (Crs::named(crs), options.unit) {
+                (Ok(named), _) => named,
+                // Whoever types the unit of its coordinates, too, knows what a system is that is not known here.
+                (Err(remark), Some(unit)) => {
+                    let remarks = vec![format!("{remark}; its coordinates are taken as lengths of {} m", unit.metres)];
+                    Crs {
+                        name: crs.clone(),
+                        kind: CrsKind::Projected,
+                        unit: Some(unit.metres),
+                        remarks,
+                        ..Crs::default()
+                    }
+                }
+                (Err(problem), None) => return Err(grid_error(path, &format!("gets a --crs: {problem}"))),
+            };
+            let said = std::mem::replace(&mut self.crs, named);
             // A name tells less than keys do.
             self.crs.unit = self.crs.unit.or(said.unit);
             if self.crs.kind == CrsKind::Unknown {
                 self.crs.kind = said.kind;
             }
+            self.crs.vertical = self.crs.vertical.take().or(said.vertical);
         }
         if self.crs.unit.is_none() && self.crs.kind != CrsKind::Geographic {
             self.crs.unit = options.unit.map(|unit| unit.metres);
         }
-        self.vertical = options.vertical_unit.map(|unit| unit.metres).or(self.vertical);
+        let of_system = self.crs.vertical.as_ref().and_then(|vertical| vertical.metres);
+        self.vertical = options.vertical_unit.map(|unit| unit.metres).or(self.vertical).or(of_system);
         match options.nodata {
             Some(Nodata::Value(value)) => self.nodata = Some(value),
             Some(Nodata::None) => (self.nodata, self.are_all_heights) = (None, true),

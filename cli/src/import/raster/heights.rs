@@ -73,7 +73,7 @@ impl HeightSource {
     /// [`lodpack::Error::Model`] if the ramp does not fit.
     pub fn ramp(&self, range: [f64; 2]) -> lodpack::Result<Option<(lodpack::heights::Ramp, String)>> {
         let Some(ramp) = &self.options.ramp else { return Ok(None) };
-        let metres = self.unit.map(|unit| unit.metres * self.surface.height_scale);
+        let metres = self.mosaic.metres_of_heights();
         // Heights in the file are those of the raster with `zero` added.
         let over = ramp.over(range.map(|height| height - self.zero), metres)?;
         let moved = over.stops().iter().map(|stop| RampStop { height: stop.height + self.zero, ..*stop });

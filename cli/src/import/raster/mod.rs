@@ -14,11 +14,12 @@ mod drape;
 mod envi;
 mod exr;
 mod geoid;
-mod geokeys;
+pub(crate) mod geokeys;
 mod gtx;
 mod header;
 mod heights;
 mod hgt;
+pub(crate) mod lengths;
 mod lerc;
 mod lines;
 mod mask;
@@ -30,6 +31,7 @@ mod sidecar;
 mod surface;
 mod tiff;
 mod triangulate;
+mod wkt;
 
 use std::path::{Path, PathBuf};
 
@@ -42,14 +44,14 @@ use crate::mesh::tolerance::Unit;
 use crate::progress::{Progress, Silent};
 
 use affine::{Turned, of_world_file, placed};
-use crs::Crs;
-pub use crs::is_geographic;
+pub(crate) use crs::{Body, Crs, CrsKind};
 use header::{Header, HeightRows};
 pub use heights::HeightSource;
 use mosaic::Mosaic;
 pub use options::{HeightCode, Nodata, RasterOptions, SurfaceKind};
 pub use ramp::Ramp;
 use surface::Surface;
+pub(crate) use surface::metres_in_degree;
 
 /// Formats of rasters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -139,7 +141,7 @@ fn open(path: &Path, options: &RasterOptions) -> Parsed<(Header, Box<dyn HeightR
         (header.place, header.turned) = placed(of_world_file(path)?, path, header.size)?;
     }
     if header.crs == Crs::default() {
-        header.crs = Crs::beside(path);
+        header.crs = Crs::beside(path)?;
     }
     header.complete(path, options)?;
     if header.turned[1] && matches!(format, RasterFormat::Png | RasterFormat::Asc) {

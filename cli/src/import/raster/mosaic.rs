@@ -146,6 +146,11 @@ impl Mosaic {
         self.tiles.first().map_or(Path::new(""), |tile| &tile.path)
     }
 
+    /// Metres in a unit of the heights, as far as somebody has said.
+    pub fn metres_of_heights(&self) -> Option<f64> {
+        self.vertical.or(if self.crs.kind == CrsKind::Geographic { Some(1.0) } else { self.crs.unit })
+    }
+
     fn open_geoid(&self) -> Parsed<Option<Geoid>> {
         self.geoid.as_ref().map(|path| Geoid::open(path, self)).transpose()
     }

@@ -6,7 +6,7 @@
 use glam::DVec3;
 use lodpack::heights;
 
-use super::crs::CrsKind;
+use super::crs::{Body, Crs, CrsKind};
 use super::header::Georeference;
 use super::mosaic::Mosaic;
 use super::options::{RasterOptions, SurfaceKind};
@@ -73,6 +73,7 @@ impl Surface {
         let note = |text: &str| progress.note(&format!("{}: {text}", mosaic.path().display()));
         let spacing = mosaic.place.spacing;
         let [columns, rows] = mosaic.size;
+        note_crs(&mosaic.crs, &note);
         let crs = if mosaic.crs.name.is_empty() { "no CRS" } else { &mosaic.crs.name };
         let crs: String = crs.chars().take(60).collect();
         note(&format!("a grid of {columns} x {rows} samples, {} x {} apart, in {crs}", spacing[0], spacing[1]));
@@ -84,9 +85,18 @@ impl Surface {
         }
         match options.surface {
             SurfaceKind::Plane if mosaic.crs.kind == CrsKind::Geographic => Self::of_degrees(mosaic, options, note),
-            SurfaceKind::Plane => Self::plane(mosaic, options),
-            SurfaceKind::Sphere => Self::globe(mosaic, options, [options.radius.unwrap_or(MEAN_RADIUS), 0.0]),
+            SurfaceKind::Plane => Self::plane(mosaic, options, note),
+            SurfaceKind::Sphere => {
+                let own = mosaic.crs.body().map_or(MEAN_RADIUS, |body| body.mean_radius());
+                Self::globe(mosaic, options, [options.radius.unwrap_or(own), 0.0])
+            }
             SurfaceKind::Wgs84 => {
+                if let Some(Body { axis, .. }) = mosaic.crs.body() {
+                    let problem = format!(
+                        "is on a globe with a half axis of {axis} m, not on the earth; pass --surface sphere, which then has its mean radius"
+                    );
+                    return Err(grid_error(mosaic.path(), &problem));
+                }
                 match &mosaic.geoid {
                     Some(_) => {}
                     None => note(
@@ -106,7 +116,7 @@ impl Surface {
         })
     }
 
-    fn plane(mosaic: &Mosaic, options: &RasterOptions) -> Parsed<Self> {
+    fn plane(mosaic: &Mosaic, options: &RasterOptions, note: impl Fn(&str)) -> Parsed<Self> {
         let Georeference { first, spacing } = mosaic.place;
         let (unit, origin) = (mosaic.crs.unit, options.origin.unwrap_or_default());
         let height_scale = match (mosaic.vertical, unit) {
@@ -115,6 +125,12 @@ impl Surface {
                 let problem =
                     "does not say the unit of its coordinates, so --vertical-unit cannot be applied; pass --unit, too";
                 return Err(grid_error(mosaic.path(), problem));
+            }
+            (Some(vertical), None) if vertical != 1.0 => {
+                note(&format!(
+                    "its heights are in units of {vertical} m, and nobody says what its coordinates are in: both count as the same unit (--unit says it)"
+                ));
+                1.0
             }
             _ => 1.0,
         };
@@ -135,7 +151,7 @@ impl Surface {
         let [columns, rows] = mosaic.size.map(|count| (count - 1) as f64);
         let centre = [first[0] + 0.5 * columns * spacing[0], first[1] - 0.5 * rows * spacing[1]];
         let middle = options.origin.map_or(centre, |[longitude, latitude, _]| [longitude, latitude]);
-        let (sin, cos) = sin_cos_degrees(middle[1]);
+        let (_, cos) = sin_cos_degrees(middle[1]);
         let of_edge = |latitude: f64| (sin_cos_degrees(latitude).1 / cos - 1.0).abs();
         let stretch = of_edge(first[1]).max(of_edge(first[1] - rows * spacing[1]));
         // Also refuses a middle at a pole, where the share is infinite or none.
@@ -148,13 +164,10 @@ impl Surface {
             );
             return Err(grid_error(mosaic.path(), &problem));
         }
-        let radians = std::f64::consts::PI / 180.0;
-        let root = (1.0 - WGS84_E2 * sin * sin).sqrt();
-        // Metres in a degree: radius of curvature across the meridian, and along it.
-        let to_east = WGS84_A / root * cos * radians;
-        let to_north = WGS84_A * (1.0 - WGS84_E2) / (root * root * root) * radians;
+        let [to_east, to_north] = metres_in_degree(mosaic.crs.body(), middle[1]);
         let reach = (0.5 * columns * spacing[0] * to_east, 0.5 * rows * spacing[1] * to_north);
-        let drop = (reach.0 * reach.0 + reach.1 * reach.1) / (2.0 * WGS84_A);
+        let drop =
+            (reach.0 * reach.0 + reach.1 * reach.1) / (2.0 * mosaic.crs.body().map_or(WGS84_A, |body| body.axis));
         note(&format!(
             "degrees become metres on a plane around {:.6}, {:.6}; at its edge lengths to the east are off by {:.2} %, and a globe lies {drop:.1} m \
              below (--surface wgs84 is exact)",
@@ -187,6 +200,13 @@ impl Surface {
                 }
             };
             return Err(grid_error(mosaic.path(), problem));
+        }
+        if mosaic.crs.meridian != 0.0 {
+            let problem = format!(
+                "counts longitudes from {:.6} east of Greenwich; bring it into EPSG:4326 first, with `gdalwarp -t_srs EPSG:4326`",
+                mosaic.crs.meridian
+            );
+            return Err(grid_error(mosaic.path(), &problem));
         }
         let origin = options.origin.unwrap_or_default();
         let column = |column: u64| {
@@ -315,6 +335,34 @@ impl Surface {
         };
         position - self.shift
     }
+}
+
+/// Says what a system's users have to know.
+fn note_crs(crs: &Crs, note: impl Fn(&str)) {
+    crs.remarks.iter().for_each(|remark| note(remark));
+    let Some(vertical) = &crs.vertical else { return };
+    let name = match vertical.code {
+        Some(code) => format!("EPSG:{code} ({})", vertical.name),
+        None => vertical.name.clone(),
+    };
+    if vertical.is_depth {
+        note(&format!("its system of heights, {name}, counts downwards, and its numbers are taken as heights"));
+    }
+    // That of a system with both is part of its name.
+    let is_named = crs.name.contains('[') || crs.name.is_empty() || vertical.name.is_empty();
+    let of_name = || Crs::named(&crs.name).ok().and_then(|named| named.vertical);
+    if !is_named && of_name().is_none_or(|own| own.name != vertical.name) {
+        note(&format!("its heights are in {name}, of which their unit is kept, but not the name"));
+    }
+}
+
+/// Metres in a degree to the east and to the north: the radius of curvature across the meridian, and along it.
+pub(crate) fn metres_in_degree(body: Option<Body>, latitude: f64) -> [f64; 2] {
+    let (axis, e2) = body.map_or((WGS84_A, WGS84_E2), |body| (body.axis, body.eccentricity()));
+    let radians = std::f64::consts::PI / 180.0;
+    let (sin, cos) = sin_cos_degrees(latitude);
+    let root = (1.0 - e2 * sin * sin).sqrt();
+    [axis / root * cos * radians, axis * (1.0 - e2) / (root * root * root) * radians]
 }
 
 /// Sine and cosine of an angle in degrees; exact at multiples of 90.

@@ -13,8 +13,8 @@ use ::tiff::{TiffError, TiffUnsupportedError};
 
 use self::rows::{REMEDY, TiffRows, ViewDecoder};
 use super::affine::{Affine, placed};
-use super::crs::Crs;
-use super::geokeys::GeoTags;
+use super::crs::{Crs, unit_named};
+use super::geokeys::{GEO_DOUBLES, GEO_TEXTS, GeoTags};
 use super::header::{Header, HeightRows};
 use super::mask::Masked;
 use super::{ImportError, Parsed, RasterFormat, grid_error};
@@ -42,10 +42,14 @@ pub(super) fn open(path: &Path, with_masks: bool) -> Parsed<(Header, Box<dyn Hei
     let tags = tags_of(decoder);
     (header.place, header.turned) = placed(tags.place(path)?, path, header.size)?;
     header.crs = tags.crs(path)?;
-    header.vertical = tags.vertical();
     let text = |decoder: &mut ViewDecoder, tag| decoder.get_tag_ascii_string(Tag::Unknown(tag)).unwrap_or_default();
     header.nodata = text(decoder, GDAL_NODATA).trim_matches(['\0', ' ']).parse().ok();
-    header.scale = scale_of(&text(decoder, GDAL_METADATA));
+    let metadata = text(decoder, GDAL_METADATA);
+    header.scale = scale_of(&metadata);
+    match unit_named(item(&metadata, "unittype").unwrap_or_default()) {
+        Ok(metres) => header.vertical = metres,
+        Err(remark) => header.crs.remarks.push(remark),
+    }
     let is_float = image.get(SAMPLE_FORMAT) == Some(3);
     header.is_f32 = is_float && image.get(BITS_PER_SAMPLE) == Some(32);
     header.is_integer = !is_float;
@@ -137,6 +141,8 @@ fn tags_of<R: Read + Seek>(decoder: &mut Decoder<R>) -> GeoTags {
         tiepoints: numbers(decoder, MODEL_TIEPOINT),
         transformation: numbers(decoder, MODEL_TRANSFORMATION),
         keys: decoder.get_tag_u16_vec(Tag::Unknown(GEO_KEY_DIRECTORY)).unwrap_or_default(),
+        doubles: numbers(decoder, GEO_DOUBLES),
+        texts: decoder.get_tag_ascii_string(Tag::Unknown(GEO_TEXTS)).unwrap_or_default(),
     }
 }
 
@@ -147,11 +153,14 @@ fn numbers<R: Read + Seek>(decoder: &mut Decoder<R>, tag: u16) -> Vec<f64> {
 
 /// Scale and offset in the metadata of GDAL, which has them as `<Item name="SCALE" sample="0" role="scale">0.1</Item>`.
 fn scale_of(metadata: &str) -> [f64; 2] {
-    let item = |role: &str| {
-        let (_, rest) = metadata.split_once(&format!("role=\"{role}\">"))?;
-        rest.split('<').next()?.trim().parse::<f64>().ok().filter(|value| value.is_finite())
-    };
-    [item("scale").unwrap_or(1.0), item("offset").unwrap_or(0.0)]
+    let number = |role: &str| item(metadata, role)?.parse::<f64>().ok().filter(|value| value.is_finite());
+    [number("scale").unwrap_or(1.0), number("offset").unwrap_or(0.0)]
+}
+
+/// What the metadata of GDAL say about a role of the first band.
+fn item<'a>(metadata: &'a str, role: &str) -> Option<&'a str> {
+    let (_, rest) = metadata.split_once(&format!("role=\"{role}\">"))?;
+    Some(rest.split('<').next()?.trim())
 }
 
 #[cold]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Callable, Sequence, cast
 
 from . import _lodpack
+from ._carried import CarriedMesh, checked_mesh, of_pyvista, of_trimesh
 from ._errors import BuildError, Error
 
 Paths = str | os.PathLike[str]
@@ -33,7 +34,8 @@ def build(
     """Builds a file, as ``lodpack build`` does, and returns the summary that it prints with ``--json``, with ``output`` and ``notes`` added.
 
     `source`: a mesh file (OBJ, OFF, PLY, STL, glTF, GLB), several that make one model, or a mesh in memory: ``(positions, triangles)``, or
-    an object of trimesh or PyVista.
+    an object of trimesh or PyVista, with colours, a texture and numbers of its vertices; of PyVista ``(mesh, texture)``, too, as
+    `TexturedMesh.to_pyvista` makes it. ``notes`` say what of it is left out.
     `output`: the file to write; by default it lies beside the first mesh file and has its name. It gets its name when it is
     complete, and replaces another one only with `force`.
     `tolerance`: the largest certified error of the finest level: a length in the input's units, or a text as for the program, such as
@@ -64,7 +66,12 @@ def build(
         request.inputs, request.output, request.work = inputs, room / target.name, room / "work"
         request.tolerance, request.unit = str(tolerance), unit
         request.effort, request.levels, request.threads, request.memory = effort, levels, threads, memory
-        text, notes = _lodpack.build(request, mesh, progress)
+        if mesh is not None and mesh.carries_more():
+            request.inputs = [mesh.write_ply(room)]
+        arrays = None if mesh is None or mesh.carries_more() else (mesh.positions.tobytes(), mesh.triangles.tobytes())
+        text, notes = _lodpack.build(request, arrays, progress)
+        if mesh is not None:
+            notes = mesh.notes + [note.replace(str(room / "mesh.ply"), "the mesh in memory") for note in notes]
         # Not through tempfile, whose files nobody else may read.
         os.replace(room / target.name, target)
     finally:
@@ -79,31 +86,19 @@ def _beside(inputs: list[Path]) -> Path:
     return inputs[0].with_suffix(".lodpack")
 
 
-def _mesh_or_paths(source: Any) -> tuple[tuple[bytes, bytes] | None, list[Path]]:
-    """The arrays of a mesh in memory, or the paths of mesh files."""
+def _mesh_or_paths(source: Any) -> tuple[CarriedMesh | None, list[Path]]:
+    """A mesh in memory, or the paths of mesh files."""
     if isinstance(source, (str, os.PathLike)):
         return None, [Path(source)]
-    if hasattr(source, "vertices") and hasattr(source, "faces"):  # trimesh
-        return _bytes_of(source.vertices, source.faces), []
-    if hasattr(source, "points") and hasattr(source, "triangulate"):  # PyVista
-        surface = source.triangulate() if hasattr(source, "regular_faces") else source.extract_surface().triangulate()
-        return _bytes_of(surface.points, surface.regular_faces), []
+    if hasattr(source, "vertices") and hasattr(source, "faces"):
+        return of_trimesh(source), []
+    if hasattr(source, "points") and hasattr(source, "triangulate"):
+        return of_pyvista(source), []
     parts = list(source)
     if parts and all(isinstance(part, (str, os.PathLike)) for part in parts):
         return None, [Path(part) for part in parts]
+    if len(parts) == 2 and hasattr(parts[0], "points") and hasattr(parts[1], "to_array"):
+        return of_pyvista(*parts), []
     if len(parts) == 2:
-        return _bytes_of(*parts), []
+        return checked_mesh(*parts), []
     raise TypeError("give a mesh file, several, (positions, triangles), or a mesh of trimesh or PyVista")
-
-
-def _bytes_of(positions: Any, triangles: Any) -> tuple[bytes, bytes]:
-    import numpy as np
-
-    points, corners = np.asarray(positions, dtype=np.float64), np.asarray(triangles)
-    if points.ndim != 2 or points.shape[1] != 3 or corners.ndim != 2 or corners.shape[1] != 3:
-        raise BuildError(f"positions and triangles have three columns, not the shapes {points.shape} and {corners.shape}")
-    if not np.issubdtype(corners.dtype, np.integer):
-        raise BuildError(f"triangles are numbers of vertices, not of type {corners.dtype}")
-    if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
-        raise BuildError(f"a triangle names a vertex that does not exist: {corners.min()} or {corners.max()} of {len(points)}")
-    return points.tobytes(), corners.astype(np.uint32).tobytes()

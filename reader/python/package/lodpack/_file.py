@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Mapping, Sequence, overload
 from . import _lodpack
 from ._errors import QueryError
 from ._info import Channel, Info
-from ._mesh import Mesh, as_array
+from ._mesh import Mesh, as_array, error_text
 from ._opened import OpenFile
 from ._source import open_native
 
@@ -74,7 +74,7 @@ class Cut:
     @property
     def limited_by(self) -> str:
         """Why it is not finer: ``tolerance`` (it is as fine as was asked for), ``finest`` (the file has nothing finer), or the budget
-        ``triangles``, ``nodes`` or ``page_bytes``."""
+        of ``triangles``, ``nodes`` or ``bytes`` (of pages)."""
         return self._native.limited_by
 
     @property
@@ -93,7 +93,7 @@ class Cut:
         return as_array(roots), as_array(levels), as_array(errors)
 
     def __repr__(self) -> str:
-        return f"<lodpack.Cut of {self.triangle_count:,} triangles, error at most {self.error:g}, limited by {self.limited_by}>"
+        return f"<lodpack.Cut of {self.triangle_count:,} triangles, {error_text(self)}, limited by {self.limited_by}>"
 
 
 class File(OpenFile[_lodpack.Reader]):
@@ -178,8 +178,6 @@ class File(OpenFile[_lodpack.Reader]):
             raise TypeError("give a cut or a query, not both")
         elif not isinstance(cut, Cut):
             raise TypeError(f"a cut comes from File.select; this is a {type(cut).__name__}; name queries: extract(tolerance=...)")
-        elif cut._file is not self:
-            raise QueryError("this cut is one of another file; select it in this one")
         numbers = [] if channels is None else self._channel_numbers(channels)
         known = self.channels if numbers else []
         textured = self._native.extract_textured(cut._native, numbers) if numbers else None

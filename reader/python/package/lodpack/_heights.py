@@ -54,7 +54,7 @@ class HeightsFile(OpenFile[_lodpack.HeightsReader]):
 
         `tolerance`: the error to reach, in units of coordinates.
         `triangles`: the most triangles, without those that tiles of different depths add where they meet.
-        `bbox`: smallest and largest x and y, or longitude and latitude in degrees, as ((x0, y0), (x1, y1)); tiles that it touches are whole.
+        `bbox`: smallest and largest x and y, or longitude and latitude in degrees, as ((x0, y0), (x1, y1)); tiles that it touches are whole. It may be infinite.
 
         `Mesh.normals` are those of the slopes of the heights, and `Mesh.colours` those of the file's ramp, if it has one.
 
@@ -121,7 +121,7 @@ def _corners(bbox: Any) -> list[list[float]]:
         corners = []
     if [len(corner) for corner in corners] != [2, 2]:
         raise QueryError("give bbox as two corners of a map: ((x0, y0), (x1, y1))")
-    if not all(math.isfinite(value) for corner in corners for value in corner):
+    if any(math.isnan(value) for corner in corners for value in corner):
         raise QueryError(f"a coordinate of bbox is not a number: {corners}")
     return corners
 

@@ -98,10 +98,10 @@ class Mesh:
         return names.index(channel)
 
     def to_trimesh(self, **options: Any) -> Any:
-        """The mesh as a ``trimesh.Trimesh``, vertex by vertex, with `colours`; `options` go to its constructor. The certified error is
-        in its ``metadata``. `textured` has a ``to_trimesh`` with a texture."""
+        """The mesh as a ``trimesh.Trimesh``, vertex by vertex, with `colours`; `options` go to its constructor. The certified error of
+        all of it is in its ``metadata``, and that in the box where it differs. `textured` has a ``to_trimesh`` with a texture."""
         trimesh = _library("trimesh", "to_trimesh")
-        options = {"process": False, "metadata": {"certified_error": self.error}, **options}
+        options = {"process": False, "metadata": _errors_of(self), **options}
         colours = self.colours
         if colours is not None and "visual" not in options:
             options.setdefault("vertex_colors", colours)
@@ -109,7 +109,7 @@ class Mesh:
 
     def to_pyvista(self) -> Any:
         """The mesh as a ``pyvista.PolyData``. Its cells have the arrays ``level`` and ``certified_error``, and its field data has
-        the ``certified_error`` of the whole. Its points have an array for each channel, by name: `textured` has a ``to_pyvista`` with a
+        the ``certified_error`` of the whole, and ``certified_error_in_box`` where it differs. Its points have an array for each channel, by name: `textured` has a ``to_pyvista`` with a
         texture."""
         pyvista = _library("pyvista", "to_pyvista")
         mesh = pyvista.PolyData.from_regular_faces(self.positions, self.triangles)
@@ -117,7 +117,8 @@ class Mesh:
             _, levels, errors = self.cut.nodes()
             mesh.cell_data["level"] = levels[self.triangle_nodes]
             mesh.cell_data["certified_error"] = errors[self.triangle_nodes]
-        mesh.field_data["certified_error"] = [self.error]
+        for name, error in _errors_of(self).items():
+            mesh.field_data[name] = [error]
         for channel in self.channels:
             mesh.point_data[channel["name"]] = _columns(self.values(channel["name"]))
         return mesh
@@ -135,7 +136,7 @@ class Mesh:
         return mesh
 
     def __repr__(self) -> str:
-        return f"<lodpack.Mesh of {len(self.triangles):,} triangles, error at most {self.error:g}, limited by {self.limited_by}>"
+        return f"<lodpack.Mesh of {len(self.triangles):,} triangles, {error_text(self)}, limited by {self.limited_by}>"
 
 
 class TexturedMesh:
@@ -155,7 +156,8 @@ class TexturedMesh:
 
     def __init__(self, mesh: Mesh, positions: Any, triangles: Any, nodes: Any, uv: Any, images: list[Any]) -> None:
         self.positions, self.triangles, self.triangle_nodes = as_array(positions), as_array(triangles), as_array(nodes)
-        self.uv, self.channels, self.error = as_array(uv), mesh.channels, mesh.error
+        self.uv, self.channels = as_array(uv), mesh.channels
+        self.error, self.error_everywhere = mesh.error, mesh.error_everywhere
         self.images = {channel["name"]: image for channel, image in zip(mesh.channels, images)}
 
     def _image(self, method: str) -> NDArray[np.uint8]:
@@ -169,7 +171,7 @@ class TexturedMesh:
         image = self._image("to_trimesh")
         trimesh, pillow = _library("trimesh", "to_trimesh"), _library("PIL.Image", "to_trimesh")
         visual = trimesh.visual.TextureVisuals(uv=self.uv, image=pillow.fromarray(image))
-        options = {"process": False, "visual": visual, "metadata": {"certified_error": self.error}, **options}
+        options = {"process": False, "visual": visual, "metadata": _errors_of(self), **options}
         return trimesh.Trimesh(vertices=self.positions, faces=self.triangles, **options)
 
     def to_pyvista(self) -> tuple[Any, Any]:
@@ -178,7 +180,8 @@ class TexturedMesh:
         pyvista = _library("pyvista", "to_pyvista")
         mesh = pyvista.PolyData.from_regular_faces(self.positions, self.triangles)
         mesh.active_texture_coordinates = self.uv
-        mesh.field_data["certified_error"] = [self.error]
+        for name, error in _errors_of(self).items():
+            mesh.field_data[name] = [error]
         texture = pyvista.Texture(image)
         texture.SetUseSRGBColorSpace(True)
         return mesh, texture
@@ -186,6 +189,19 @@ class TexturedMesh:
     def __repr__(self) -> str:
         sizes = ", ".join(f"{name} {image.shape[1]} x {image.shape[0]}" for name, image in self.images.items())
         return f"<lodpack.TexturedMesh of {len(self.triangles):,} triangles with {sizes}>"
+
+
+def _errors_of(mesh: Mesh | TexturedMesh) -> dict[str, float]:
+    """The errors of a mesh, under the names that ``lodpack extract --json`` has for them."""
+    whole = {"certified_error": mesh.error_everywhere}
+    return whole if mesh.error == mesh.error_everywhere else {**whole, "certified_error_in_box": mesh.error}
+
+
+def error_text(drawn: Mesh | Cut) -> str:
+    """The errors of what is drawn in words."""
+    if drawn.error == drawn.error_everywhere:
+        return f"error at most {drawn.error:g}"
+    return f"error at most {drawn.error:g} in the box, {drawn.error_everywhere:g} everywhere"
 
 
 def _first(channels: list[Channel]) -> str | None:

@@ -269,7 +269,7 @@ impl HeightsSession {
         tiles.sort_unstable_by_key(|tile| tile.id.along_z(grid.depth()));
         let error = tiles.iter().fold(0.0, |most: f64, tile| most.max(tile.resolution.error));
         let triangle_count = tiles.iter().map(|tile| u64::from(tile.resolution.triangle_count)).sum();
-        HeightsCut { tiles, error, triangle_count, limiter: self.wanted.limiter }
+        HeightsCut { tiles, error, triangle_count, limiter: self.wanted.limiter, file: Some(self.index().id()) }
     }
 
     /// Why the tiles that the running frame wants are not finer.

@@ -116,7 +116,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         rounding: most_moved,
         certified_error_in_box: args.bbox.map(|_| largest(|part| part.error)),
         tolerance,
-        limited_by: name_of(coarsest.limited_by),
+        limited_by: coarsest.limited_by.name(),
         bytes_read: traffic[0],
         requests: traffic[1],
     };
@@ -310,7 +310,7 @@ impl Drawn {
             positions: mesh.positions,
             triangles: mesh.triangles,
             error: cut.error,
-            error_everywhere: cut.node_errors.iter().copied().fold(cut.error, f64::max),
+            error_everywhere: cut.error_everywhere(),
             limited_by: cut.limited_by,
             cut_triangles: None,
             topology: Topology::Kept,
@@ -582,16 +582,6 @@ fn shortfall(drawn: &Drawn, tolerance: Option<f64>, args: &ExtractArgs) -> Optio
         _ => format!("the finest level has {}; build the file with a finer --tolerance", length(drawn.error)),
     };
     Some(format!("the tolerance of {} is not reached: {why}", length(tolerance)))
-}
-
-fn name_of(limiter: Limiter) -> &'static str {
-    match limiter {
-        Limiter::Tolerance => "tolerance",
-        Limiter::Finest => "finest",
-        Limiter::Triangles => "triangles",
-        Limiter::Nodes => "nodes",
-        _ => "bytes",
-    }
 }
 
 fn print(summary: &ExtractSummary, args: &ExtractArgs) -> Result<()> {

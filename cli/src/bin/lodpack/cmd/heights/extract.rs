@@ -81,7 +81,10 @@ pub fn tin_of(file: &Heights<Source>, tolerance: f64, args: &ExtractArgs) -> Res
 fn meet(file: &Heights<Source>, query: &mut HeightsQuery, args: &ExtractArgs) -> Result<(HeightsCut, HeightsMesh)> {
     let mut limiter = None;
     for _ in 0..ATTEMPTS {
-        let mut cut = in_file(&args.file, file.cut(query))?;
+        let mut cut = match file.cut(query) {
+            Err(lodpack::Error::Query { .. }) if query.max_triangles.is_some() => break,
+            cut => in_file(&args.file, cut)?,
+        };
         let mesh = in_file(&args.file, file.mesh(&cut))?;
         let made = mesh.triangles.len() as u64;
         let Some(most) = args.triangles.filter(|&most| made > most) else {
@@ -90,12 +93,10 @@ fn meet(file: &Heights<Source>, query: &mut HeightsQuery, args: &ExtractArgs) ->
         };
         limiter = Some(Limiter::Triangles);
         let smaller = (cut.triangle_count as f64 * (most as f64 / made as f64) * 0.98) as u64;
-        if smaller == 0 || cut.tiles.len() == file.roots().len() && smaller >= cut.triangle_count {
-            break;
-        }
         query.max_triangles = Some(smaller.min(cut.triangle_count.saturating_sub(1)));
     }
-    let coarsest = in_file(&args.file, file.cut(&HeightsQuery { max_triangles: Some(0), ..*query }))?;
+    let coarsest =
+        in_file(&args.file, file.cut(&HeightsQuery { tolerance: Some(f64::MAX), max_triangles: None, ..*query }))?;
     bail!(
         "{}: the coarsest surface has {} triangles; ask for more with --triangles",
         args.file.display(),

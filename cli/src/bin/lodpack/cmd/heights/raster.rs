@@ -3,10 +3,11 @@
 use super::super::open::{Opened, in_file, open_any, open_ground, tolerance_in_heights};
 use super::super::print_json;
 use crate::args::{ExtractArgs, ProgressStyle};
+use crate::messages;
 use crate::output::{PendingFile, bytes, count, length, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
-use lodpack_cli::heights::{window_of, write_geotiff};
+use lodpack_cli::heights::{Georeference, raster_window_of, write_geotiff};
 use serde::Serialize;
 use std::process::ExitCode;
 
@@ -44,7 +45,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     };
     let tolerance = args.tolerance.map(|tolerance| tolerance_in_heights(&file, tolerance)).transpose()?;
     let bounds = bounds.map(|bounds| bounds.map(|[x, y, _]| [x, y]));
-    let window = match window_of(&file, bounds, tolerance) {
+    let window = match raster_window_of(&file, bounds, tolerance) {
         Err(lodpack::Error::Query { .. }) => {
             bail!("{name}: nothing touches the box; the grid reaches {}", super::reach(&file))
         }
@@ -56,6 +57,9 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     let size = out.metadata().map_or(0, |metadata| metadata.len());
     pending.finish(out)?;
     progress.complete();
+    for note in Georeference::of(&file, &window).notes {
+        messages::tell("note", &format!("{}: {note}", args.output.display()));
+    }
     let summary = RasterSummary {
         columns: window.size[0],
         rows: window.size[1],
