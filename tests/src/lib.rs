@@ -12,3 +12,4 @@ pub mod raster;
 pub mod server;
 pub mod strips;
 pub mod terrain;
+pub mod tiff;

@@ -25,6 +25,7 @@
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
 //! - [`georeference`]: places, systems and units of rasters, read and written again
 //! - [`terrain`]: rasters of heights become the surface that they describe, on planes and globes
+//! - [`rasters`]: rasters as their writers lay them out: masks, no data, bits, places, sidecars, images over them
 //! - [`heights`]: files of heights keep their promises on planes and globes, and commands work with them
 //! - [`heights_jobs`]: files of heights in parts: kills, changed files, the bytes of one build
 //! - [`ground`]: a mesh on its ground of heights in one file: joined, taken apart, verified, exported, refused
@@ -71,6 +72,7 @@ mod python;
 mod quantized;
 mod queries;
 mod ragged;
+mod rasters;
 mod remote;
 mod report;
 mod serve;

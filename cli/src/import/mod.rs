@@ -210,6 +210,11 @@ pub(crate) fn files_beside(path: &Path, channels: &Channels) -> Vec<PathBuf> {
     }
 }
 
+/// The image over a raster, and the files that say where it is.
+pub(crate) fn files_of_drape(drape: &Path) -> impl Iterator<Item = PathBuf> {
+    std::iter::once(drape.to_owned()).chain(raster::sidecars(drape))
+}
+
 /// Whether a file is glTF or GLB, whose unit is the metre.
 ///
 /// # Errors

@@ -60,7 +60,7 @@ fn noted<T>(found: Result<T, String>, image: &ImageSource, source: &Source) -> O
 }
 
 /// Says why an image cannot be used. One that is too large is refused later, with an error.
-fn check(image: &ImageSource) -> Result<(), String> {
+pub(super) fn check(image: &ImageSource) -> Result<(), String> {
     if let ImageSource::File { path, .. } = image {
         size_of_file(path).map_err(|error| unreadable(&error))?;
     }

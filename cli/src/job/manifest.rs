@@ -10,7 +10,7 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 
 use super::{BuildOptions, JobError, Stages, content};
 use crate::geometry_images::atlas_files;
-use crate::import::files_beside;
+use crate::import::{files_beside, files_of_drape};
 use crate::mesh::appearance::Channels;
 use crate::pipeline::ModelOptions;
 use crate::storage::{JobId, MANIFEST_NAME, WorkError};
@@ -103,7 +103,10 @@ impl Manifest {
         let files = options.inputs.iter().filter(|input| !input.is_dir());
         let beside = files.flat_map(|input| files_beside(input, &options.model.channels));
         let raster = &options.model.raster;
-        let beside = beside.chain(raster.drape.clone()).chain(raster.geoid.clone());
+        let beside = beside.chain(raster.drape.iter().flat_map(|drape| files_of_drape(drape)));
+        let geoid =
+            raster.geoid.iter().flat_map(|path| iter::once(path.clone()).chain(files_beside(path, &Channels::None)));
+        let beside = beside.chain(geoid);
         // The import names those that are missing.
         let beside = beside.filter(|path| path.is_file()).map(InputFile::of);
         let beside = beside.collect::<Result<_, _>>()?;

@@ -1,9 +1,12 @@
 //! Images as inputs have them: encoded, in files or within them.
 
+mod compression;
 mod jpeg;
 mod opacity;
 mod png_rows;
 mod problem;
+pub(crate) mod tiff_directory;
+mod ycbcr;
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
@@ -13,10 +16,13 @@ use std::path::{Path, PathBuf};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use serde::{Deserialize, Serialize};
 
+use compression::unread_tiff_compression;
+pub use compression::{tiff_compression_name, unread_exr_compression};
 pub use opacity::{Opacity, shows_nothing};
 pub use png_rows::{RowsOfPng, rows_of_png};
 use problem::{damaged, undecodable};
 pub(crate) use problem::{shown_name, unreadable};
+use tiff_directory::Directory;
 
 /// Where the bytes of an encoded image are.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -127,14 +133,36 @@ pub trait EncodedImage: BufRead + Seek {}
 
 impl<R: BufRead + Seek> EncodedImage for R {}
 
+/// What decodes an image, and its format.
+fn decoder_of<'a>(
+    mut encoded: impl EncodedImage + 'a,
+) -> Result<(Option<ImageFormat>, Box<dyn ImageDecoder + 'a>), String> {
+    let is_ycbcr = ycbcr::is_ycbcr(&mut encoded).map_err(|error| unreadable(&error))?;
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    if is_ycbcr {
+        let decoder = ycbcr::YcbcrDecoder::new(encoded).map_err(|error| undecodable(&error))?;
+        return Ok((Some(ImageFormat::Tiff), Box::new(decoder)));
+    }
+    let of_exr = unread_exr_compression(&mut encoded).ok().flatten();
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    let compression = of_exr.or_else(|| unread_tiff_compression(&mut encoded));
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    if let Some(compression) = compression {
+        return Err(format!("its compression {compression} is not read: save it with ZIP or Deflate compression"));
+    }
+    let reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
+    let format = reader.format();
+    Ok((format, Box::new(reader.into_decoder().map_err(|error| undecodable(&error))?)))
+}
+
 /// Columns and rows that an encoded image declares.
 ///
 /// # Errors
 /// What is wrong with it.
 pub fn image_size(mut encoded: impl EncodedImage) -> Result<[u32; 2], String> {
-    let reader = ImageReader::new(&mut encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
-    let format = reader.format();
-    let (width, height) = reader.into_dimensions().map_err(|error| undecodable(&error))?;
+    let (format, decoder) = decoder_of(&mut encoded)?;
+    let (width, height) = decoder.dimensions();
+    drop(decoder);
     if width == 0 || height == 0 {
         return Err("it has no texels: export it again".into());
     }
@@ -152,9 +180,16 @@ pub fn image_size(mut encoded: impl EncodedImage) -> Result<[u32; 2], String> {
 /// # Errors
 /// What is wrong with it.
 pub fn is_finer_than_bytes(encoded: impl EncodedImage) -> Result<bool, String> {
-    let reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
-    let colours = reader.into_decoder().map_err(|error| undecodable(&error))?.color_type();
+    let colours = decoder_of(encoded)?.1.color_type();
     Ok(colours.bytes_per_pixel() > colours.channel_count())
+}
+
+/// Whether an image says how opaque each texel is.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn has_opacity(encoded: impl EncodedImage) -> Result<bool, String> {
+    Ok(decoder_of(encoded)?.1.color_type().has_alpha())
 }
 
 /// Texels of a block of a JPEG.
@@ -186,12 +221,49 @@ pub fn decode_image(mut encoded: impl EncodedImage) -> Result<DynamicImage, Stri
     encoded.rewind().map_err(|error| unreadable(&error))?;
     refuse_cut_jpeg(&mut encoded)?;
     encoded.rewind().map_err(|error| unreadable(&error))?;
-    let mut reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
+    ycbcr::refuse_lying_pieces(&mut encoded)?;
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    if let Some((directory, changes)) = whole_tiles(&mut encoded) {
+        let whole = decode(BufReader::new(directory.view(encoded, &changes)), size)?;
+        return Ok(whole.crop_imm(0, 0, size[0], size[1]));
+    }
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    decode(encoded, size)
+}
+
+/// What has to be changed in a TIFF so that it has its last tiles as a whole, if these are in LZW: the decoder stumbles over parts of their rows.
+fn whole_tiles(encoded: &mut impl EncodedImage) -> Option<(Directory, [(u16, u32); 2])> {
+    const LZW: u64 = 5;
+    if !matches!(encoded.fill_buf().ok()?, [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..]) {
+        return None;
+    }
+    let mut all = vec![];
+    let _ = Directory::read_all(encoded, &mut all);
+    let first = all.into_iter().next()?;
+    let [columns, rows] = first.size();
+    let tile = [tiff_directory::TILE_WIDTH, tiff_directory::TILE_LENGTH].map(|tag| first.get(tag));
+    let [Some(width @ 1..), Some(length @ 1..)] = tile else { return None };
+    let is_even = columns % width == 0 && rows % length == 0;
+    if first.get(tiff_directory::COMPRESSION) != Some(LZW) || is_even {
+        return None;
+    }
+    let padded = |count: u64, tile: u64| u32::try_from(count.div_ceil(tile).checked_mul(tile)?).ok();
+    let size = [padded(columns, width)?, padded(rows, length)?];
+    let is_small = texels_of(size) <= MAX_IMAGE_TEXELS;
+    let changes = [(tiff_directory::IMAGE_WIDTH, size[0]), (tiff_directory::IMAGE_LENGTH, size[1])];
+    is_small.then_some((first, changes))
+}
+
+/// Decodes an image that is about as large as another one.
+fn decode(encoded: impl EncodedImage, size: [u32; 2]) -> Result<DynamicImage, String> {
+    let (_, mut decoder) = decoder_of(encoded)?;
+    let size = [0, 1].map(|axis| size[axis].max([decoder.dimensions().0, decoder.dimensions().1][axis]));
     let mut limits = image::Limits::default();
     // The largest texel has four numbers of 32 bits.
     limits.max_alloc = Some(texels_of(size) * 16 + (16 << 20));
-    reader.limits(limits);
-    reader.decode().map_err(|error| undecodable(&error))
+    limits.reserve(decoder.total_bytes()).map_err(|error| undecodable(&error))?;
+    decoder.set_limits(limits).map_err(|error| undecodable(&error))?;
+    DynamicImage::from_decoder(decoder).map_err(|error| undecodable(&error))
 }
 
 /// Refuses a JPEG that has no end: its decoder fills what is missing with grey, and says nothing.
@@ -218,9 +290,9 @@ pub fn decoding_bytes(mut encoded: impl EncodedImage) -> Result<u64, String> {
     encoded.rewind().map_err(|error| unreadable(&error))?;
     let is_progressive = jpeg::is_progressive(&mut encoded).map_err(|error| unreadable(&error))?;
     encoded.rewind().map_err(|error| unreadable(&error))?;
-    let reader = ImageReader::new(encoded).with_guessed_format().map_err(|error| unreadable(&error))?;
-    let format = reader.format();
-    let decoder = reader.into_decoder().map_err(|error| undecodable(&error))?;
+    let is_ycbcr = ycbcr::is_ycbcr(&mut encoded).map_err(|error| unreadable(&error))?;
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    let (format, decoder) = decoder_of(encoded)?;
     let (width, height) = decoder.dimensions();
     let (colours, texels) = (decoder.color_type(), texels_of([width, height]));
     let decoded = u64::from(colours.bytes_per_pixel());
@@ -228,6 +300,8 @@ pub fn decoding_bytes(mut encoded: impl EncodedImage) -> Result<u64, String> {
         // All coefficients of a progressive image are there before the first row is: three of two bytes.
         (ColorType::Rgb8, Some(ImageFormat::Jpeg)) if is_progressive => decoded + 6,
         (ColorType::L8, Some(ImageFormat::Jpeg)) if is_progressive => decoded + 3,
+        // As luma and chroma, too.
+        (ColorType::Rgb8, _) if is_ycbcr => 2 * decoded,
         // Chroma is a quarter of luma.
         (ColorType::Rgb8, Some(ImageFormat::WebP)) => 2 * decoded,
         (ColorType::Rgb8, _) => decoded,

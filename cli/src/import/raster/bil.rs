@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use super::crs::Crs;
 use super::header::{Header, HeightRows};
 use super::lines::{Lines, place_of};
-use super::{ImportError, Parsed, grid_error};
+use super::sidecar::with_extension_in_any_case;
+use super::{ImportError, Parsed, envi, grid_error};
 use crate::import::error::Location;
 
 /// How a number is stored.
@@ -25,6 +26,16 @@ impl Number {
 
     /// That of `.gtx`.
     pub const BIG_FLOAT: Self = Self { bytes: 4, is_float: true, is_signed: true, is_big_endian: true };
+
+    /// Of so many bytes, at most 8.
+    pub fn new(bytes: usize, is_float: bool, is_signed: bool, is_big_endian: bool) -> Self {
+        Self { bytes, is_float, is_signed, is_big_endian }
+    }
+
+    /// Whether it is a float of 32 bits, and whether it is an integer.
+    pub fn kind(self) -> (bool, bool) {
+        (self.is_float && self.bytes == 4, !self.is_float)
+    }
 
     fn read(self, stored: &[u8]) -> f64 {
         let mut bytes = [0; 8];
@@ -76,6 +87,21 @@ impl FlatRows {
     pub fn after(self, first_byte: u64) -> Self {
         Self { first_byte, at: u64::MAX, ..self }
     }
+
+    /// Refuses a file that is too short for a size.
+    pub fn check_length(&self, [columns, rows]: [u32; 2]) -> Parsed<()> {
+        let path = || self.path.clone();
+        let length = self.file.get_ref().metadata().map_err(|source| ImportError::Io { path: path(), source })?.len();
+        let needed = u128::from(self.first_byte)
+            + u128::from(self.row_bytes) * u128::from(rows.saturating_sub(1))
+            + self.columns as u128 * self.number.bytes as u128;
+        if u128::from(length) >= needed {
+            return Ok(());
+        }
+        let missing =
+            format!("its header announces {columns} x {rows} samples, which take {needed} bytes, and it has {length}");
+        Err(ImportError::Truncated { path: path(), location: Location::Byte(length), missing }.into())
+    }
 }
 
 impl HeightRows for FlatRows {
@@ -103,19 +129,26 @@ impl HeightRows for FlatRows {
     }
 }
 
+/// The header of a file, which lies beside it.
+pub(super) fn header_of(path: &Path) -> Option<PathBuf> {
+    with_extension_in_any_case(path, "hdr")
+}
+
 pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
-    let hdr = path.with_extension("hdr");
-    if !hdr.is_file() {
+    let Some(hdr) = header_of(path) else {
+        let hdr = path.with_extension("hdr");
         let problem =
             format!("needs its header {}, which says how many rows and columns it has; put it there", hdr.display());
         return Err(grid_error(path, &problem));
+    };
+    if envi::is_header(&hdr) {
+        return envi::open(path, &hdr);
     }
     let lines = Lines::read(&hdr)?;
     let mut header = Header::new([lines.needed("NCOLS")?, lines.needed("NROWS")?]);
     let is_flt = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("flt"));
     let number = number_of(&lines, is_flt)?;
-    header.is_f32 = number.is_float && number.bytes == 4;
-    header.is_integer = !number.is_float;
+    (header.is_f32, header.is_integer) = number.kind();
     header.nodata = lines.number("NODATA")?.or(lines.number("NODATA_VALUE")?);
     header.place = place_of(&lines, header.size)?;
     header.crs = Crs::beside(path)?;
@@ -131,33 +164,36 @@ pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
     rows.first_byte = lines.number("SKIPBYTES")?.unwrap_or(0);
     let least = rows.row_bytes;
     rows.row_bytes = lines.number("TOTALROWBYTES")?.or(lines.number("BANDROWBYTES")?).unwrap_or(least).max(least);
-    let length = rows.file.get_ref().metadata().map_err(io)?.len();
-    let needed =
-        u128::from(rows.first_byte) + u128::from(rows.row_bytes) * u128::from(header.size[1] - 1) + u128::from(least);
-    if u128::from(length) < needed {
-        let missing = format!(
-            "its header announces {} x {} samples, which take {needed} bytes, and it has {length}",
-            header.size[0], header.size[1]
-        );
-        return Err(ImportError::Truncated { path: path.to_owned(), location: Location::Byte(length), missing }.into());
-    }
+    rows.check_length(header.size)?;
     Ok((header, Box::new(rows)))
 }
 
+/// How the header says that samples are stored: ESRI's PIXELTYPE, or the DATATYPE of others, as `INT2S`, `FLT4S` or `U16`.
 fn number_of(lines: &Lines, is_flt: bool) -> Parsed<Number> {
-    let bits: u32 = lines.number("NBITS")?.unwrap_or(if is_flt { 32 } else { 16 });
-    let kind = lines.text("PIXELTYPE").unwrap_or_default().to_ascii_uppercase();
-    let is_float = kind.contains("FLOAT") || is_flt && kind.is_empty();
+    let said = lines.text("PIXELTYPE").or(lines.text("DATATYPE")).unwrap_or_default().to_ascii_uppercase();
+    let digits: String = said.chars().filter(char::is_ascii_digit).collect();
+    // R counts bytes, all others bits.
+    let bits_of_kind = digits.parse::<u32>().ok().map(|count| if count < 8 { 8 * count } else { count });
+    let bits: u32 = lines.number("NBITS")?.or(bits_of_kind).unwrap_or(if is_flt { 32 } else { 16 });
+    let kind: &str = said.trim_matches(|c: char| c.is_ascii_digit());
+    let is_float = kind.starts_with(['F', 'D', 'R']) || is_flt && kind.is_empty();
     // Headers of 16 bits without a type are those of heights, which have a sign (GTOPO30).
-    let is_signed = !kind.contains("UNSIGNED") && (kind.contains("SIGNED") || bits == 16);
+    let is_unsigned = kind.starts_with(['B', 'U']) || kind.ends_with('U') || kind.is_empty() && bits != 16;
     let order = lines.text("BYTEORDER").unwrap_or_default().to_ascii_uppercase();
-    let is_big_endian = matches!(order.as_str(), "M" | "MSBFIRST");
+    let is_big_endian = match order.chars().next() {
+        None | Some('I' | 'L' | '0') => false,
+        Some('M' | 'B' | '1') => true,
+        Some(_) => {
+            let problem = format!("says BYTEORDER \"{order}\"; write I for Intel's or M for Motorola's");
+            return Err(grid_error(&lines.path, &problem));
+        }
+    };
     let is_known = if is_float { matches!(bits, 32 | 64) } else { matches!(bits, 8 | 16 | 32) };
     if !is_known {
         let problem = format!(
-            "says NBITS {bits} and PIXELTYPE \"{kind}\"; integers of 8, 16 and 32 bits and floats of 32 and 64 can be read"
+            "says NBITS {bits} and PIXELTYPE \"{said}\"; integers of 8, 16 and 32 bits and floats of 32 and 64 can be read"
         );
         return Err(grid_error(&lines.path, &problem));
     }
-    Ok(Number { bytes: (bits / 8) as usize, is_float, is_signed, is_big_endian })
+    Ok(Number { bytes: (bits / 8) as usize, is_float, is_signed: !is_unsigned, is_big_endian })
 }

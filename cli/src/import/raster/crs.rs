@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use super::lengths::{self, of_factor};
+use super::sidecar::with_extension;
 use super::wkt::{self, Node};
 use super::{Parsed, grid_error};
 
@@ -315,7 +316,7 @@ impl Crs {
 
     /// The system in the `.prj` beside a file. What is not there says nothing.
     pub fn beside(path: &Path) -> Parsed<Self> {
-        Self::in_prj(&path.with_extension("prj"))
+        with_extension(path, "prj").map_or_else(|| Ok(Self::default()), |prj| Self::in_prj(&prj))
     }
 
     /// The system in a `.prj`. What is not there says nothing; what is no WKT is remarked.

@@ -4,15 +4,17 @@ use std::path::Path;
 
 use lodpack::heights::Ramp;
 
-use super::crs::CrsKind;
+use super::affine::{of_world_file, placed};
+use super::crs::{Crs, CrsKind};
 use super::header::Georeference;
 use super::mosaic::Mosaic;
 use super::options::RasterOptions;
-use super::{Parsed, grid_error, tiff};
+use super::{Parsed, grid_error, mask, tiff};
 use crate::import::sink::MeshSink;
+use crate::import::usable_image::check;
 use crate::mesh::appearance::{AlphaMode, COLOUR, Material, TextureUse, Wrap};
 use crate::mesh::attributes::AttributeLayout;
-use crate::mesh::images::ImageSource;
+use crate::mesh::images::{EncodedImage, ImageSource, has_opacity, image_size, unreadable};
 use crate::mesh::srgb::linear_from_srgb;
 use crate::progress::Progress;
 
@@ -33,8 +35,9 @@ impl Painter {
         }
         let mut layout = AttributeLayout::default();
         if let Some(drape) = &options.drape {
-            painter.image = Some(placed(mosaic, drape, progress)?);
-            let image = sink.attributes.add_image(ImageSource::File { path: drape.clone(), range: None });
+            let image = ImageSource::File { path: drape.clone(), range: None };
+            painter.image = Some(map_of(mosaic, drape, &image, progress)?);
+            let image = sink.attributes.add_image(image);
             let texture = TextureUse { image, uv_set: 0, wrap: [Wrap::Clamp; 2], transform: None };
             let name = drape.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
             let alpha = AlphaMode::Opaque;
@@ -96,12 +99,27 @@ fn colour(ramp: &Ramp, height: f64) -> [f32; 4] {
     [mixed[0], mixed[1], mixed[2], 1.0]
 }
 
+/// What to do about an image that cannot be shown.
+const REMEDY: &str = "convert it first, with `gdal_translate -of PNG`, and `-expand rgb` if it has a palette";
+
 /// The map from columns and rows to an image: by its own georeference, or over the whole grid, whose edges are half a sample outside.
-fn placed(mosaic: &Mosaic, drape: &Path, progress: &dyn Progress) -> Parsed<[[f64; 2]; 2]> {
+fn map_of(mosaic: &Mosaic, drape: &Path, image: &ImageSource, progress: &dyn Progress) -> Parsed<[[f64; 2]; 2]> {
+    // Somebody asked for it, so a surface without it would not be what was asked for.
+    let refuse = |problem: String| grid_error(drape, &format!("cannot be shown: {problem}; {REMEDY}"));
+    let extent = check(image).and_then(|()| image_size(open(image)?)).map_err(refuse)?;
+    let (affine, crs, has_mask) = tiff::place_of_image(drape)?.unwrap_or_default();
+    if has_mask || mask::beside(drape).is_some() || has_opacity(open(image).map_err(refuse)?).map_err(refuse)? {
+        let problem = "says how opaque its pixels are, or which of them count; all are shown as if they were opaque";
+        progress.note(&format!("{}: {problem}", drape.display()));
+    }
+    let affine = match affine {
+        Some(affine) => Some(affine),
+        None => of_world_file(drape)?,
+    };
+    let crs = if crs == Crs::default() { Crs::beside(drape)? } else { crs };
     let size = mosaic.size.map(|size| size as f64);
     let whole = [size.map(|size| 1.0 / size), size.map(|size| 0.5 / size)];
-    let Some((header, crs)) = tiff::place_of_image(drape)? else { return Ok(whole) };
-    let Some(image) = header.place else { return Ok(whole) };
+    let (Some(image), turned) = placed(affine, drape, extent)? else { return Ok(whole) };
     if !crs.name.is_empty() && !mosaic.crs.name.is_empty() && crs.name != mosaic.crs.name {
         let problem = format!(
             "is in {}, and the grid in {}; bring it into the same, with `gdalwarp -t_srs`",
@@ -110,9 +128,9 @@ fn placed(mosaic: &Mosaic, drape: &Path, progress: &dyn Progress) -> Parsed<[[f6
         return Err(grid_error(drape, &problem));
     }
     let Georeference { first, spacing } = mosaic.place;
-    let extent = header.size.map(f64::from);
+    let extent = extent.map(f64::from);
     // Coordinates of the image count from its edge, half a pixel before the first sample.
-    let scale = [spacing[0] / (image.spacing[0] * extent[0]), spacing[1] / (image.spacing[1] * extent[1])];
+    let mut scale = [spacing[0] / (image.spacing[0] * extent[0]), spacing[1] / (image.spacing[1] * extent[1])];
     let mut offset = [
         ((first[0] - image.first[0]) / image.spacing[0] + 0.5) / extent[0],
         ((image.first[1] - first[1]) / image.spacing[1] + 0.5) / extent[1],
@@ -135,5 +153,13 @@ fn placed(mosaic: &Mosaic, drape: &Path, progress: &dyn Progress) -> Parsed<[[f6
     if left > 1.0 || top > 1.0 || right < 0.0 || bottom < 0.0 {
         return Err(grid_error(drape, "lies beside the grid: their georeferences do not meet; check its CRS"));
     }
+    for axis in [0, 1].into_iter().filter(|&axis| turned[axis]) {
+        (scale[axis], offset[axis]) = (-scale[axis], 1.0 - offset[axis]);
+    }
     Ok([scale, offset])
+}
+
+/// The encoded bytes of an image.
+fn open(image: &ImageSource) -> Result<Box<dyn EncodedImage + '_>, String> {
+    image.open(None).map_err(|error| unreadable(&error))
 }

@@ -2,6 +2,8 @@
 //!
 //! Blocks of an image may come in any order, so it is held as a whole.
 
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
 use ::exr::error::Error;
@@ -11,6 +13,7 @@ use ::exr::prelude::{ReadChannels, ReadLayers, ReadSpecificChannel, Vec2, read};
 use super::header::{Header, HeightRows};
 use super::{ImportError, Parsed, grid_error};
 use crate::import::error::Location;
+use crate::mesh::images::unread_exr_compression;
 
 /// An image has at most so many samples: a gigabyte of them.
 const MAX_SAMPLES: usize = 1 << 28;
@@ -28,6 +31,11 @@ type Read = ([usize; 2], Vec<f32>);
 
 pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
     let fault = |error| damaged(path, error);
+    let file = File::open(path).map_err(|source| ImportError::Io { path: path.to_owned(), source })?;
+    if let Ok(Some(compression)) = unread_exr_compression(BufReader::new(file)) {
+        let (feature, remedy) = (format!("{compression} compression"), "save it again with ZIP compression");
+        return Err(ImportError::Unsupported { path: path.to_owned(), feature, remedy }.into());
+    }
     let metadata = MetaData::read_from_file(path, false).map_err(fault)?;
     let channels: Vec<String> = match metadata.headers.first() {
         Some(header) => header.channels.list.iter().map(|channel| channel.name.to_string()).collect(),
@@ -93,9 +101,13 @@ fn damaged(path: &Path, error: Error) -> Box<ImportError> {
             let missing = "the image's data does not go on".into();
             ImportError::Truncated { path, location: Location::Byte(0), missing }
         }
+        Error::NotSupported(what) => ImportError::Unsupported {
+            path,
+            feature: what.into_owned(),
+            remedy: "save it again as scan lines with one channel and ZIP compression",
+        },
         other => {
-            let problem =
-                format!("{other}; the EXR is damaged, or of a kind that is not read: save it again with one channel");
+            let problem = format!("{other}; the EXR is damaged: copy or save it again");
             ImportError::Syntax { path, location: Location::Byte(0), problem }
         }
     }

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use super::affine::Affine;
 use super::crs::{Body, Crs, CrsKind, Vertical, length, unknown};
-use super::header::Georeference;
 use super::{Parsed, grid_error, lengths};
 
 /// Numbers of keys, for those who write them, too.
@@ -86,35 +86,26 @@ impl GeoTags {
         self.key(wanted).filter(|&code| code != 0 && code != USER_DEFINED)
     }
 
-    /// Where the samples are; none if the file does not say.
-    pub fn place(&self, path: &Path) -> Parsed<Option<Georeference>> {
-        // The affine map from column and row to x and y: origin, then the vectors of a column and of a row.
-        let (origin, column, row) = match (&self.transformation[..], &self.pixel_scale[..], &self.tiepoints[..]) {
+    /// From columns and rows to places; none if the file does not say.
+    pub fn place(&self, path: &Path) -> Parsed<Option<Affine>> {
+        let (corner, column, row) = match (&self.transformation[..], &self.pixel_scale[..], &self.tiepoints[..]) {
             ([a, b, _, d, e, f, _, h, ..], ..) => ([*d, *h], [*a, *e], [*b, *f]),
-            (_, [x, y, ..], [i, j, _, at_x, at_y, ..]) => ([at_x - i * x, at_y + j * y], [*x, 0.0], [0.0, -y]),
+            // Rows run to the south whatever the sign of their height, as GDAL has it.
+            (_, [x, y, ..], [i, j, _, at_x, at_y, ..]) => {
+                let y = y.abs();
+                ([at_x - i * x, at_y + j * y], [*x, 0.0], [0.0, -y])
+            }
             (_, [], []) => return Ok(None),
             _ => {
                 let problem = "is placed by points alone or by incomplete tags; rectify it first, with `gdalwarp`";
                 return Err(grid_error(path, problem));
             }
         };
-        if column[1] != 0.0 || row[0] != 0.0 {
-            return Err(grid_error(
-                path,
-                "is rotated: its rows do not run to the east; rectify it first, with `gdalwarp`",
-            ));
-        }
-        if column[0] < 0.0 || row[1] > 0.0 {
-            let problem =
-                "has its first row in the south or its first column in the east; turn it over first, with `gdalwarp`";
-            return Err(grid_error(path, problem));
-        }
-        let spacing = [column[0], -row[1]];
         // A pixel is an area, and its sample lies in the middle, unless the file says that pixels are points.
         let is_point = self.key(RASTER_TYPE) == Some(2);
         let shift = if is_point { 0.0 } else { 0.5 };
-        let first = [origin[0] + shift * spacing[0], origin[1] - shift * spacing[1]];
-        Ok(Some(Georeference { first, spacing }))
+        let first = [0, 1].map(|axis| corner[axis] + shift * column[axis] + shift * row[axis]);
+        Ok(Some(Affine { first, column, row }))
     }
 
     /// The system, and what it says about heights.

@@ -16,10 +16,14 @@ pub(super) struct Header {
     pub size: [u32; 2],
     /// Where the samples are; none if the file does not say.
     pub place: Option<Georeference>,
+    /// Whether the file has its columns from the east, and its rows from the south.
+    pub turned: [bool; 2],
     /// Whether coordinates begin at the south-western sample, because nobody knows where that is.
     pub is_local: bool,
     /// The value of samples without data.
     pub nodata: Option<f64>,
+    /// Whether somebody said that every number is a height.
+    pub are_all_heights: bool,
     /// The coordinate reference system.
     pub crs: Crs,
     /// Metres in a unit of the heights, where it is known.
@@ -54,8 +58,10 @@ impl Header {
         Self {
             size,
             place: None,
+            turned: [false; 2],
             is_local: false,
             nodata: None,
+            are_all_heights: false,
             crs,
             vertical: None,
             scale: [1.0, 0.0],
@@ -109,7 +115,7 @@ impl Header {
         self.vertical = options.vertical_unit.map(|unit| unit.metres).or(self.vertical).or(of_system);
         match options.nodata {
             Some(Nodata::Value(value)) => self.nodata = Some(value),
-            Some(Nodata::None) => self.nodata = None,
+            Some(Nodata::None) => (self.nodata, self.are_all_heights) = (None, true),
             None => {}
         }
         if self.is_f32 {

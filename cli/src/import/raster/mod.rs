@@ -1,15 +1,17 @@
 //! Rasters: grids of heights become triangles. Rows are read from north to south and handed on, so memory holds a few of them whatever
 //! the size of the grid.
 //!
-//! `header` says what a file tells about its grid; a file a format (`tiff`, `hgt`, `asc`, `bil`, `png`, `exr`, `lerc`, `gtx`) reads
+//! `header` says what a file tells about its grid; a file a format (`tiff`, `hgt`, `asc`, `bil`, `envi`, `png`, `exr`, `lerc`, `gtx`) reads
 //! headers and rows. `mosaic` joins files whose grids agree, `surface` knows where a sample is on a plane, a sphere or the ellipsoid, and
 //! `triangulate` makes vertices and triangles. `drape` adds colours,
 //! and `geoid` the height of the geoid.
 
+mod affine;
 mod asc;
 mod bil;
 mod crs;
 mod drape;
+mod envi;
 mod exr;
 mod geoid;
 pub(crate) mod geokeys;
@@ -20,10 +22,12 @@ mod hgt;
 pub(crate) mod lengths;
 mod lerc;
 mod lines;
+mod mask;
 mod mosaic;
 mod options;
 mod png;
 mod ramp;
+mod sidecar;
 mod surface;
 mod tiff;
 mod triangulate;
@@ -39,6 +43,7 @@ use super::source::FileBytes;
 use crate::mesh::tolerance::Unit;
 use crate::progress::{Progress, Silent};
 
+use affine::{Turned, of_world_file, placed};
 pub(crate) use crs::{Body, Crs, CrsKind};
 use header::{Header, HeightRows};
 pub use heights::HeightSource;
@@ -89,7 +94,9 @@ pub(super) fn detect(path: &Path, bytes: &[u8]) -> Option<RasterFormat> {
         "gtx" => Some(RasterFormat::Gtx),
         "hgt" => Some(RasterFormat::Hgt),
         "asc" => Some(RasterFormat::Asc),
-        "bil" | "flt" | "dem" | "raw" => Some(RasterFormat::Bil),
+        "bil" | "bip" | "bsq" | "flt" | "dem" | "raw" => Some(RasterFormat::Bil),
+        // Other programs have these extensions, too.
+        "img" | "dat" if envi::is_beside(path) => Some(RasterFormat::Bil),
         _ if asc::looks_like_asc(bytes) => Some(RasterFormat::Asc),
         _ => None,
     }
@@ -107,29 +114,42 @@ pub(super) fn format_of(path: &Path) -> Option<RasterFormat> {
 
 /// The header files and projections that belong to a raster.
 pub(super) fn files_beside(path: &Path, format: RasterFormat) -> Vec<PathBuf> {
-    let named = |extension: &str| path.with_extension(extension);
-    let files = match format {
-        RasterFormat::Bil => vec![named("hdr"), named("prj")],
-        RasterFormat::Asc => vec![named("prj")],
-        _ => vec![],
-    };
-    files.into_iter().filter(|file| file.is_file()).collect()
+    let header = (format == RasterFormat::Bil).then(|| bil::header_of(path)).flatten();
+    header.into_iter().chain(sidecars(path)).collect()
+}
+
+/// The files that say where a raster or an image is, and which samples of it count.
+pub(super) fn sidecars(path: &Path) -> Vec<PathBuf> {
+    [sidecar::with_extension(path, "prj"), affine::world_file(path), mask::beside(path)].into_iter().flatten().collect()
 }
 
 /// Opens a raster: what it says about its grid, and where its rows come from.
 fn open(path: &Path, options: &RasterOptions) -> Parsed<(Header, Box<dyn HeightRows>)> {
     let format = format_of(path).ok_or_else(|| grid_error(path, "is no raster that can be read"))?;
+    let with_masks = options.nodata != Some(Nodata::None);
     let (mut header, rows) = match format {
-        RasterFormat::Tiff => tiff::open(path)?,
+        RasterFormat::Tiff => tiff::open(path, with_masks)?,
         RasterFormat::Hgt => hgt::open(path)?,
         RasterFormat::Asc => asc::open(path)?,
         RasterFormat::Bil => bil::open(path)?,
-        RasterFormat::Png => png::open(path, options.height_code)?,
+        RasterFormat::Png => png::open(path, options.height_code, with_masks)?,
         RasterFormat::Exr => exr::open(path)?,
         RasterFormat::Lerc => lerc::open(path)?,
         RasterFormat::Gtx => gtx::open(path)?,
     };
+    if header.place.is_none() {
+        (header.place, header.turned) = placed(of_world_file(path)?, path, header.size)?;
+    }
+    if header.crs == Crs::default() {
+        header.crs = Crs::beside(path)?;
+    }
     header.complete(path, options)?;
+    if header.turned[1] && matches!(format, RasterFormat::Png | RasterFormat::Asc) {
+        let problem = "has its first row in the south by its world file, and is read from its first row on; turn it over, with `gdalwarp`";
+        return Err(grid_error(path, problem));
+    }
+    let rows = if with_masks { mask::masked(path, header.size, rows)? } else { rows };
+    let rows = Turned::over(rows, header.turned, header.size[1]);
     Ok((header, rows))
 }
 

@@ -362,11 +362,21 @@ fn check_alike([path, other]: [&Path; 2], [first, header]: [&Header; 2]) -> Pars
     Ok(())
 }
 
+/// Heights as far from zero as this are no heights of anything: they are the largest numbers of their kind, which programs write where they
+/// have no data.
+const NO_HEIGHT: f64 = 1e30;
+
 /// Puts NaN where there is no height, and scales the others.
 pub(super) fn clean(header: &Header, heights: &mut [f64]) {
     let nodata = header.nodata.unwrap_or(f64::NAN);
+    // Texts have fewer digits than numbers: two steps of these are no difference, as GDAL has it.
+    let step = if header.is_f32 { f64::from(f32::EPSILON) } else { f64::EPSILON };
+    let has_slack = !header.is_integer && nodata.is_finite();
+    let slack = if has_slack { 4.0 * step * nodata.abs() } else { 0.0 };
+    let most = if header.are_all_heights { f64::INFINITY } else { NO_HEIGHT };
     for height in heights.iter_mut() {
-        *height = if *height == nodata || !height.is_finite() { f64::NAN } else { *height };
+        let is_height = height.abs() < most && !((*height - nodata).abs() <= slack);
+        *height = if is_height { *height } else { f64::NAN };
     }
     let [scale, offset] = header.scale;
     if header.scale != [1.0, 0.0] {

@@ -15,8 +15,12 @@ use crate::import::error::Location;
 struct PngRows {
     path: PathBuf,
     reader: Reader<BufReader<File>>,
-    /// Bytes of a pixel, and those of its height.
+    /// Bytes of a pixel.
     pixel_bytes: usize,
+    /// The pixel that stands for no data.
+    absent: Option<Vec<u8>>,
+    /// Bytes of the opacity at the end of a pixel: what is transparent has no data.
+    alpha: usize,
     code: Code,
     next: u32,
 }
@@ -29,7 +33,8 @@ enum Code {
     Terrarium,
 }
 
-pub(super) fn open(path: &Path, code: HeightCode) -> Parsed<(Header, Box<dyn HeightRows>)> {
+/// Opens a PNG, without what its own opacity leaves out if that counts.
+pub(super) fn open(path: &Path, code: HeightCode, with_masks: bool) -> Parsed<(Header, Box<dyn HeightRows>)> {
     let file = File::open(path).map_err(|source| ImportError::Io { path: path.to_owned(), source })?;
     let mut decoder = Decoder::new_with_limits(BufReader::new(file), Limits { bytes: 256 << 20 });
     decoder.set_transformations(Transformations::IDENTITY);
@@ -68,7 +73,11 @@ pub(super) fn open(path: &Path, code: HeightCode) -> Parsed<(Header, Box<dyn Hei
         header.vertical = Some(1.0);
     }
     let pixel_bytes = channels * if info.bit_depth == BitDepth::Sixteen { 2 } else { 1 };
-    let rows = PngRows { path: path.to_owned(), reader, pixel_bytes, code, next: 0 };
+    // Grey or colour that stands for nothing, as pixels have it.
+    let absent = info.trns.as_ref().filter(|_| with_masks).map(|pixel| pixel.to_vec());
+    let sample_bytes = pixel_bytes / channels;
+    let alpha = if with_masks && matches!(channels, 2 | 4) { sample_bytes } else { 0 };
+    let rows = PngRows { path: path.to_owned(), reader, pixel_bytes, absent, alpha, code, next: 0 };
     Ok((header, Box::new(rows)))
 }
 
@@ -87,7 +96,11 @@ impl HeightRows for PngRows {
                 continue;
             }
             for (height, pixel) in heights.iter_mut().zip(next.data().chunks_exact(self.pixel_bytes)) {
+                let opacity = &pixel[self.pixel_bytes - self.alpha..];
+                let is_absent = self.absent.as_deref() == Some(pixel)
+                    || !opacity.is_empty() && opacity.iter().all(|byte| *byte == 0);
                 *height = match (self.code, pixel) {
+                    _ if is_absent => f64::NAN,
                     (Code::Grey16, [high, low, ..]) => f64::from(u16::from_be_bytes([*high, *low])),
                     (Code::Terrarium, [red, green, blue, ..]) => {
                         f64::from(*red) * 256.0 + f64::from(*green) + f64::from(*blue) / 256.0 - 32768.0

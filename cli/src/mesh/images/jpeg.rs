@@ -28,12 +28,26 @@ fn find_marker(encoded: &mut impl EncodedImage, is_wanted: impl Fn(u8) -> bool) 
     }
 }
 
+/// Whether a marker is that of a frame: 0xC0 to 0xCF, but for three of tables.
+fn is_frame(marker: u8) -> bool {
+    (0xC0..=0xCF).contains(&marker) && ![0xC4, 0xC8, 0xCC].contains(&marker)
+}
+
 /// Whether the first frame of a JPEG is progressive.
 pub(super) fn is_progressive(encoded: &mut impl EncodedImage) -> io::Result<bool> {
-    /// The markers of frames are 0xC0 to 0xCF, but for three of tables.
-    const OTHERS: [u8; 3] = [0xC4, 0xC8, 0xCC];
-    let is_frame = |marker: u8| (0xC0..=0xCF).contains(&marker) && !OTHERS.contains(&marker);
     Ok(find_marker(encoded, is_frame)?.is_some_and(|marker| marker & 3 == 2))
+}
+
+/// Columns and rows of the first frame of a JPEG.
+pub(super) fn frame_size(encoded: &mut impl EncodedImage) -> io::Result<Option<[u32; 2]>> {
+    if find_marker(encoded, is_frame)?.is_none() {
+        return Ok(None);
+    }
+    // Two bytes of length and one of depth come first.
+    let mut frame = [0; 7];
+    encoded.read_exact(&mut frame)?;
+    let [_, _, _, a, b, c, d] = frame;
+    Ok(Some([u16::from_be_bytes([c, d]), u16::from_be_bytes([a, b])].map(u32::from)))
 }
 
 /// Whether something is a JPEG without the marker of its end: its decoder fills what is missing with grey, and says nothing.

@@ -189,3 +189,121 @@ fn progressive_images_are_told_by_their_frame() {
     assert_eq!(is_progressive(b"RIFF"), Some(false));
     assert_eq!(is_progressive(b"\xFF\xD8\xFF"), None);
 }
+
+/// A TIFF whose tiles of 64 x 64 texels are JPEG of luma and chroma, in the order of the machine that it is for, with its tables apart or not.
+fn ycbcr(image: &image::RgbImage, has_tables: bool, is_big_endian: bool) -> Vec<u8> {
+    use lodpack_tests::tiff::{Image, Values, file};
+    let (columns, rows) = image.dimensions();
+    let (mut pieces, mut tables) = (vec![], vec![]);
+    for [x, y] in (0..rows.div_ceil(64)).flat_map(|y| (0..columns.div_ceil(64)).map(move |x| [x, y])) {
+        let within = |dx: u32, dy: u32| *image.get_pixel((64 * x + dx).min(columns - 1), (64 * y + dy).min(rows - 1));
+        let mut jpeg = vec![];
+        image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 95)
+            .encode_image(&image::RgbImage::from_fn(64, 64, within))
+            .unwrap();
+        if has_tables {
+            jpeg = without_tables(&jpeg, &mut tables);
+        }
+        pieces.push(jpeg);
+    }
+    let tags = Image::grey([columns, rows], 8, 1, vec![]);
+    let mut image = Image { pieces, ..tags };
+    image.tags.retain(|(tag, _)| !matches!(tag, 278));
+    for (tag, values) in [
+        (258, Values::Short(vec![8; 3])),
+        (259, Values::Short(vec![7])),
+        (262, Values::Short(vec![6])),
+        (277, Values::Short(vec![3])),
+        (339, Values::Short(vec![1; 3])),
+        (322, Values::Long(vec![64])),
+        (323, Values::Long(vec![64])),
+        (530, Values::Short(vec![2, 2])),
+    ] {
+        image = image.with(tag, values);
+    }
+    if has_tables {
+        image = image.with(347, Values::Bytes(tables));
+    }
+    file(&[image], is_big_endian)
+}
+
+/// A JPEG without its tables, which become a JPEG of nothing else.
+fn without_tables(jpeg: &[u8], tables: &mut Vec<u8>) -> Vec<u8> {
+    let (mut rest, mut at) = (vec![0xFF, 0xD8], 2);
+    *tables = vec![0xFF, 0xD8];
+    while jpeg[at + 1] != 0xDA {
+        let end = at + 2 + usize::from(u16::from_be_bytes([jpeg[at + 2], jpeg[at + 3]]));
+        let is_table = matches!(jpeg[at + 1], 0xC4 | 0xDB);
+        if is_table { &mut *tables } else { &mut rest }.extend(&jpeg[at..end]);
+        at = end;
+    }
+    tables.extend([0xFF, 0xD9]);
+    rest.extend(&jpeg[at..]);
+    rest
+}
+
+#[test]
+fn tiffs_of_luma_and_chroma_have_the_colours_of_their_jpegs() {
+    let texel = |x: u32, y: u32| image::Rgb([(x * 2) as u8, (200 - y) as u8, (60 + x / 2 + y / 2) as u8]);
+    let image = image::RgbImage::from_fn(100, 70, texel);
+    for (has_tables, is_big_endian) in [(false, false), (true, false), (true, true)] {
+        let bytes = ycbcr(&image, has_tables, is_big_endian);
+        assert_eq!(image_size(Cursor::new(&bytes)), Ok([100, 70]));
+        assert_eq!(is_finer_than_bytes(Cursor::new(&bytes)), Ok(false));
+        assert_eq!(has_opacity(Cursor::new(&bytes)), Ok(false));
+        assert_eq!(decoding_bytes(Cursor::new(&bytes)).unwrap(), bytes.len() as u64 + 6 * 7000);
+        let decoded = decode_image(Cursor::new(&bytes)).unwrap().into_rgb8();
+        let off = decoded.iter().zip(image.iter()).map(|(a, b)| a.abs_diff(*b)).max();
+        assert!(off <= Some(8), "{off:?}");
+    }
+}
+
+#[test]
+fn damaged_tiffs_of_luma_and_chroma_are_refused_and_allocate_nothing() {
+    let image = image::RgbImage::from_fn(80, 30, |x, y| image::Rgb([x as u8, y as u8, 77]));
+    let bytes = ycbcr(&image, true, false);
+    for at in 0..bytes.len() {
+        for value in [0xFF, bytes[at] ^ 1] {
+            let mut damaged = bytes.clone();
+            damaged[at] = value;
+            // Whatever is said, nothing panics and nothing large is allocated.
+            if image_size(Cursor::new(&damaged)).is_ok_and(|size| texels_of(size) < 1 << 20) {
+                let _ = decode_image(Cursor::new(&damaged));
+            }
+        }
+    }
+    let problem = decode_image(Cursor::new(&bytes[..bytes.len() - 100])).unwrap_err();
+    assert!(problem.contains("it is damaged (its data end too early)"), "{problem}");
+    // A tile that says it has 65535 x 65535 texels.
+    let frame = bytes.windows(2).rposition(|two| two == [0xFF, 0xC0]).unwrap();
+    let mut lying = bytes.clone();
+    lying[frame + 5..frame + 9].fill(0xFF);
+    let problem = decode_image(Cursor::new(&lying)).unwrap_err();
+    assert!(problem.contains("declares 65535 x 65535 texels"), "{problem}");
+}
+
+#[test]
+fn compressions_that_are_not_read_are_named() {
+    use lodpack_tests::tiff::{Image, Values, file};
+    let image = |number| Image::grey([4, 4], 8, 1, vec![0; 16]).with(259, Values::Short(vec![number]));
+    for (number, name) in [(34925, "LZMA (34925)"), (34887, "LERC"), (6, "JPEG of TIFF 6.0"), (1, "")] {
+        let bytes = file(&[image(number)], false);
+        let problem = image_size(Cursor::new(&bytes)).err().unwrap_or_default();
+        assert_eq!(problem.contains(&format!("its compression {name}")), number != 1, "{problem}");
+    }
+    let mut exr = encoded_exr();
+    assert!(image_size(Cursor::new(&exr)).is_ok());
+    let at = exr.windows(24).position(|bytes| bytes == b"compression\0compression\0").unwrap() + 28;
+    exr[at] = 13;
+    assert!(image_size(Cursor::new(&exr)).unwrap_err().contains("its compression ZSTD is not read"));
+    for at in 0..exr.len() {
+        let _ = unread_exr_compression(&exr[..at]);
+    }
+}
+
+fn encoded_exr() -> Vec<u8> {
+    let image = DynamicImage::ImageRgb32F(image::ImageBuffer::from_pixel(4, 4, image::Rgb([0.5; 3])));
+    let mut bytes = Cursor::new(vec![]);
+    image.write_to(&mut bytes, ImageFormat::OpenExr).unwrap();
+    bytes.into_inner()
+}
