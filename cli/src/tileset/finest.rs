@@ -27,6 +27,8 @@ struct TileLines {
     lines: Vec<TileLine>,
     /// Where they are in the tile, the first and the last one left out.
     units: Vec<i32>,
+    /// The same before they are rounded, of all lines.
+    exact: Vec<f64>,
 }
 
 /// One axis of a file.
@@ -82,7 +84,8 @@ impl Axis {
             k => (share(line).round() as i32).clamp(k, LAST as i32 - (count - 1 - k)),
         };
         let units = (0..).zip(&lines[1..lines.len() - 1]).map(unit).collect();
-        TileLines { lines, units }
+        let exact = lines.iter().map(share).collect();
+        TileLines { lines, units, exact }
     }
 }
 
@@ -185,11 +188,34 @@ pub(super) fn finest_tile<S: ReadAt>(
         .flat_map(|row| heights[index(1, row)..index(width - 1, row)].iter().copied())
         .collect();
     let range = range_of(&own);
+    // A vertex at a rounded place has the height of the surface there, not that of its sample. On a border it follows from the border alone.
+    let moved = |column: usize, row: usize| {
+        let height = |column: usize, row: usize| heights[index(column, row)];
+        let change = |rounded: i32, around: [f64; 3], [before, behind]: [f64; 2]| {
+            let away = f64::from(rounded) - around[1];
+            if away == 0.0 || around[2] <= around[0] { 0.0 } else { away * (behind - before) / (around[2] - around[0]) }
+        };
+        let of = |lines: &TileLines, k: usize| [lines.exact[k - 1], lines.exact[k], lines.exact[k + 1]];
+        let is_border = |lines: &TileLines, k: usize| k == 1 || k == lines.units.len();
+        let east = match is_border(&columns, column) {
+            true => 0.0,
+            false => change(
+                columns.units[column - 1],
+                of(&columns, column),
+                [height(column - 1, row), height(column + 1, row)],
+            ),
+        };
+        let south = match is_border(&rows, row) {
+            true => 0.0,
+            false => change(rows.units[row - 1], of(&rows, row), [height(column, row - 1), height(column, row + 1)]),
+        };
+        (height(column, row) + east + south).clamp(range[0], range[1])
+    };
     let unit = |column: usize, row: usize| [columns.units[column - 1], LAST as i32 - rows.units[row - 1]];
     // As a decoder has it.
     let drawn = |column: usize, row: usize| {
         let [u, v] = unit(column, row).map(|unit| f64::from(unit) / LAST);
-        let height = range[0] + f64::from(quantized(heights[index(column, row)], range)) / LAST * (range[1] - range[0]);
+        let height = range[0] + f64::from(quantized(moved(column, row), range)) / LAST * (range[1] - range[0]);
         let line = |degrees: f64| TileLine { degrees, between: None };
         at(&line(west + u * side), &line(south + v * side), height)
     };
@@ -210,7 +236,7 @@ pub(super) fn finest_tile<S: ReadAt>(
     let vertex = |&[column, row]: &[i32; 2]| {
         let (column, row) = (column as usize + 1, row as usize + 1);
         let [u, v] = unit(column, row);
-        [u, v, quantized(heights[index(column, row)], range)]
+        [u, v, quantized(moved(column, row), range)]
     };
     let content = Content {
         vertices: patch.vertices.iter().map(vertex).collect(),

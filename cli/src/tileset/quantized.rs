@@ -28,6 +28,8 @@ pub const LAYER: &str = "layer.json";
 const LEVEL_ZERO_ERROR: f64 = A * std::f64::consts::TAU * 0.25 / (65.0 * 2.0);
 /// The share of that which a tile may be off. Cesium draws tiles that are two pixels off, so this is half a pixel.
 const TOLERANCE_SHARE: f64 = 0.25;
+/// The share of the error of the file's samples that fewer triangles may add to it at the last level.
+const SAMPLE_SHARE: f64 = 0.02;
 /// Cells along the side of a tile.
 const TILE_CELLS: usize = 64;
 const TILE_SIDE: usize = TILE_CELLS + 1;
@@ -105,7 +107,8 @@ pub fn write_quantized<S: ReadAt + Sync>(
     };
     let last = (0..MAX_LEVEL).find(|&level| is_fine(level) || is_enough(level)).unwrap_or(MAX_LEVEL);
     // Nothing is finer than the last level, so it is as fine as the file, or as is asked for.
-    let least = tolerance.unwrap_or(0.0).max(file.info().sample_error * surface.height_scale);
+    let sample_error = file.info().sample_error * surface.height_scale;
+    let least = (tolerance.unwrap_or(0.0) - sample_error).max(SAMPLE_SHARE * sample_error);
     let pyramid = Pyramid { file, reach, last: (last, tolerance_of(last).min(least)) };
     let levels: Vec<Vec<[[u64; 2]; 2]>> = (0..=last).map(|level| pyramid.tiles(level)).collect();
     let count = |ranges: &Vec<[[u64; 2]; 2]>| -> u64 {

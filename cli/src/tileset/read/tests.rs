@@ -160,7 +160,8 @@ fn implicit(folder: &Folder) -> Value {
             "childSubtreeAvailability": {"bitstream": 2}
         });
         let text = text.to_string();
-        let text = format!("{text:1$}", text.len().next_multiple_of(8));
+        let width = text.len().next_multiple_of(8);
+        let text = format!("{text:width$}");
         let mut bytes = b"subt".to_vec();
         bytes.extend(1u32.to_le_bytes());
         bytes.extend((text.len() as u64).to_le_bytes());

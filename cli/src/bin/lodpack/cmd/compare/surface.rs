@@ -12,7 +12,7 @@ use lodpack_cli::import::{find_inputs, import_shape};
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::mesh::tolerance::Tolerance;
 use lodpack_cli::mesh::upright::Upright;
-use lodpack_cli::progress::Progress;
+use lodpack_cli::progress::{Progress, Silent};
 use lodpack_cli::tileset::{GltfLevels, Level, Projection, Terrain, Tileset, is_on_wgs84, is_tileset, place};
 use std::path::{Path, PathBuf};
 
@@ -69,7 +69,7 @@ pub struct Chosen {
 
 impl Surface {
     /// Opens a surface. `is_beside_terrain` says that the other one lies on the globe.
-    pub fn open(path: &Path, args: &CompareArgs, is_beside_terrain: bool, progress: &dyn Progress) -> Result<Self> {
+    pub fn open(path: &Path, args: &CompareArgs, is_beside_terrain: bool) -> Result<Self> {
         let is_address = path.to_str().is_some_and(|text| text.contains("://"));
         let of = |content, placement| Ok(Self { path: path.to_owned(), content, placement });
         if !is_address {
@@ -85,7 +85,7 @@ impl Surface {
                 if is_beside_terrain && options.surface == SurfaceKind::Plane {
                     options.surface = SurfaceKind::Wgs84;
                 }
-                let Some(source) = HeightSource::open(&[path.to_owned()], &options, progress)? else {
+                let Some(source) = HeightSource::open(&[path.to_owned()], &options, &Silent)? else {
                     bail!("{} is no raster that can be read", path.display())
                 };
                 let placement = Some(source.placement.clone());
