@@ -13,8 +13,8 @@
 //! | [`pipeline`], [`geometry_images`] | the order of the stages; beside it, atlases as images, out and in |
 //! | [`heights`] | rasters as grids of heights: samples, tiles, their resolutions and errors, the file |
 //! | [`job`] | builds: in memory, or with their state on disk, resumed, in parts, merged, handed to a scheduler |
-//! | [`measure`] | verify, report, selftest |
-//! | [`tileset`] | files as 3D Tiles |
+//! | [`measure`] | verify, compare, report, selftest |
+//! | [`tileset`] | files as 3D Tiles, and tilesets as surfaces |
 //! | [`serve`] | a web server for files, and what is wrong with others |
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter"))]
 

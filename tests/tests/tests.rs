@@ -8,6 +8,7 @@
 //! - [`tileset`]: files as 3D Tiles: valid, rendered, without cracks between tiles of any levels
 //! - [`quantized`]: files of heights as terrain tiles for Cesium, read by another decoder
 //! - [`levels`]: all levels in one GLB
+//! - [`compare`]: distances of any two surfaces, and that every accuracy which is printed holds for the file that is written
 //! - [`report`]: error against run time, over sweeps of settings and queries
 //! - [`soundness`]: certified errors hold, cuts are watertight, budgets are kept
 //! - [`determinism`]: the same bytes on any number of threads
@@ -51,6 +52,7 @@ mod browser;
 mod channels;
 mod coarsest;
 mod commands;
+mod compare;
 mod compiled;
 mod damage;
 mod determinism;

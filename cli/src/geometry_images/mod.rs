@@ -23,7 +23,6 @@
 //! and what else there is comes from the input again, averaged over what a sample stands for.
 
 mod border_edges;
-mod distances;
 mod files;
 mod from_mesh;
 mod image;

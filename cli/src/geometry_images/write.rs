@@ -6,7 +6,6 @@ use std::path::Path;
 use lodpack::decode::texels::Image;
 use rayon::prelude::*;
 
-use super::distances::Distances;
 use super::files::MIP_NAME;
 use super::image::GeometryImage;
 use super::looks::{ImageChannel, Texel};
@@ -55,10 +54,6 @@ pub struct Resolutions {
     pub texels: u32,
     /// How many folders of coarser images there are.
     pub mips: u32,
-    /// The largest distance of a vertex of the charts from the images, at its place in them, in input units.
-    pub largest_distance: f64,
-    /// The root of the mean square of these distances.
-    pub rms_distance: f64,
 }
 
 /// Writes every chart as geometry images of (2^r + 1)^2 samples, one for each corner (`root_CCCCC_K.exr` for corner K of chart C), with images of
@@ -90,14 +85,8 @@ pub fn write_atlas(
         fs::create_dir_all(&folder).map_err(|source| AtlasError::Write { path: folder.clone(), source })?;
         write_level(&folder, product, &shader, mip, [resolution - mip, texels.saturating_sub(mip)])?;
     }
-    let distances = write_level(dir, product, &shader, 0, [resolution, texels])?;
-    Ok(Resolutions {
-        positions: resolution,
-        texels,
-        mips,
-        largest_distance: distances.largest,
-        rms_distance: distances.rms(),
-    })
+    write_level(dir, product, &shader, 0, [resolution, texels])?;
+    Ok(Resolutions { positions: resolution, texels, mips })
 }
 
 /// Writes one folder, at the resolutions of positions and of texels.
@@ -107,7 +96,7 @@ fn write_level(
     shader: &Shader,
     mip: u32,
     [resolution, texel_resolution]: [u32; 2],
-) -> Result<Distances, AtlasError> {
+) -> Result<(), AtlasError> {
     // Both sides of an arc take the same samples from here on.
     let charts = &product.charts;
     let arc_samples = sample_arcs(&product.arcs, resolution);
@@ -134,8 +123,6 @@ fn write_level(
     let carried = Carried::new(&painting, &product.looks, &channels);
     let of_chart = |(index, chart): (usize, &AtlasChart)| {
         let images = chart_images(chart, &arc_samples, resolution);
-        // What mips are off is not asked for.
-        let distances = if mip == 0 { Distances::of(chart, &images) } else { Distances::default() };
         let mut names = carried.write(dir, index)?.into_iter();
         let mut roots = Vec::with_capacity(images.len());
         for (corner, image) in images.iter().enumerate() {
@@ -151,12 +138,10 @@ fn write_level(
                 drawing: painting.drawing(index),
             });
         }
-        Ok((roots, distances))
+        Ok(roots)
     };
-    let written: Vec<Result<(Vec<Root>, Distances), AtlasError>> =
-        charts.par_iter().enumerate().map(of_chart).collect();
-    let written: Vec<(Vec<Root>, Distances)> = written.into_iter().collect::<Result<_, _>>()?;
-    let (roots, distances): (Vec<Vec<Root>>, Vec<Distances>) = written.into_iter().unzip();
+    let written: Vec<Result<Vec<Root>, AtlasError>> = charts.par_iter().enumerate().map(of_chart).collect();
+    let roots: Vec<Vec<Root>> = written.into_iter().collect::<Result<_, _>>()?;
     let mut patches = Vec::with_capacity(product.patches.len());
     let patch_files = PatchFiles { dir, looks: &product.looks, channels: &channels, shader, mip };
     for (index, patch) in product.patches.iter().enumerate() {
@@ -167,8 +152,7 @@ fn write_level(
     }
     shader.check()?;
     let roots = roots.into_iter().flatten().collect();
-    write_manifest(dir, &Manifest::new(&product.header, channels, roots, patches))?;
-    Ok(distances.into_iter().fold(Distances::default(), Distances::plus))
+    write_manifest(dir, &Manifest::new(&product.header, channels, roots, patches))
 }
 
 /// Writes `atlas.json`, which appears when it is complete.

@@ -129,23 +129,39 @@ pub fn write_geotiff<S: ReadAt>(
     out: impl Write + Seek,
     progress: &dyn Progress,
 ) -> std::io::Result<u64> {
-    let info = file.info();
     let place = Georeference::of(file, window);
-    let is_whole = info.sample_error == 0.0 && [info.zero, info.step, place.zero].iter().all(|x| x.fract() == 0.0);
-    let range = range_of(file).map_err(std::io::Error::other)?.map(|height| height + place.zero);
-    let fits = |low: f64, high: f64| is_whole && range[0] > low && range[1] <= high;
     let is_large = window.size[0].saturating_mul(window.size[1]).saturating_mul(4) > PLAIN_BYTES;
-    let kind = match (fits(f64::from(i16::MIN), f64::from(i16::MAX)), fits(f64::from(i32::MIN), f64::from(i32::MAX))) {
-        (true, _) => Kind::Short,
-        (_, true) => Kind::Long,
-        _ => Kind::Float,
-    };
+    let kind = kind_of(file, place.zero).map_err(std::io::Error::other)?;
     let job = Job { file, window, place, kind, progress };
     let written = match is_large {
         true => job.write::<_, TiffKindBig>(out),
         false => job.write::<_, TiffKindStandard>(out),
     };
     written.map_err(std::io::Error::other)
+}
+
+/// How samples of a file are stored, to which something is added.
+fn kind_of<S: ReadAt>(file: &Heights<S>, zero: f64) -> Result<Kind> {
+    let info = file.info();
+    let is_whole = info.sample_error == 0.0 && [info.zero, info.step, zero].iter().all(|x| x.fract() == 0.0);
+    let range = range_of(file)?.map(|height| height + zero);
+    let fits = |low: f64, high: f64| is_whole && range[0] > low && range[1] <= high;
+    Ok(match (fits(f64::from(i16::MIN), f64::from(i16::MAX)), fits(f64::from(i32::MIN), f64::from(i32::MAX))) {
+        (true, _) => Kind::Short,
+        (_, true) => Kind::Long,
+        _ => Kind::Float,
+    })
+}
+
+/// How far samples of a window are moved where they are written in single precision, in units of space.
+///
+/// # Errors
+/// Those of reading the index.
+pub fn rounding_of<S: ReadAt>(file: &Heights<S>, window: &RasterWindow) -> Result<f64> {
+    let zero = Georeference::of(file, window).zero;
+    let most = range_of(file)?.into_iter().fold(0.0, |most: f64, height| most.max((height + zero).abs()));
+    let is_rounded = kind_of(file, zero)? == Kind::Float;
+    Ok(if is_rounded { 0.5 * f64::from(f32::EPSILON) * most * file.surface().height_scale } else { 0.0 })
 }
 
 /// How samples are stored.

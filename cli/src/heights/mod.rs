@@ -39,9 +39,9 @@ pub use above::Seen;
 pub use basis::Basis;
 pub use build::{Builder, BuiltUnit, Joint};
 pub use georeference::Georeference;
-pub use geotiff::{RasterWindow, range_of, raster_window_of, window_of, write_geotiff};
+pub use geotiff::{RasterWindow, range_of, raster_window_of, rounding_of, window_of, write_geotiff};
 pub use samples::{About, Keep, Samples};
-pub use tin::{Patch, Tin, triangulate, triangulate_patch};
+pub use tin::{Patch, Tin, Uneven, triangulate, triangulate_patch, triangulate_uneven};
 
 /// Why a file of heights cannot be built.
 #[derive(Debug, thiserror::Error)]

@@ -131,6 +131,21 @@ pub fn import_large_meshes(
     finish(sink, progress)
 }
 
+/// Reads the shape of a mesh whose bytes are in memory; `path` is where they come from, for messages and for the files that they name.
+///
+/// # Errors
+///
+/// Those of [`import_meshes`].
+pub(crate) fn import_bytes(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Mesh, ImportError> {
+    let mut sink = MeshSink::new(Room::memory_alone(), &Channels::None);
+    read_mesh(&Source::new(path, bytes, progress), &mut sink)?;
+    match sink.finish()? {
+        Imported::Memory(surface) => Ok(surface.mesh),
+        // Unlimited memory never spills.
+        Imported::Spilled(_) => Ok(Mesh::default()),
+    }
+}
+
 /// Imports what a caller has from elsewhere: `push` hands over its vertices, triangles and attributes. `path` is where they come from, for messages.
 ///
 /// # Errors

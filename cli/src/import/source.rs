@@ -115,7 +115,6 @@ pub(super) struct Source<'a> {
 
 impl<'a> Source<'a> {
     /// A source whose bytes are in memory.
-    #[cfg(test)]
     pub(super) fn new(path: &'a Path, bytes: &'a [u8], progress: &'a dyn Progress) -> Self {
         Self { path, bytes, file: None, progress }
     }

@@ -7,4 +7,5 @@ pub mod heights;
 pub mod random;
 pub mod report;
 pub mod selftest;
+pub mod two_sided;
 pub mod verify;

@@ -35,7 +35,7 @@ impl MeshFormat {
     }
 }
 
-/// The most by which a format moves a coordinate: STL and GLB round to single precision. Infinite if a coordinate is
+/// How far a format moves a vertex, at most: STL and GLB round to single precision. Infinite if a coordinate is
 /// beyond their range.
 pub fn rounding(format: MeshFormat, positions: &[[f64; 3]]) -> f64 {
     let origin = match format {
@@ -43,8 +43,15 @@ pub fn rounding(format: MeshFormat, positions: &[[f64; 3]]) -> f64 {
         MeshFormat::Stl => [0.0; 3],
         MeshFormat::Glb => glb_origin(positions),
     };
-    let moved =
-        |p: &[f64; 3]| (0..3).map(|k| p[k] - origin[k]).map(|c| (f64::from(c as f32) - c).abs()).fold(0.0, f64::max);
+    rounding_around(origin, positions)
+}
+
+/// How far single precision moves a vertex, at most, where coordinates are relative to an origin.
+pub(super) fn rounding_around(origin: [f64; 3], positions: &[[f64; 3]]) -> f64 {
+    let moved = |p: &[f64; 3]| {
+        let off = |k: usize| f64::from((p[k] - origin[k]) as f32) - (p[k] - origin[k]);
+        (0..3).map(off).map(|off| off * off).sum::<f64>().sqrt()
+    };
     positions.iter().map(moved).fold(0.0, f64::max)
 }
 

@@ -7,6 +7,8 @@
     reason = "a place on the globe may differ in its last bit; no byte of a .lodpack file depends on it"
 )]
 
+use glam::DVec3;
+
 /// Half axis of the ellipsoid at the equator, metres, and its flattening.
 pub(super) const A: f64 = 6_378_137.0;
 const F: f64 = 1.0 / 298.257_223_563;
@@ -65,6 +67,15 @@ pub fn east_north_up(longitude: f64, latitude: f64) -> [[f64; 3]; 3] {
     let (sin_l, cos_l) = longitude.to_radians().sin_cos();
     let (sin_b, cos_b) = latitude.to_radians().sin_cos();
     [[-sin_l, cos_l, 0.0], [-sin_b * cos_l, -sin_b * sin_l, cos_b], [cos_b * cos_l, cos_b * sin_l, sin_b]]
+}
+
+/// The directions up, east and north at a place in earth-centred coordinates: up is the normal of the ellipsoid through it.
+pub(super) fn up_east_north_at(place: DVec3) -> [DVec3; 3] {
+    let flattened = 1.0 - F;
+    let squared = DVec3::new(A, A, A * flattened).powf(2.0);
+    let up = (place / squared).normalize_or(DVec3::Z);
+    let east = DVec3::Z.cross(up).normalize_or(DVec3::Y);
+    [up, east, up.cross(east)]
 }
 
 fn from_geographic(longitude: f64, latitude: f64, height: f64) -> [f64; 3] {

@@ -6,6 +6,7 @@
 //! neighbours of any levels meet without a crack, and no tile needs a skirt.
 
 mod archive;
+mod finest;
 mod geodesy;
 mod glb;
 mod joined;
@@ -14,6 +15,7 @@ mod light;
 mod material;
 mod place;
 mod quantized;
+mod read;
 mod terrain;
 mod tree;
 
@@ -22,6 +24,7 @@ pub use joined::{folder_of, write_joined};
 pub use json::Frame;
 pub use place::{PlaceError, Placed, Projection, place};
 pub use quantized::{LAYER, QuantizedSummary, is_on_wgs84, write_quantized};
+pub use read::{GltfLevels, Level, ReadError, Terrain, Tileset, is_tileset};
 pub use terrain::{bounds_of, write_terrain};
 
 use crate::mesh::layers::{Layer, Look};

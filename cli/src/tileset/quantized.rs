@@ -1,8 +1,8 @@
 //! Files of heights as a pyramid of terrain tiles for Cesium: quantized-mesh 1.0 in the geographic scheme of TMS, and a `layer.json`.
 //!
 //! Level z divides the globe into 2^(z+1) x 2^z squares of degrees. Cesium takes a tile of level 0 to be 77 km off, and half as much at each
-//! further level, and knows no other error. So each tile gets as many triangles as a quarter of that asks for, and one of the last level as many as
-//! the file's heights are worth, measured in space at 65 x 65 samples that lie between those of the file, at the depth where these are as close. Vertices on the border of a tile depend on the samples there
+//! further level, and knows no other error. So each tile gets as many triangles as a quarter of that asks for, measured in space at 65 x 65 samples that lie
+//! between those of the file, at the depth where these are as close. Vertices of the last level are the file's samples themselves (`finest`). Vertices on the border of a tile depend on the samples there
 //! alone: neighbours of a level have the same ones. Where levels differ, Cesium draws skirts. Nothing has a hole: what has no data lies on the ellipsoid.
 
 use std::collections::HashMap;
@@ -16,9 +16,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
+use super::finest::finest_tile;
 use super::geodesy::A;
 use super::{TilesetError, write};
-use crate::heights::{Patch, triangulate_patch};
+use crate::heights::triangulate_patch;
 use crate::progress::Progress;
 
 /// The file that leads to all tiles.
@@ -27,15 +28,19 @@ pub const LAYER: &str = "layer.json";
 const LEVEL_ZERO_ERROR: f64 = A * std::f64::consts::TAU * 0.25 / (65.0 * 2.0);
 /// The share of that which a tile may be off. Cesium draws tiles that are two pixels off, so this is half a pixel.
 const TOLERANCE_SHARE: f64 = 0.25;
+/// The share of the error of the file's samples that fewer triangles may add to it at the last level.
+const SAMPLE_SHARE: f64 = 0.02;
 /// Cells along the side of a tile.
 const TILE_CELLS: usize = 64;
 const TILE_SIDE: usize = TILE_CELLS + 1;
 /// Samples of the last level are at most so many times as far apart as those of the file: half of a step between levels.
 const NEARLY_AS_CLOSE: f64 = std::f64::consts::SQRT_2;
+/// Cells of the file in a tile of the last level at most, so that the numbers of its vertices have 16 bits.
+pub(super) const MOST_CELLS: usize = 250;
 /// Samples beside the tile, for its normals.
 const MARGIN_SIDE: usize = TILE_SIDE + 2;
 /// Positions within a tile are from 0 to this.
-const LAST: f64 = 32_767.0;
+pub(super) const LAST: f64 = 32_767.0;
 /// The largest equatorial and the polar radius of WGS 84.
 const RADII: [f64; 3] = [A, A, 6_356_752.314_245_179];
 /// Cesium numbers tiles with 32 bits.
@@ -56,7 +61,7 @@ pub struct QuantizedSummary {
     pub triangles: u64,
     /// Triangles of the finest level.
     pub finest_triangles: u64,
-    /// The largest distance of a sample of the finest level's tiles from their triangles, in metres, with what rounding adds.
+    /// No sample that the file was made from is further from the triangles of the finest level, as they are written, in metres.
     pub finest_error: f64,
     /// Of all files.
     pub bytes: u64,
@@ -96,10 +101,14 @@ pub fn write_quantized<S: ReadAt + Sync>(
     let reach = [[surface.first[0], end(0)], [pole(end(1)), pole(surface.first[1])]];
     let spacing = surface.spacing[0].min(-surface.spacing[1]);
     let is_fine = |level: u32| degrees_of(level) / TILE_CELLS as f64 <= NEARLY_AS_CLOSE * spacing;
-    let is_enough = |level: u32| tolerance.is_some_and(|tolerance| tolerance_of(level) <= tolerance);
+    let is_enough = |level: u32| {
+        tolerance.is_some_and(|tolerance| tolerance_of(level) <= tolerance)
+            && degrees_of(level) <= MOST_CELLS as f64 * surface.spacing[0].min(-surface.spacing[1])
+    };
     let last = (0..MAX_LEVEL).find(|&level| is_fine(level) || is_enough(level)).unwrap_or(MAX_LEVEL);
     // Nothing is finer than the last level, so it is as fine as the file, or as is asked for.
-    let least = tolerance.unwrap_or(0.0).max(file.info().sample_error * surface.height_scale);
+    let sample_error = file.info().sample_error * surface.height_scale;
+    let least = (tolerance.unwrap_or(0.0) - sample_error).max(SAMPLE_SHARE * sample_error);
     let pyramid = Pyramid { file, reach, last: (last, tolerance_of(last).min(least)) };
     let levels: Vec<Vec<[[u64; 2]; 2]>> = (0..=last).map(|level| pyramid.tiles(level)).collect();
     let count = |ranges: &Vec<[[u64; 2]; 2]>| -> u64 {
@@ -163,20 +172,26 @@ fn layer<S: ReadAt>(pyramid: &Pyramid<'_, S>, levels: &[Vec<[[u64; 2]; 2]>]) -> 
 }
 
 /// The side of a tile in degrees.
-fn degrees_of(level: u32) -> f64 {
+pub(super) fn degrees_of(level: u32) -> f64 {
     180.0 / (1u64 << level) as f64
+}
+
+/// Metres that Cesium takes the tiles of a level to be off.
+pub(super) fn level_error(level: u32) -> f64 {
+    LEVEL_ZERO_ERROR / (1u64 << level) as f64
 }
 
 /// How far triangles of a tile may be off, in metres.
 fn tolerance_of(level: u32) -> f64 {
-    TOLERANCE_SHARE * LEVEL_ZERO_ERROR / (1u64 << level) as f64
+    TOLERANCE_SHARE * level_error(level)
 }
 
 /// A tile as it is written.
-struct Tile {
-    bytes: Vec<u8>,
-    triangles: u64,
-    error: f64,
+pub(super) struct Tile {
+    pub bytes: Vec<u8>,
+    pub triangles: u64,
+    /// Of the finest level: no sample that the heights were made from is further off, in metres.
+    pub error: f64,
 }
 
 impl<S: ReadAt> Pyramid<'_, S> {
@@ -202,6 +217,9 @@ impl<S: ReadAt> Pyramid<'_, S> {
     }
 
     fn tile(&self, level: u32, [x, y]: [u64; 2]) -> Result<Tile, TilesetError> {
+        if level == self.last.0 {
+            return finest_tile(self.file, level, [x, y], self.last.1);
+        }
         let side = degrees_of(level);
         let (west, north) = (-180.0 + side * x as f64, -90.0 + side * (y + 1) as f64);
         let step = side / TILE_CELLS as f64;
@@ -223,8 +241,7 @@ impl<S: ReadAt> Pyramid<'_, S> {
         }
         let inner = |at: usize| wide[(at / TILE_SIDE + 1) * MARGIN_SIDE + at % TILE_SIDE + 1];
         let heights: Vec<f64> = (0..TILE_SIDE * TILE_SIDE).map(inner).collect();
-        let tolerance = if level == self.last.0 { self.last.1 } else { tolerance_of(level) };
-        let patch = triangulate_patch(&surface, TILE_SIDE, heights.clone(), tolerance);
+        let patch = triangulate_patch(&surface, TILE_SIDE, heights.clone(), tolerance_of(level));
         let in_space = |column: i32, row: i32| {
             let [longitude, latitude] = [(0, column), (1, row)].map(|(axis, k)| places(axis, (k + 1) as usize));
             let at = Surface { first: [longitude, latitude.clamp(-90.0, 90.0)], ..surface };
@@ -241,13 +258,29 @@ impl<S: ReadAt> Pyramid<'_, S> {
         };
         let normals = patch.vertices.iter().map(normal).collect();
         let triangles = patch.triangles.len() as u64;
-        let [low, high] = heights.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], &h| [a.min(h), b.max(h)]);
-        let rounding = 0.5 * (high - low) / LAST + (low.abs().max(high.abs())) * f64::from(f32::EPSILON);
-        let error = patch.error + rounding;
+        let range = range_of(&heights);
+        let units = |k: i32| (f64::from(k) * LAST / TILE_CELLS as f64).round() as i32;
+        let vertex = |&[column, row]: &[i32; 2]| {
+            let height = heights[row as usize * TILE_SIDE + column as usize];
+            [units(column), LAST as i32 - units(row), quantized(height, range)]
+        };
+        let vertices = patch.vertices.iter().map(vertex).collect();
         let places = patch.vertices.iter().map(|&[column, row]| in_space(column, row)).collect();
-        let bytes = encoded(patch, &Content { heights: &heights, range: [low, high], places, normals });
-        Ok(Tile { bytes, triangles, error })
+        let bytes = encoded(Content { vertices, triangles: patch.triangles, range, places, normals });
+        Ok(Tile { bytes, triangles, error: 0.0 })
     }
+}
+
+/// The lowest and the highest height, as numbers of single precision around all of them.
+pub(super) fn range_of(heights: &[f64]) -> [f64; 2] {
+    let [low, high] = heights.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], &h| [a.min(h), b.max(h)]);
+    let below = |x: f64| if f64::from(x as f32) > x { (x as f32).next_down() } else { x as f32 };
+    [f64::from(below(low)), -f64::from(below(-high))]
+}
+
+/// A height in steps of the range.
+pub(super) fn quantized(height: f64, [low, high]: [f64; 2]) -> i32 {
+    if high > low { ((height - low) / (high - low) * LAST).round() as i32 } else { 0 }
 }
 
 /// Two lines of a file's tiles, and how far a place is from the first to the second.
@@ -323,28 +356,30 @@ impl<'a, S: ReadAt> Sampler<'a, S> {
     }
 }
 
-/// What a tile has beside its triangles.
-struct Content<'a> {
-    /// Of all samples, in metres.
-    heights: &'a [f64],
-    range: [f64; 2],
+/// What a tile holds.
+pub(super) struct Content {
+    /// To the east, to the north and up, in numbers of 15 bits.
+    pub vertices: Vec<[i32; 3]>,
+    pub triangles: Vec<[u32; 3]>,
+    /// In metres.
+    pub range: [f64; 2],
     /// Of the vertices, from the middle of the earth.
-    places: Vec<DVec3>,
-    normals: Vec<DVec3>,
+    pub places: Vec<DVec3>,
+    pub normals: Vec<DVec3>,
 }
 
 /// The bytes of a tile.
-fn encoded(patch: Patch, content: &Content<'_>) -> Vec<u8> {
+pub(super) fn encoded(content: Content) -> Vec<u8> {
     // Near triangles follow each other, and vertices come in the order in which triangles need them.
     let key = |triangle: &[u32; 3]| {
-        let corners = triangle.map(|corner| patch.vertices[corner as usize]);
-        let middle = [0, 1].map(|axis| corners.iter().map(|corner| corner[axis]).sum::<i32>() as u32 / 3);
+        let corners = triangle.map(|corner| content.vertices[corner as usize]);
+        let middle = [0, 1].map(|axis| (corners.iter().map(|corner| corner[axis]).sum::<i32>() as u32 / 3) >> 7);
         (0..8)
             .fold(0u32, |key, bit| key | (middle[0] >> bit & 1) << (2 * bit) | (middle[1] >> bit & 1) << (2 * bit + 1))
     };
-    let mut triangles = patch.triangles.clone();
+    let mut triangles = content.triangles.clone();
     triangles.sort_by_key(key);
-    let mut numbers = vec![u32::MAX; patch.vertices.len()];
+    let mut numbers = vec![u32::MAX; content.vertices.len()];
     let mut order: Vec<usize> = vec![];
     let mut codes: Vec<u32> = vec![];
     for corner in triangles.iter().flatten().map(|&corner| corner as usize) {
@@ -357,37 +392,29 @@ fn encoded(patch: Patch, content: &Content<'_>) -> Vec<u8> {
             codes.push(highest - numbers[corner]);
         }
     }
-    let mut out = header(content);
+    let mut out = header(&content);
     out.extend((order.len() as u32).to_le_bytes());
-    let [low, high] = content.range;
-    let units = |k: i32| (f64::from(k) * LAST / TILE_CELLS as f64).round() as i32;
-    let height = |[column, row]: [i32; 2]| {
-        let height = content.heights[row as usize * TILE_SIDE + column as usize];
-        if high > low { ((height - low) / (high - low) * LAST).round() as i32 } else { 0 }
-    };
-    let of: [&dyn Fn([i32; 2]) -> i32; 3] =
-        [&|[column, _]| units(column), &|[_, row]| units(TILE_CELLS as i32) - units(row), &height];
-    for value in of {
+    for axis in 0..3 {
         let mut before = 0;
         for &vertex in &order {
-            let now = value(patch.vertices[vertex]);
+            let now = content.vertices[vertex][axis];
             let delta = now - before;
             out.extend((((delta << 1) ^ (delta >> 31)) as u16).to_le_bytes());
             before = now;
         }
     }
-    // A tile has at most 65 x 65 vertices, so all numbers have 16 bits.
+    // A tile has at most 2^16 vertices, so all numbers have 16 bits.
     let put = |out: &mut Vec<u8>, numbers: &mut dyn Iterator<Item = u32>| {
         numbers.for_each(|number| out.extend((number as u16).to_le_bytes()));
     };
     out.extend((triangles.len() as u32).to_le_bytes());
     put(&mut out, &mut codes.into_iter());
-    let last = TILE_CELLS as i32;
+    let last = LAST as i32;
     // West, south, east, north.
-    for (axis, line) in [(0, 0), (1, last), (0, last), (1, 0)] {
+    for (axis, line) in [(0, 0), (1, 0), (0, last), (1, last)] {
         let mut edge: Vec<(i32, u32)> = (0..)
             .zip(&order)
-            .map(|(number, &vertex)| (patch.vertices[vertex], number))
+            .map(|(number, &vertex)| (content.vertices[vertex], number))
             .filter(|(vertex, _)| vertex[axis] == line)
             .map(|(vertex, number)| (vertex[1 - axis], number))
             .collect();
@@ -402,7 +429,7 @@ fn encoded(patch: Patch, content: &Content<'_>) -> Vec<u8> {
 }
 
 /// The first 88 bytes: the middle, the range of heights, a ball around everything, and a point that is behind the horizon where everything is.
-fn header(content: &Content<'_>) -> Vec<u8> {
+fn header(content: &Content) -> Vec<u8> {
     let (low, high) = content
         .places
         .iter()

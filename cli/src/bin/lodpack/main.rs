@@ -36,6 +36,7 @@ fn main() -> ExitCode {
         args::Command::Submit(args) => cmd::submit::run(&args),
         args::Command::Info(args) => cmd::info::run(&args),
         args::Command::Verify(args) => cmd::verify::run(&args),
+        args::Command::Compare(args) => cmd::compare::run(&args),
         args::Command::Extract(args) => cmd::extract::run(&args),
         args::Command::Export(args) => cmd::export::run(&args),
         args::Command::Atlas(args) => cmd::atlas::run(&args),

@@ -232,6 +232,19 @@ pub fn length(value: f64) -> String {
     }
 }
 
+/// A bound from above with four significant digits, which are rounded up, so that what is printed is a bound, too.
+pub fn bound(value: f64) -> String {
+    let text = length(value);
+    match text.parse::<f64>() {
+        // Half a unit of the fourth digit is at most this share.
+        Ok(shown) if shown < value => {
+            let text = length(value * (1.0 + 5e-4));
+            if text.parse::<f64>().is_ok_and(|shown| shown >= value) { text } else { value.to_string() }
+        }
+        _ => text,
+    }
+}
+
 /// A number as it is, or its first seven digits where there are many.
 pub fn number(value: f64) -> String {
     let all = value.to_string();
@@ -258,5 +271,12 @@ mod tests {
         assert_eq!(length(0.012345), "0.01235");
         assert_eq!(length(1.5e-7), "1.500e-7");
         assert_eq!(length(0.0), "0");
+        assert_eq!(bound(0.012341), "0.01235");
+        assert_eq!(bound(0.25), "0.2500");
+        for k in 1..2000 {
+            let value = f64::from(k).powi(5) * 1.234_567_89e-9;
+            let shown = bound(value).parse::<f64>().unwrap();
+            assert!(shown >= value && shown <= value * 1.0011, "{value} {shown}");
+        }
     }
 }

@@ -5,8 +5,10 @@
 
 /// No triangle is on the other side.
 const NONE: u32 = u32::MAX;
-/// Products of four coordinates shall fit into 64 bits.
+/// Products of four coordinates shall fit into 64 bits; those of larger ones are computed with 128.
 pub const MAX_SIDE: i64 = 1 << 14;
+/// The largest side at all.
+const MAX_WIDE_SIDE: i64 = 1 << 20;
 
 /// A triangulation. Points are columns to the east and rows to the south.
 #[derive(Debug)]
@@ -43,13 +45,17 @@ fn is_in_circle([a, b, c]: [[i32; 2]; 3], p: [i32; 2]) -> bool {
         [x, y, x * x + y * y]
     };
     let ([ax, ay, aq], [bx, by, bq], [cx, cy, cq]) = (of(a), of(b), of(c));
+    if aq.max(bq).max(cq) > 2 * MAX_SIDE * MAX_SIDE {
+        let part = |q: i64, of: i64| i128::from(q) * i128::from(of);
+        return part(aq, bx * cy - by * cx) + part(bq, cx * ay - cy * ax) + part(cq, ax * by - ay * bx) < 0;
+    }
     aq * (bx * cy - by * cx) + bq * (cx * ay - cy * ax) + cq * (ax * by - ay * bx) < 0
 }
 
 impl Delaunay {
     /// Two triangles, from the first to the last column and row.
     pub fn new([columns, rows]: [i32; 2]) -> Self {
-        debug_assert!(i64::from(columns.max(rows)) <= MAX_SIDE);
+        debug_assert!(i64::from(columns.max(rows)) <= MAX_WIDE_SIDE);
         Self {
             points: vec![[0, 0], [columns, 0], [0, rows], [columns, rows]],
             corners: vec![0, 2, 3, 3, 1, 0],

@@ -7,10 +7,12 @@
 //! sides of one cell are edges of every Delaunay triangulation of a grid, so triangles lie within or outside of what is drawn.
 //!
 //! - [`delaunay`]: the triangulation,
-//! - [`ground`]: samples, and how far they are from triangles.
+//! - [`ground`]: samples, and how far they are from triangles,
+//! - [`uneven`]: the same of samples at any distances, which become vertices at rounded places.
 
 mod delaunay;
 mod ground;
+mod uneven;
 
 use std::collections::{BinaryHeap, HashMap};
 
@@ -22,6 +24,7 @@ use super::geotiff::window_of;
 use crate::progress::Progress;
 use delaunay::{Delaunay, MAX_SIDE};
 use ground::{Furthest, Ground, Round};
+pub use uneven::{Uneven, triangulate_uneven};
 
 /// Cells along a side of a block: 33 MB of heights, and 300 MB of triangles where nearly every sample is one.
 const BLOCK_CELLS: u64 = 2048;

@@ -121,6 +121,19 @@ Examples:
 
 Exit status: 0 the file is sound; 1 a problem was found; 2 the command could not run.";
 
+pub const COMPARE: &str = "\
+Examples:
+  lodpack compare scan.ply simplified.glb              both directions, root mean squares, and where the largest distance is
+  lodpack compare scan.ply scan.lodpack --level all    every level, beside the error that the file states
+  lodpack compare scan.lodpack tiles/tileset.json      every level of a tileset, beside its geometricError
+  lodpack compare dem.tif terrain/layer.json           quantized-mesh, within the edges of the raster
+  lodpack compare a.obj b.obj --gap 0.1% --json
+
+The largest distance lies between two numbers, at most --gap apart: one that occurs, and one that none exceeds. Each direction has its own, and \
+the larger one is the distance of the surfaces. A raster is a surface between its samples, along the shorter diagonal of each cell; how far its samples are \
+off, which is what files of heights state, is printed beside it. A mesh or a .lodpack file is taken to the axes, the unit and the place of glTF or of a \
+tileset as `lodpack extract` and `lodpack export` do it; two meshes are compared as they are. Nothing but the files beside a tileset is read.";
+
 pub const EXTRACT: &str = "\
 Examples:
   lodpack extract scan.lodpack -o finest.ply

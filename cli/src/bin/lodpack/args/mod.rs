@@ -1,6 +1,7 @@
 //! The command line: what can be typed, and what `--help` says about it.
 
 mod build;
+mod compare;
 mod examples;
 mod export;
 mod job;
@@ -12,13 +13,14 @@ mod shell;
 mod values;
 
 pub use build::{AtlasArgs, BuildArgs, ModelArgs, RunArgs};
+pub use compare::CompareArgs;
 pub use export::{ExportArgs, ExportFormat};
 pub use job::{AddArgs, JobArgs, MergeArgs, PlanArgs, StatusArgs, SubmitArgs, WorkArgs};
 pub use measure::{ReportArgs, SelftestArgs, VerifyArgs};
 pub use read::{ExtractArgs, GroundChoice, ImagesChoice, InfoArgs, NormalsChoice, OutputFormat, ViewArgs};
 pub use serve::ServeArgs;
 pub use shell::{CompletionsArgs, ManArgs};
-pub use values::{BoundingBox, PartRange, ProgressStyle, UpAxis};
+pub use values::{BoundingBox, LevelChoice, PartRange, ProgressStyle, UpAxis};
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
@@ -63,6 +65,10 @@ pub enum Command {
         after_help = examples::VERIFY
     )]
     Verify(VerifyArgs),
+    /// Measure how far two surfaces are apart, between certified bounds in both directions: meshes, rasters, .lodpack files, glTF with levels,
+    /// tilesets and terrain tiles of any maker, beside what they claim.
+    #[command(after_help = examples::COMPARE)]
+    Compare(Box<CompareArgs>),
     /// Prepare a build in parts, for several machines, or for little memory and many interruptions.
     #[command(after_help = examples::PLAN)]
     Plan(PlanArgs),

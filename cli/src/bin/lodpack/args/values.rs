@@ -166,6 +166,39 @@ pub fn parse_threads(text: &str) -> Result<usize, String> {
     }
 }
 
+/// A share between 0 and 1, exclusive: 0.01 or 1%.
+pub fn parse_share(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    let number = match text.strip_suffix('%') {
+        Some(percent) => percent.trim().parse::<f64>().map(|percent| percent / 100.0),
+        None => text.parse(),
+    };
+    match number {
+        Ok(share) if share > 0.0 && share < 1.0 => Ok(share),
+        _ => Err("write a share between 0 and 1, as 0.01 or 1%".into()),
+    }
+}
+
+/// Which levels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LevelChoice {
+    All,
+    Finest,
+    Number(u32),
+}
+
+impl FromStr for LevelChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "all" => Ok(Self::All),
+            "finest" => Ok(Self::Finest),
+            _ => parse_count(text).map(Self::Number).map_err(|_| "write all, finest, or the number of a level".into()),
+        }
+    }
+}
+
 /// Reads a choice by the names that the library gives, with the library's word on each in the help.
 pub fn parse_choice<T, const N: usize>(all: [(&'static str, T, &'static str); N]) -> impl TypedValueParser<Value = T>
 where

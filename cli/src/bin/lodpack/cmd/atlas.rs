@@ -3,26 +3,35 @@
 use super::inputs::find_inputs;
 use crate::args::{AtlasArgs, ProgressStyle};
 use crate::interrupt;
-use crate::output::{PendingFolder, bytes, check_folder, count, length, say};
+use crate::output::{PendingFolder, bound, bytes, check_folder, count, length, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::geometry_images::{
     AtlasOptions, BuiltAtlas, MANIFEST_NAME, Resolutions, WriteOptions, atlas_files, build_atlas, mip_folders,
-    write_atlas,
+    read_atlas, write_atlas,
 };
 use lodpack_cli::import::{ImportOptions, Imported, Room, import_large_meshes};
+use lodpack_cli::measure::two_sided::{OneSided, Side};
+use lodpack_cli::mesh::Mesh;
 use lodpack_cli::mesh::attributes::Surface;
 use lodpack_cli::progress::Progress;
 use std::fs;
 use std::path::Path;
 use std::process::ExitCode;
 
+/// Points on each surface for root mean squares.
+const SAMPLES: usize = 200_000;
+/// Upper over lower bound of the distance, minus 1.
+const RELATIVE_GAP: f64 = 0.02;
+/// Distances of so many mean edges are not told apart.
+const FLOOR: f64 = 1e-6;
+
 /// Writes a mesh as geometry images.
 pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
     let dir = &args.output;
     check_output(dir, args.force)?;
     interrupt::on_stop_leave_nothing();
-    let (built, resolutions) = {
+    let (built, resolutions, distance) = {
         let progress = Terminal::new(ProgressStyle::Auto, progress_bar::ATLAS);
         let options = ImportOptions { channels: args.channels.clone(), ..ImportOptions::default() };
         let inputs = find_inputs(&args.inputs)?;
@@ -31,6 +40,7 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
             // Unlimited memory never spills.
             Imported::Spilled(_) => Surface::default(),
         };
+        let input = surface.mesh.clone();
         let built = build_atlas(surface, &AtlasOptions::default(), &progress);
         if built.triangle_count == 0 {
             let input = args.inputs.first().map(|path| path.display().to_string()).unwrap_or_default();
@@ -40,10 +50,12 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
         progress.begin("write", 0);
         let folder = PendingFolder::merging(dir)?;
         let written = write_atlas(folder.unfinished(), &built.product, &options, &progress)?;
+        progress.begin("measure", 0);
+        let distance = distance_between(&input, &read_atlas(folder.unfinished())?);
         folder.finish_by(put_in_place)?;
-        (built, written)
+        (built, written, distance)
     };
-    print(&built, resolutions, dir)?;
+    print(&built, (resolutions, distance), dir)?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -102,7 +114,20 @@ fn remove_old(dir: &Path) -> Result<()> {
     Ok(())
 }
 
-fn print(built: &BuiltAtlas, resolutions: Resolutions, dir: &Path) -> Result<()> {
+/// How far the input and the surface of the images, as they were written, are apart at most: the bounds of the larger direction, and its root mean square.
+fn distance_between(input: &Mesh, images: &Mesh) -> OneSided {
+    let [input, images] = [input, images].map(|mesh| Side::new(&mesh.positions, &mesh.triangles));
+    let one_way = |from: &Side, to: &Side| {
+        let (rms, most, at) = from.sampled(to, SAMPLES);
+        let found = from.enclosed(to, (RELATIVE_GAP, FLOOR * input.mean_edge), (most, at), &|| {});
+        OneSided { rms, ..found }
+    };
+    let (there, back) = (one_way(&input, &images), one_way(&images, &input));
+    let farther = if back.upper > there.upper { back } else { there };
+    OneSided { rms: there.rms.max(back.rms), ..farther }
+}
+
+fn print(built: &BuiltAtlas, (resolutions, distance): (Resolutions, OneSided), dir: &Path) -> Result<()> {
     let product = &built.product;
     let resolution = resolutions.positions;
     let side = (1u64 << resolution) + 1;
@@ -122,9 +147,10 @@ fn print(built: &BuiltAtlas, resolutions: Resolutions, dir: &Path) -> Result<()>
         samples as f64 / built.vertex_count as f64
     );
     say!(
-        "  distance   vertices of the input are up to {} from the images, {} (RMS); a larger --resolution brings them nearer",
-        length(resolutions.largest_distance),
-        length(resolutions.rms_distance)
+        "  distance   {} at most between the input and the surface of the images, in both directions, certified; {} (RMS); a larger --resolution brings \
+         them nearer",
+        bound(distance.upper),
+        length(distance.rms)
     );
     let names = product.looks.channel_names();
     if !names.is_empty() {

@@ -5,7 +5,7 @@ use super::{levels, print_json, use_threads};
 use crate::args::{ExportArgs, ExportFormat, GroundChoice, NormalsChoice, UpAxis};
 use crate::interrupt;
 use crate::messages;
-use crate::output::{PendingFile, PendingFolder, bytes, count, length, say};
+use crate::output::{PendingFile, PendingFolder, bound, bytes, count, length, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack::heights::Heights;
@@ -210,7 +210,7 @@ fn print(s: &TilesetSummary, args: &ExportArgs) -> Result<()> {
     }
     say!("  tiles      {}, in {} files of JSON; {} in all", count(s.tiles), count(s.tilesets), bytes(s.bytes));
     say!("  triangles  {}, of which borders add {share:.1} %", count(s.triangles));
-    say!("  finest     {} triangles, certified error {}", count(s.finest_triangles), length(s.certified_error));
+    say!("  finest     {} triangles, certified error {}", count(s.finest_triangles), bound(s.certified_error));
     say!("  first      {} in {} requests show everything", bytes(s.first_picture_bytes), s.first_picture_requests);
     Ok(())
 }

@@ -6,7 +6,7 @@ use super::print_json;
 use crate::args::{ExtractArgs, GroundChoice, ImagesChoice, NormalsChoice, OutputFormat};
 use crate::interrupt;
 use crate::messages;
-use crate::output::{PendingFile, bytes, count, length, say};
+use crate::output::{PendingFile, bound, bytes, count, length, say};
 use crate::progress_bar::Terminal;
 use anyhow::{Context, Result, bail};
 use lodpack::decode::TexturedMesh;
@@ -45,11 +45,11 @@ struct ExtractSummary {
     simplified_from: Option<u64>,
     /// "kept", or how the budget changed it: "resampled" (handles are closed, thin parts gone) or "clustered" (parts have merged).
     topology: Topology,
-    /// Of everything written.
+    /// Of everything written, as the format holds it.
     certified_error: f64,
     /// Of what lies in the box, if there is one: the tolerance concerns this.
     certified_error_in_box: Option<f64>,
-    /// How far the format moves coordinates beyond that, at most: STL and GLB are in single precision.
+    /// How much of that the format adds: STL and GLB are in single precision.
     rounding: f64,
     /// The tolerance asked for, in input units.
     tolerance: Option<f64>,
@@ -112,9 +112,9 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         kind_of_nodes,
         simplified_from: drawn.iter().find_map(|(_, part)| part.cut_triangles),
         topology: drawn.first().map_or(Topology::Kept, |(_, part)| part.topology),
-        certified_error: largest(|part| part.error_everywhere),
+        certified_error: largest(|part| part.error_everywhere) + most_moved,
         rounding: most_moved,
-        certified_error_in_box: args.bbox.map(|_| largest(|part| part.error)),
+        certified_error_in_box: args.bbox.map(|_| largest(|part| part.error) + most_moved),
         tolerance,
         limited_by: coarsest.limited_by.name(),
         bytes_read: traffic[0],
@@ -590,9 +590,9 @@ fn print(summary: &ExtractSummary, args: &ExtractArgs) -> Result<()> {
     }
     let error = match summary.certified_error_in_box {
         Some(inside) if inside < summary.certified_error => {
-            format!("{} in the box, {} everywhere", length(inside), length(summary.certified_error))
+            format!("{} in the box, {} everywhere", bound(inside), bound(summary.certified_error))
         }
-        _ => length(summary.certified_error),
+        _ => bound(summary.certified_error),
     };
     let source = match summary.simplified_from {
         None => format!("of {} {}", count(summary.nodes), summary.kind_of_nodes),

@@ -6,7 +6,7 @@ use super::open::{Opened, Source, in_file, open_any, open_ground};
 use super::print_json;
 use super::why::{Account, Kind};
 use crate::args::InfoArgs;
-use crate::output::{by_filling, bytes, count, length, number, say};
+use crate::output::{bound, by_filling, bytes, count, length, number, say};
 use anyhow::Result;
 use lodpack::index::{FillingCounts, Placement, UpAxis};
 use lodpack_cli::pipeline::summary::roots_by_name;
@@ -257,7 +257,7 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
     info.ground.iter().try_for_each(GroundInfo::print)?;
     say!("  level    triangles        error   mean edges     blocks    arc bytes  block bytes");
     if let Some(o) = &info.overview {
-        let (triangles, error) = (count(o.triangles), length(o.certified_error));
+        let (triangles, error) = (count(o.triangles), bound(o.certified_error));
         say!("  overview {:>9} {:>12} {:>12.3}", triangles, error, o.error_in_mean_edges);
     }
     for l in &info.levels {
@@ -265,7 +265,7 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
             "  {:<5} {:>12} {:>12} {:>12.3} {:>10} {:>12} {:>12}",
             l.level,
             count(l.triangles),
-            length(l.certified_error),
+            bound(l.certified_error),
             l.error_in_mean_edges,
             count(l.blocks),
             bytes(l.arc_bytes),

@@ -5,13 +5,13 @@ use super::print_json;
 use crate::args::{ExportArgs, NormalsChoice};
 use crate::interrupt;
 use crate::messages;
-use crate::output::{PendingFile, bytes, count, length, say};
+use crate::output::{PendingFile, bound, bytes, count, length, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack::decode::PagedMesh as Pages;
 use lodpack::index::UpAxis as AxisUp;
 use lodpack_cli::mesh::export::{MeshFormat, rounding};
-use lodpack_cli::mesh::glb::{GlbLevel, screen_coverages, write_levels_glb};
+use lodpack_cli::mesh::glb::{GlbLevel, add_rounding, screen_coverages, write_levels_glb};
 use lodpack_cli::mesh::layers::Look;
 use lodpack_cli::mesh::pages::PagedMesh;
 use lodpack_cli::mesh::upright::Upright;
@@ -57,7 +57,8 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
         messages::tell("note", "the ground that the mesh stands on is left out; --as 3dtiles has both");
     }
     let progress = Terminal::new(args.progress, progress_bar::EXPORT_LEVELS);
-    let levels = levels_of(&file, args, &progress)?;
+    let mut levels = levels_of(&file, args, &progress)?;
+    add_rounding(&mut levels);
     let Some(finest) = levels.first() else { bail!("{}: the file has no triangle", args.file.display()) };
     let moved = rounding(MeshFormat::Glb, &finest.mesh.positions);
     if moved > finest.error * NOTABLE_ROUNDING {
@@ -137,7 +138,7 @@ fn print(summary: &Summary, args: &ExportArgs) -> Result<()> {
         say!(
             "  {}  {triangles:>12} triangles   error {:>10}   from {share:.3} % of the picture on",
             level.name,
-            length(level.certified_error)
+            bound(level.certified_error)
         );
     }
     Ok(())

@@ -2,6 +2,7 @@
 
 pub mod atlas;
 pub mod build;
+pub mod compare;
 pub mod completions;
 pub mod export;
 pub mod extract;

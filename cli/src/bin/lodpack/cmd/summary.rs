@@ -1,6 +1,6 @@
 //! The summary of a build or merge, for people.
 
-use crate::output::{by_filling, bytes, count, length, say};
+use crate::output::{bound, by_filling, bytes, count, length, say};
 use anyhow::Result;
 use lodpack_cli::pipeline::summary::BuildSummary;
 use std::path::Path;
@@ -28,7 +28,7 @@ pub fn print(s: &BuildSummary, output: &Path) -> Result<()> {
     say!("  size       {}, {:.2} bits per input vertex", bytes(s.bytes), s.bits_per_input_vertex);
     say!(
         "  error      {} certified, tolerance {} ({:.2} mean edge lengths)",
-        length(s.certified_error),
+        bound(s.certified_error),
         length(s.tolerance),
         s.tolerance / s.mean_edge_length
     );
@@ -37,7 +37,7 @@ pub fn print(s: &BuildSummary, output: &Path) -> Result<()> {
             "  level {:<4} {:>12} triangles   error {:>10}   {:>10}",
             level.level,
             count(level.triangles),
-            length(level.certified_error),
+            bound(level.certified_error),
             bytes(level.bytes)
         );
     }

@@ -20,6 +20,7 @@ pub const TIN: Stages = &[("triangulate", 1.0)];
 pub const EXPORT: Stages = &[("index", 0.02), ("borders", 0.18), ("tiles", 0.8)];
 pub const EXPORT_LEVELS: Stages = &[("levels", 1.0)];
 pub const EXPORT_ARCHIVE: Stages = &[("index", 0.02), ("borders", 0.18), ("tiles", 0.7), ("archive", 0.1)];
+pub const COMPARE: Stages = &[("import", 0.2), ("compare", 0.8)];
 pub const SELFTEST: Stages = &[("selftest", 1.0)];
 /// For a mesh, its builds take nearly all the time; for a file there are only queries.
 pub const REPORT: Stages = &[("import", 0.01), ("builds", 0.85), ("queries", 0.1), ("verification", 0.04)];

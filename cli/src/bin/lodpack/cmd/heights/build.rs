@@ -3,7 +3,7 @@
 use super::super::print_json;
 use crate::args::BuildArgs;
 use crate::interrupt;
-use crate::output::{PendingFile, bytes, count, length, say};
+use crate::output::{PendingFile, bound, bytes, count, length, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::heights::{HeightsOptions, HeightsSummary, build as build_heights};
@@ -54,8 +54,8 @@ pub fn print(s: &HeightsSummary, output: &Path) -> Result<()> {
     say!("  size       {}, {:.2} bits per sample", bytes(s.bytes), s.bits_per_sample);
     say!(
         "  error      samples {} at most, surface {} certified, tolerance {}",
-        length(s.sample_error),
-        length(s.certified_error),
+        bound(s.sample_error),
+        bound(s.certified_error),
         length(s.tolerance)
     );
     let stages: Vec<String> = s.stages.iter().map(|t| format!("{} {:.2}", t.stage, t.cpu_seconds)).collect();

@@ -5,7 +5,7 @@ use super::super::info::PlacementInfo;
 use super::super::open::{Source, in_file, tolerance_in_heights};
 use super::extract::{Nodes, mesh_of, tin_of};
 use crate::args::{BoundingBox, ExtractArgs};
-use crate::output::{bytes, count, length, say};
+use crate::output::{bound, bytes, count, length, say};
 use anyhow::{Result, bail};
 use lodpack::ReadAt;
 use lodpack::heights::{Heights, HeightsQuery};
@@ -79,7 +79,7 @@ impl GroundInfo {
             length(self.lowest),
             length(self.highest),
             length(self.step),
-            length(self.sample_error)
+            bound(self.sample_error)
         );
         if let Some([low, high]) = self.bounds {
             say!("             {low:?} to {high:?} in the space of the mesh");

@@ -4,7 +4,7 @@ use super::super::info::PlacementInfo;
 use super::super::open::{Source, in_file};
 use super::super::print_json;
 use crate::args::InfoArgs;
-use crate::output::{bytes, count, length, say};
+use crate::output::{bound, bytes, count, length, say};
 use anyhow::Result;
 use lodpack::ReadAt;
 use lodpack::heights::{Base, Heights, TileId};
@@ -154,7 +154,7 @@ fn print(info: &Info, file: &Heights<Source>, args: &InfoArgs) -> Result<()> {
     if let Some(ramp) = &info.ramp {
         say!("  ramp       {}, {} colours", ramp.name, count(ramp.stops.len() as u64));
     }
-    say!("  error      samples {} at most", length(info.sample_error));
+    say!("  error      samples {} at most", bound(info.sample_error));
     say!("  size       {}, {:.2} bits per sample", bytes(info.bytes), info.bits_per_sample);
     for (number, depth) in info.depths.iter().enumerate() {
         say!(
@@ -162,8 +162,8 @@ fn print(info: &Info, file: &Heights<Source>, args: &InfoArgs) -> Result<()> {
             count(depth.tiles),
             count(depth.triangles[0]),
             count(depth.triangles[1]),
-            length(depth.errors[0]),
-            length(depth.errors[1]),
+            bound(depth.errors[0]),
+            bound(depth.errors[1]),
             bytes(depth.block_bytes)
         );
     }

@@ -4,7 +4,7 @@ use super::super::open::{Opened, open_any, tolerance_in_heights};
 use super::super::print_json;
 use crate::args::ExportArgs;
 use crate::interrupt;
-use crate::output::{PendingFolder, bytes, count, length, say};
+use crate::output::{PendingFolder, bound, bytes, count, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::progress::Progress;
@@ -44,10 +44,10 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     say!("{}", args.output.join(LAYER).display());
     say!("  tiles      {}, in {} levels; {} in all", count(summary.tiles), summary.levels, bytes(summary.bytes));
     say!(
-        "  triangles  {}, of which the finest level has {}, {} off its samples at most",
+        "  triangles  {}, of which the finest level has {}; no sample of the input is more than {} m off these",
         count(summary.triangles),
         count(summary.finest_triangles),
-        length(summary.finest_error)
+        bound(summary.finest_error)
     );
     Ok(ExitCode::SUCCESS)
 }

@@ -4,10 +4,10 @@ use super::super::open::{Opened, in_file, open_any, open_ground, tolerance_in_he
 use super::super::print_json;
 use crate::args::{ExtractArgs, ProgressStyle};
 use crate::messages;
-use crate::output::{PendingFile, bytes, count, length, say};
+use crate::output::{PendingFile, bound, bytes, count, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
-use lodpack_cli::heights::{Georeference, raster_window_of, write_geotiff};
+use lodpack_cli::heights::{Georeference, raster_window_of, rounding_of, write_geotiff};
 use serde::Serialize;
 use std::process::ExitCode;
 
@@ -19,7 +19,7 @@ struct RasterSummary {
     stride: u64,
     /// Samples without data.
     missing: u64,
-    /// Of the surface of these samples.
+    /// Of the surface of these samples, as they are written.
     certified_error: f64,
     tolerance: Option<f64>,
     bytes_read: u64,
@@ -65,7 +65,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         rows: window.size[1],
         stride: window.stride,
         missing,
-        certified_error: window.error,
+        certified_error: window.error + in_file(&args.file, rounding_of(&file, &window))?,
         tolerance,
         bytes_read: file.source().byte_count(),
         requests: file.source().read_count(),
@@ -81,7 +81,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         args.output.display(),
         count(summary.columns),
         count(summary.rows),
-        length(summary.certified_error),
+        bound(summary.certified_error),
         bytes(size),
         bytes(summary.bytes_read),
         summary.requests
