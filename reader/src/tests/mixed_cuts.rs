@@ -109,7 +109,7 @@ fn drawn(path: &Path) -> (Vec<String>, Vec<String>) {
                 let of_tile = |(tile, chosen): &(CutTile, usize)| {
                     format!("[{},{},{},{chosen}]", tile.id.depth, tile.id.column, tile.id.row)
                 };
-                let tiles_only = tiles.iter().map(|(tile, _)| tile.clone()).collect();
+                let tiles_only = tiles.iter().map(|&(tile, _)| tile).collect();
                 (text(tiles.iter().map(of_tile).collect()), line(&in_order(&heights, tiles_only)))
             } else {
                 let file = File::open(bytes.clone(), Limits::default()).unwrap();

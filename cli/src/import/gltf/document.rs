@@ -615,7 +615,7 @@ impl<'de, T: TryFrom<u64>> Deserialize<'de> for Whole<T> {
 
             fn visit_f64<E: Error>(self, number: f64) -> Result<Whole<T>, E> {
                 const MOST: f64 = (1u64 << 53) as f64;
-                if number >= 0.0 && number <= MOST && number.fract() == 0.0 {
+                if (0.0..=MOST).contains(&number) && number.fract() == 0.0 {
                     return self.visit_u64(number as u64);
                 }
                 Err(E::invalid_value(Unexpected::Float(number), &self))

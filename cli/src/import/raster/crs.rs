@@ -294,7 +294,8 @@ impl Crs {
     /// Takes over ellipsoid and meridian, and refuses coordinates in other angles than degrees.
     fn take_globe(&mut self, node: &Node<'_>, is_in_degrees: bool) -> Result<(), String> {
         let angle = factor(node, &ANGLE_UNITS)?.unwrap_or(DEGREE);
-        if is_in_degrees && !((angle / DEGREE - 1.0).abs() < SAME_ANGLE) {
+        let is_degree = (angle / DEGREE - 1.0).abs() < SAME_ANGLE;
+        if is_in_degrees && !is_degree {
             return Err(format!(
                 "{} counts angles in units of {angle} radians; only degrees can be read: warp it first, with `gdalwarp`",
                 node.name()

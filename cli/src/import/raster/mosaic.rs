@@ -375,7 +375,8 @@ pub(super) fn clean(header: &Header, heights: &mut [f64]) {
     let slack = if has_slack { 4.0 * step * nodata.abs() } else { 0.0 };
     let most = if header.are_all_heights { f64::INFINITY } else { NO_HEIGHT };
     for height in heights.iter_mut() {
-        let is_height = height.abs() < most && !((*height - nodata).abs() <= slack);
+        let is_nodata = (*height - nodata).abs() <= slack;
+        let is_height = height.abs() < most && !is_nodata;
         *height = if is_height { *height } else { f64::NAN };
     }
     let [scale, offset] = header.scale;

@@ -73,7 +73,7 @@ impl Surface {
         let note = |text: &str| progress.note(&format!("{}: {text}", mosaic.path().display()));
         let spacing = mosaic.place.spacing;
         let [columns, rows] = mosaic.size;
-        note_crs(&mosaic.crs, &note);
+        note_crs(&mosaic.crs, note);
         let crs = if mosaic.crs.name.is_empty() { "no CRS" } else { &mosaic.crs.name };
         let crs: String = crs.chars().take(60).collect();
         note(&format!("a grid of {columns} x {rows} samples, {} x {} apart, in {crs}", spacing[0], spacing[1]));

@@ -73,7 +73,7 @@ pub(super) struct YcbcrDecoder<R: EncodedImage> {
 
 impl<R: EncodedImage> YcbcrDecoder<R> {
     pub fn new(encoded: R) -> ImageResult<Self> {
-        let mut decoder = Decoder::new(BufReader::new(encoded)).map_err(|error| problem(error))?;
+        let mut decoder = Decoder::new(BufReader::new(encoded)).map_err(problem)?;
         let size = decoder.dimensions().map_err(problem)?;
         Ok(Self { decoder, size })
     }

@@ -46,7 +46,7 @@ mod tests {
     #[test]
     fn bends_are_corners_and_none_are_on_straight_parts() {
         // Three sides of a square, with noise far below the tolerance.
-        let noise = |i: usize| 1e-3 * if i % 3 == 0 { 1.0 } else { 0.0 };
+        let noise = |i: usize| 1e-3 * if i.is_multiple_of(3) { 1.0 } else { 0.0 };
         let side =
             |from: DVec3, along: DVec3| (0..20).map(move |i| from + along * (f64::from(i) / 20.0)).collect::<Vec<_>>();
         let mut points =

@@ -199,7 +199,7 @@ impl Surface {
                         vec![Chosen { tolerance: asked, ..one("cut", 0, Some(cut.error), "certified error") }]
                     }
                     _ => {
-                        let levels = 0..file.level_count() as usize;
+                        let levels = 0..file.level_count();
                         let error = |level: usize| file.level(level).map(|level| level.max_error);
                         let of =
                             |level: usize| one(&format!("level {level}"), level + 1, error(level), "certified error");
