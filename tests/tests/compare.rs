@@ -64,13 +64,13 @@ fn squares_are_as_far_apart_as_they_were_lifted_and_directions_differ() {
 fn what_is_said_of_every_kind_of_mesh_holds_for_the_file_that_is_written() {
     let folder = tempfile::tempdir().expect("a temporary directory");
     let at = |name: &str| folder.path().join(name);
-    // Far from the origin, where single precision shows.
+    // So far from the origin that single precision shows.
     let (mesh, ..) = lodpack_cli::stage::repair::repair(
         lodpack_cli::import::import_meshes(&[scan()], &lodpack_cli::progress::Silent).expect("it is readable"),
     );
     let mut mesh = mesh;
     let [low, high] = mesh.bounds();
-    let away = 1000.0 * (high - low).max_element();
+    let away = 100_000.0 * (high - low).max_element();
     mesh.positions.iter_mut().for_each(|p| p.x += away);
     let (input, file) = (at("scan.ply"), at("scan.lodpack"));
     lodpack_tests::generate::save_ply(&mesh, &input).expect("writable");
@@ -117,7 +117,7 @@ fn geometric_errors_of_tilesets_that_are_written_hold() {
 }
 
 #[test]
-fn terrain_tiles_are_as_near_as_the_file_and_say_how_near() {
+fn terrain_tiles_say_how_near_they_are() {
     let folder = Folder::new();
     let mut grid = Grid::globe([36_000, 18_000]).window([18_700, 4300], [150, 120]);
     grid.is_point = true;
@@ -133,7 +133,7 @@ fn terrain_tiles_are_as_near_as_the_file_and_say_how_near() {
     assert!(number(&of_file["claimed"]) >= samples(of_file), "{of_file}");
     let of_tiles = &levels(&raster, &tiles.join("layer.json"), "--level finest")[0];
     let (stated, measured) = (number(&summary["finest_error"]), samples(of_tiles));
-    assert!(stated >= measured && measured <= 1.05 * samples(of_file), "{stated} {measured} {of_file}");
+    assert!(stated >= measured && stated <= 1.5 * measured, "{stated} {measured} {of_file}");
 }
 
 #[test]

@@ -140,9 +140,17 @@ pub(crate) struct Sums {
 }
 
 impl Sums {
-    /// Triangles, errors and bytes by level, every root drawn at that level.
+    /// Triangles, errors and bytes by level, every root drawn at that level. A level without blocks is that beside it, and is left out.
     fn level_summaries(&self, report: &WriteReport) -> Vec<LevelSummary> {
+        let is_drawn_beside = |level: usize| {
+            let beside = [level.checked_sub(1), Some(level + 1)];
+            let is_same = |other: &DrawnLevel| {
+                (other.triangles, other.error) == (self.drawn[level].triangles, self.drawn[level].error)
+            };
+            beside.into_iter().flatten().filter_map(|level| self.drawn.get(level)).any(is_same)
+        };
         let levels = (0..).zip(&self.drawn).zip(&report.levels);
+        let levels = levels.filter(|((level, _), [_, blocks])| *blocks > 0 || !is_drawn_beside(usize::from(*level)));
         let summary = |((level, drawn), bytes): ((u8, &DrawnLevel), &[u64; 2])| LevelSummary {
             level,
             triangles: drawn.triangles,

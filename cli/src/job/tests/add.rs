@@ -75,7 +75,8 @@ fn what_is_added_to_changes_only_where_it_is_touched() {
         assert!(bytes == in_memory);
         let (levels, triangles) = tree_of(&bytes);
         assert!(number == 0 || levels > levels_before, "{levels} and {levels_before} levels");
-        assert!((100..=500).contains(&triangles), "{triangles} triangles at the top");
+        // Open surfaces go on to levels of half as many.
+        assert!((50..=500).contains(&triangles), "{triangles} triangles at the top");
     }
 }
 

@@ -46,6 +46,9 @@ use parts::{InParts, collapsed, is_of_small_parts};
 use surface::{Joined, Part, join};
 use top::{Few, halve_levels, leave_out, reduce_top};
 
+/// The error of a group is raised above those of its members, unless theirs are more than this many times its own: then a bound of theirs is
+/// loose, and would make that of everything above it loose, too.
+const MOST_RAISED: f64 = 2.0;
 /// How often corners are kept because a border could not be simplified without them.
 const MAX_ROUNDS: usize = 4;
 /// A group keeps about this share of its members' triangles where parts decide, but never fewer than the number below by choice: so few
@@ -374,7 +377,9 @@ impl<'a> Forest<'a> {
         }
         let of_members =
             nodes.iter().filter_map(|node| self.records[node.record as usize].blocks.iter().flatten().next());
-        raise_coarser(&mut blocks, of_members.map(|block| block.error).reduce(f64::max), scale.step());
+        let of_members = of_members.map(|block| block.error).reduce(f64::max);
+        let own = blocks.iter().flatten().next_back().map_or(0.0, |block| block.error);
+        raise_coarser(&mut blocks, of_members.filter(|&error| error <= own * MOST_RAISED), scale.step());
         let mut bounds = bounds.map(|p| (p + origin).to_array());
         for node in &nodes {
             let of_member = self.records[node.record as usize].bounds;

@@ -138,7 +138,7 @@ fn contents_of_version_1_0_are_unpacked() {
         folder.put("a.cmpt", &cmpt[..at]);
         assert!(tileset.mesh(level, &Silent).is_err(), "{at}");
     }
-    let many = i3dm.windows(18).position(|text| text == br#""INSTANCES_LENGTH"#).unwrap();
+    let many = i3dm.windows(17).position(|text| text == br#""INSTANCES_LENGTH"#).unwrap();
     let mut lying = i3dm;
     lying[many + 19] = b'9';
     folder.put("a.cmpt", &lying);
