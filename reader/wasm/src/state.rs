@@ -148,7 +148,9 @@ impl State {
         let (overview_error, overview_triangles) = index.overview_summary().unwrap_or((f64::NAN, 0));
         let source = index.source_info();
         let [first, second] = index.id().numbers();
-        let counts = [index.root_count(), index.top_count(), index.level_count() as u32, first, second, up(index.placement())].map(f64::from);
+        let counts =
+            [index.root_count(), index.top_count(), index.level_count() as u32, first, second, up(index.placement())]
+                .map(f64::from);
         self.output.put_floats([f64::from(major), f64::from(minor)].into_iter().chain(counts));
         self.output.put_floats(low.into_iter().chain(high).chain(lattice.origin).chain([lattice.step()]));
         self.output.put_floats([overview_error, overview_triangles as f64]);
@@ -167,7 +169,14 @@ impl State {
         let ((major, minor), source) = (index.version(), index.source_info());
         let [low, high] = index.bounds().unwrap_or([[f64::NAN; 3]; 2]);
         let [first, second] = index.id().numbers().map(f64::from);
-        let counts = [index.known_tile_count() as f64, index.roots().len() as f64, 0.0, first, second, up(index.placement()).into()];
+        let counts = [
+            index.known_tile_count() as f64,
+            index.roots().len() as f64,
+            0.0,
+            first,
+            second,
+            up(index.placement()).into(),
+        ];
         self.output.put_floats([f64::from(major), f64::from(minor)].into_iter().chain(counts));
         self.output.put_floats(low.into_iter().chain(high).chain([0.0, 0.0, 0.0, 1.0]));
         self.output.put_floats([f64::NAN, 0.0].into_iter().chain(numbers_of(source)));

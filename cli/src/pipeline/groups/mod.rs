@@ -48,7 +48,7 @@ use top::{Few, halve_levels, leave_out, reduce_top};
 
 /// The error of a group is raised above those of its members, unless theirs are more than this many times its own: then a bound of theirs is
 /// loose, and would make that of everything above it loose, too.
-const MOST_RAISED: f64 = 2.0;
+const MOST_RAISED: f64 = 3.0;
 /// How often corners are kept because a border could not be simplified without them.
 const MAX_ROUNDS: usize = 4;
 /// A group keeps about this share of its members' triangles where parts decide, but never fewer than the number below by choice: so few
