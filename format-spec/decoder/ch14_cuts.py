@@ -49,12 +49,16 @@ class Cut:
                 for corner in self.file.arcs[arc].ends:
                     self.levels_at_corners[corner] = max(level, self.levels_at_corners.get(corner, 0))
 
+    def drawn_corner(self, half):
+        """The corner where a half-arc begins, if it is drawn."""
+        corner = self.file.arcs[half.arc].ends[half.reversed]
+        return corner if self.file.corner_levels[corner] <= self.levels_at_corners[corner] else None
+
     def along(self, half):
         """What is drawn of a half-arc, in its direction, with the coarsest level that has it: the corner where it begins, and its samples."""
-        corner = self.file.arcs[half.arc].ends[half.reversed]
-        level = self.file.corner_levels[corner]
-        if level <= self.levels_at_corners[corner]:
-            yield ("corner", corner), level
+        corner = self.drawn_corner(half)
+        if corner is not None:
+            yield ("corner", corner), self.file.corner_levels[corner]
         knots = self.samples(half.arc)
         for knot in reversed(knots) if half.reversed else knots:
             yield ("sample", half.arc, knot.parameter), knot.level
@@ -93,8 +97,8 @@ class Cut:
 
     def number_border(self, root):
         for half in (half for loop in root.loops for half in loop):
-            corner = self.file.arcs[half.arc].ends[half.reversed]
-            if self.file.corner_levels[corner] <= self.levels_at_corners[corner]:
+            corner = self.drawn_corner(half)
+            if corner is not None:
                 self.number(("corner", corner), self.file.corners[corner])
             for knot in self.samples(half.arc):
                 self.number(("sample", half.arc, knot.parameter), knot.position)

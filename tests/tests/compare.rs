@@ -99,7 +99,6 @@ fn what_is_said_of_every_kind_of_mesh_holds_for_the_file_that_is_written() {
 }
 
 #[test]
-#[ignore = "tiles are compressed (EXT_meshopt_compression), which the importer does not read yet"]
 fn geometric_errors_of_tilesets_that_are_written_hold() {
     let folder = tempfile::tempdir().expect("a temporary directory");
     let [file, tiles, archive] = ["scan.lodpack", "tiles", "tiles.3tz"].map(|name| folder.path().join(name));

@@ -108,20 +108,14 @@ impl Georeference {
                         Crs { name: name.to_owned(), code: code_in(name), ..Crs::default() }
                     }
                 };
+                let unit = placement.unit.unwrap_or(1.0);
                 // Metres on a plane around a point become degrees again.
-                let lengths = match crs.kind {
-                    CrsKind::Geographic => metres_in_degree(crs.body(), origin[1]),
-                    _ => [placement.unit.unwrap_or(1.0); 2],
-                };
-                let own = if crs.kind == CrsKind::Geographic { lengths } else { [1.0; 2] };
-                let moved = if crs.kind == CrsKind::Geographic {
-                    [origin[0], origin[1]]
-                } else {
-                    [0, 1].map(|k| origin[k] / lengths[k])
+                let (own, moved, unit) = match crs.kind {
+                    CrsKind::Geographic => (metres_in_degree(crs.body(), origin[1]), [origin[0], origin[1]], 1.0),
+                    _ => ([1.0; 2], [origin[0] / unit, origin[1] / unit], unit),
                 };
                 place.first = [0, 1].map(|k| place.first[k] / own[k] + moved[k]);
                 place.spacing = [0, 1].map(|k| place.spacing[k] / own[k]);
-                let unit = if crs.kind == CrsKind::Geographic { 1.0 } else { lengths[0] };
                 place.zero = origin[2] / (unit * surface.height_scale);
                 crs
             }
@@ -129,7 +123,7 @@ impl Georeference {
         // Lengths on a globe, and beside degrees, are metres.
         let is_metric = surface.is_globe() || crs.kind == CrsKind::Geographic;
         let unit = if is_metric { Some(1.0) } else { placement.unit };
-        place.put_crs(&crs, unit.filter(|_| !is_metric));
+        place.put_crs(&crs, if is_metric { None } else { placement.unit });
         if let Some(unit) = unit {
             place.put_heights(&crs, unit * surface.height_scale);
         }

@@ -10,13 +10,13 @@ use tiff::tags::{CompressionMethod, PhotometricInterpretation, Tag};
 
 use super::georeference::Georeference;
 use super::tile::touches;
+use crate::import::raster::geokeys::GDAL_METADATA;
 use crate::progress::Progress;
 
 /// Rows that are compressed together.
 const STRIP_ROWS: u32 = 64;
 /// TIFF counts bytes with 32 bits; beyond this many, BigTIFF does with 64.
 const PLAIN_BYTES: u64 = 3_900_000_000;
-const GDAL_METADATA: u16 = 42112;
 
 /// A window of samples at equal distances.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 //! Where the files are that an input names: images, and libraries of materials.
 
-mod folders;
+pub(super) mod folders;
 
 use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
@@ -46,7 +46,7 @@ impl<'a> Beside<'a> {
 
     /// The same without a note.
     pub fn path(&self, name: &[u8]) -> Option<PathBuf> {
-        self.existing(name).or_else(|| self.of_same_name(name)).or_else(|| {
+        self.there(name).or_else(|| {
             let [.., portable] = spellings_of(name.trim_ascii());
             (!self.is_elsewhere(&portable)).then(|| self.home.join(&self.inner).join(portable))
         })
@@ -54,9 +54,13 @@ impl<'a> Beside<'a> {
 
     /// The path of a file that is there under the name as it is written, or as it is meant; in any letters, large or small.
     pub fn existing(&self, name: &[u8]) -> Option<PathBuf> {
-        let spellings = spellings(name);
+        self.first_of(self.within(&spellings(name)))
+    }
+
+    /// Where files of some names may be, relative to the folder of the input.
+    fn within(&self, spellings: &[OsString]) -> Vec<PathBuf> {
         let paths = spellings.iter().flat_map(|name| [self.inner.join(name), PathBuf::from(name)]);
-        self.first_of(paths.filter(|path| !leaves_folder(path)).collect())
+        paths.filter(|path| !leaves_folder(path)).collect()
     }
 
     /// The first of some paths at which there is a file; in any letters where there is none in these.
@@ -67,18 +71,22 @@ impl<'a> Beside<'a> {
 
     /// Whether there is a file of a name, here or where the whole path leads.
     pub fn is_there(&self, name: &[u8]) -> bool {
-        self.existing(name).or_else(|| self.of_same_name(name)).is_some()
+        self.there(name).is_some()
+    }
+
+    fn there(&self, name: &[u8]) -> Option<PathBuf> {
+        self.existing(name).or_else(|| self.of_same_name(name))
     }
 
     /// The files whose names are two parts with a number of four digits between, in its order.
     pub fn numbered(&self, before: &[u8], after: &[u8]) -> Vec<(u32, PathBuf)> {
         // No file has such a byte in its name.
         let spellings = spellings(&[before, b"\0", after].concat());
-        let paths = spellings.iter().flat_map(|name| [self.inner.join(name), PathBuf::from(name)]);
-        let within = paths.filter(|path| !leaves_folder(path)).map(|path| self.home.join(path));
-        let elsewhere = self.elsewhere(&spellings);
-        let mut found = within.chain(elsewhere.into_iter().map(|path| self.home.join(path)));
-        found.find_map(|path| Some(self.folders.numbered(&path)).filter(|found| !found.is_empty())).unwrap_or_default()
+        let paths = self.within(&spellings).into_iter().chain(self.elsewhere(&spellings));
+        paths
+            .map(|path| self.home.join(path))
+            .find_map(|path| Some(self.folders.numbered(&path)).filter(|found| !found.is_empty()))
+            .unwrap_or_default()
     }
 
     /// The path of a file of the same name, where the whole path leads elsewhere. Exporters write the path that a file had on their machine.
@@ -126,11 +134,17 @@ pub(super) fn leaves_folder(path: &Path) -> bool {
 fn spellings(name: &[u8]) -> Vec<OsString> {
     let name = name.trim_ascii();
     let mut meant = vec![name, unquoted(name)];
-    if let Some(comment) = name.windows(2).position(|pair| matches!(pair, [b' ' | b'\t', b'#'])) {
-        let before = name[..comment].trim_ascii();
-        meant.extend([before, unquoted(before)]);
+    let bare = without_remark(name);
+    if bare.len() < name.len() {
+        meant.extend([bare, unquoted(bare)]);
     }
     meant.into_iter().filter(|name| !name.is_empty()).flat_map(spellings_of).collect()
+}
+
+/// A name without the comment behind it, which a blank precedes.
+pub(super) fn without_remark(name: &[u8]) -> &[u8] {
+    let begins = |at: usize| name[at] == b'#' && at.checked_sub(1).is_none_or(|before| name[before] <= b' ');
+    name[..(0..name.len()).find(|&at| begins(at)).unwrap_or(name.len())].trim_ascii()
 }
 
 fn unquoted(name: &[u8]) -> &[u8] {

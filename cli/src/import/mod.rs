@@ -45,6 +45,7 @@ use crate::progress::{Progress, Silent};
 pub(crate) use attributes::MAX_MATERIALS;
 use error::Parsed;
 pub use error::{ImportError, Location};
+pub(crate) use gltf::decode_percent;
 pub use inputs::find_inputs;
 pub(crate) use place::survey_meshes;
 pub use ranged::RangedMesh;

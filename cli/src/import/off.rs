@@ -99,7 +99,9 @@ impl ColourColumns {
                 let _ = words.float();
             }
             let columns = [(likely, &mut numbers), (other, &mut of_others)];
-            for ((columns, numbers), has_negative) in columns.into_iter().zip(&mut has_negative) {
+            // Without normals both are the same.
+            let ways = if normal > 0 { 2 } else { 1 };
+            for ((columns, numbers), has_negative) in columns.into_iter().zip(&mut has_negative).take(ways) {
                 let colour = columns.of_line(words.clone());
                 *has_negative |= colour.iter().any(|value| *value < 0.0);
                 numbers.add(&colour);

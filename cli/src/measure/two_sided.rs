@@ -13,6 +13,10 @@ const RUNS: usize = 64;
 const CHUNK: usize = 4096;
 /// A claim that every distance exceeds: with none in reach, each run is searched to the end.
 const NO_CLAIM: f64 = -1.0;
+/// Upper over lower bound of the largest distance, minus 1, where nobody asks for another.
+pub const RELATIVE_GAP: f64 = 0.02;
+/// Distances below this share of a mean edge are not told apart, where nobody asks for another.
+pub const FLOOR: f64 = 1e-6;
 
 /// How far one surface is from another.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -54,9 +58,16 @@ impl<'a> Side<'a> {
         Self { positions, tree, running, mean_edge }
     }
 
+    /// Both bounds of the largest distance of this side from the other, to a relative gap or below a floor, and its root mean square at some
+    /// number of points. `done` is called 64 times at most.
+    pub fn measured(&self, other: &Side, samples: usize, goal: (f64, f64), done: &(dyn Fn() + Sync)) -> OneSided {
+        let (rms, most, at) = self.sampled(other, samples);
+        OneSided { rms, ..self.enclosed(other, goal, (most, at), done) }
+    }
+
     /// Root mean square and largest distance of points of this side from the other, and where that is. Point i lies where the
     /// accumulated area passes (i + 1/2) / n of the total, so points are spread evenly.
-    pub fn sampled(&self, other: &Side, samples: usize) -> (f64, f64, DVec3) {
+    fn sampled(&self, other: &Side, samples: usize) -> (f64, f64, DVec3) {
         let Some(&total) = self.running.last() else { return Default::default() };
         let point = |i: usize| {
             let at = total * (i as f64 + 0.5) / samples as f64;
@@ -101,9 +112,8 @@ impl<'a> Side<'a> {
         ((sum / count as f64).sqrt(), most, at)
     }
 
-    /// Encloses the largest distance of this side from the other to a relative gap, or below a floor. `known` is a distance that occurs at a place.
-    /// `done` is called 64 times at most.
-    pub fn enclosed(
+    /// Encloses the largest distance of this side from the other. `known` is a distance that occurs at a place.
+    fn enclosed(
         &self,
         other: &Side,
         (gap, floor): (f64, f64),

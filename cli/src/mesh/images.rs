@@ -223,18 +223,19 @@ pub fn decode_image(mut encoded: impl EncodedImage) -> Result<DynamicImage, Stri
     encoded.rewind().map_err(|error| unreadable(&error))?;
     ycbcr::refuse_lying_pieces(&mut encoded)?;
     encoded.rewind().map_err(|error| unreadable(&error))?;
-    if let Some((directory, changes)) = whole_tiles(&mut encoded) {
-        let whole = decode(BufReader::new(directory.view(encoded, &changes)), size)?;
+    let whole = whole_tiles(&mut encoded);
+    encoded.rewind().map_err(|error| unreadable(&error))?;
+    if let Some((directory, changes)) = whole {
+        let whole = decode(BufReader::new(directory.view(encoded, &changes)))?;
         return Ok(whole.crop_imm(0, 0, size[0], size[1]));
     }
-    encoded.rewind().map_err(|error| unreadable(&error))?;
-    decode(encoded, size)
+    decode(encoded)
 }
 
 /// What has to be changed in a TIFF so that it has its last tiles as a whole, if these are in LZW: the decoder stumbles over parts of their rows.
 fn whole_tiles(encoded: &mut impl EncodedImage) -> Option<(Directory, [(u16, u32); 2])> {
     const LZW: u64 = 5;
-    if !matches!(encoded.fill_buf().ok()?, [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..]) {
+    if !tiff_directory::is_tiff(encoded.fill_buf().ok()?) {
         return None;
     }
     let mut all = vec![];
@@ -254,13 +255,13 @@ fn whole_tiles(encoded: &mut impl EncodedImage) -> Option<(Directory, [(u16, u32
     is_small.then_some((first, changes))
 }
 
-/// Decodes an image that is about as large as another one.
-fn decode(encoded: impl EncodedImage, size: [u32; 2]) -> Result<DynamicImage, String> {
+/// Decodes an image whose size has been looked at.
+fn decode(encoded: impl EncodedImage) -> Result<DynamicImage, String> {
     let (_, mut decoder) = decoder_of(encoded)?;
-    let size = [0, 1].map(|axis| size[axis].max([decoder.dimensions().0, decoder.dimensions().1][axis]));
+    let (columns, rows) = decoder.dimensions();
     let mut limits = image::Limits::default();
     // The largest texel has four numbers of 32 bits.
-    limits.max_alloc = Some(texels_of(size) * 16 + (16 << 20));
+    limits.max_alloc = Some(texels_of([columns, rows]) * 16 + (16 << 20));
     limits.reserve(decoder.total_bytes()).map_err(|error| undecodable(&error))?;
     decoder.set_limits(limits).map_err(|error| undecodable(&error))?;
     DynamicImage::from_decoder(decoder).map_err(|error| undecodable(&error))

@@ -140,7 +140,8 @@ pub(crate) struct Sums {
 }
 
 impl Sums {
-    /// Triangles, errors and bytes by level, every root drawn at that level. A level without blocks is that beside it, and is left out.
+    /// Triangles, errors and bytes by level, every root drawn at that level. A level without blocks is drawn as the one beside it, and
+    /// is left out; blocks of other levels may take no bytes.
     fn level_summaries(&self, report: &WriteReport) -> Vec<LevelSummary> {
         let is_drawn_beside = |level: usize| {
             let beside = [level.checked_sub(1), Some(level + 1)];

@@ -8,7 +8,7 @@ use lodpack::ReadAt;
 use lodpack::heights::{Heights, Surface};
 
 use super::TilesetError;
-use super::quantized::{Content, LAST, Tile, degrees_of, encoded, quantized, range_of};
+use super::quantized::{Content, LAST, Tile, degrees_of, encoded, normal_at, quantized, range_of};
 use crate::heights::{Uneven, triangulate_uneven};
 
 /// Lines so many spacings apart are one.
@@ -227,10 +227,7 @@ pub(super) fn finest_tile<S: ReadAt>(
         let (column, row) = (column as usize + 1, row as usize + 1);
         let to_east = place(column + 1, row) - place(column - 1, row);
         let to_south = place(column, row + 1) - place(column, row - 1);
-        let here = place(column, row);
-        let out = to_south.cross(to_east).normalize_or_zero();
-        // At a pole all columns are one place.
-        if to_east.length_squared() < 1e-6 || out.dot(here) <= 0.0 { here.normalize_or_zero() } else { out }
+        normal_at(place(column, row), to_east, to_south)
     };
     let number = |&[column, row]: &[i32; 2]| row as usize * columns.units.len() + column as usize;
     let vertex = |&[column, row]: &[i32; 2]| {

@@ -36,7 +36,7 @@ const TILE_SIDE: usize = TILE_CELLS + 1;
 /// Samples of the last level are at most so many times as far apart as those of the file: half of a step between levels.
 const NEARLY_AS_CLOSE: f64 = std::f64::consts::SQRT_2;
 /// Cells of the file in a tile of the last level at most, so that the numbers of its vertices have 16 bits.
-pub(super) const MOST_CELLS: usize = 250;
+const MOST_CELLS: usize = 250;
 /// Samples beside the tile, for its normals.
 const MARGIN_SIDE: usize = TILE_SIDE + 2;
 /// Positions within a tile are from 0 to this.
@@ -103,7 +103,7 @@ pub fn write_quantized<S: ReadAt + Sync>(
     let is_fine = |level: u32| degrees_of(level) / TILE_CELLS as f64 <= NEARLY_AS_CLOSE * spacing;
     let is_enough = |level: u32| {
         tolerance.is_some_and(|tolerance| tolerance_of(level) <= tolerance)
-            && degrees_of(level) <= MOST_CELLS as f64 * surface.spacing[0].min(-surface.spacing[1])
+            && degrees_of(level) <= MOST_CELLS as f64 * spacing
     };
     let last = (0..MAX_LEVEL).find(|&level| is_fine(level) || is_enough(level)).unwrap_or(MAX_LEVEL);
     // Nothing is finer than the last level, so it is as fine as the file, or as is asked for.
@@ -174,6 +174,13 @@ fn layer<S: ReadAt>(pyramid: &Pyramid<'_, S>, levels: &[Vec<[[u64; 2]; 2]>]) -> 
 /// The side of a tile in degrees.
 pub(super) fn degrees_of(level: u32) -> f64 {
     180.0 / (1u64 << level) as f64
+}
+
+/// The normal at a place, with the ways to the samples east of those west of it, and south of those north of it.
+pub(super) fn normal_at(here: DVec3, east: DVec3, south: DVec3) -> DVec3 {
+    let out = south.cross(east).normalize_or_zero();
+    // At a pole all columns are one place.
+    if east.length_squared() < 1e-6 || out.dot(here) <= 0.0 { here.normalize_or_zero() } else { out }
 }
 
 /// Metres that Cesium takes the tiles of a level to be off.
@@ -251,10 +258,7 @@ impl<S: ReadAt> Pyramid<'_, S> {
         let normal = |&[column, row]: &[i32; 2]| {
             let east = in_space(column + 1, row) - in_space(column - 1, row);
             let south = in_space(column, row + 1) - in_space(column, row - 1);
-            let here = in_space(column, row);
-            let out = south.cross(east).normalize_or_zero();
-            // At a pole all columns are one place.
-            if east.length_squared() < 1e-6 || out.dot(here) <= 0.0 { here.normalize_or_zero() } else { out }
+            normal_at(in_space(column, row), east, south)
         };
         let normals = patch.vertices.iter().map(normal).collect();
         let triangles = patch.triangles.len() as u64;

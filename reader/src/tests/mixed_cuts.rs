@@ -7,8 +7,9 @@ use std::process::Command;
 
 use super::cuts::open_edges;
 use super::synthetic::Random;
+use super::trees::random_cut;
 use crate::heights::{CutTile, Heights, HeightsCut};
-use crate::{Cut, File, Limits, Mesh, Node};
+use crate::{File, Limits, Mesh, Node};
 
 /// Cuts of each vector, of which [`COMMITTED`] are vectors themselves.
 const CUTS: usize = 40;
@@ -24,26 +25,6 @@ fn vectors(folder: &Path) -> Vec<PathBuf> {
     let mut paths: Vec<PathBuf> = paths.filter(|path| path.extension().is_some_and(|end| end == "lodpack")).collect();
     paths.sort();
     paths
-}
-
-/// Nodes of which none lies above another, each at one of its levels; every fourth cut lacks some.
-fn random_cut(file: &File<Vec<u8>>, number: usize, random: &mut Random) -> Cut {
-    let mut nodes = Vec::new();
-    let mut pending: Vec<u32> = (0..file.top_count()).collect();
-    while let Some(root) = pending.pop() {
-        let children = file.children(root).unwrap();
-        if !children.is_empty() && random.below(4) > 0 {
-            pending.extend(children);
-            continue;
-        }
-        let blocks = file.root_contents(root).unwrap().blocks;
-        nodes.push(Node { root, level: blocks[random.below(blocks.len() as u64) as usize].level });
-    }
-    if number % 4 == 3 {
-        nodes.retain(|_| random.below(3) > 0);
-    }
-    nodes.sort_unstable_by_key(|node| node.root);
-    Cut { nodes, ..Cut::default() }
 }
 
 /// Tiles of which none lies above another, each at one of its resolutions. Implied tiles are drawn by the one above them.
@@ -95,32 +76,35 @@ fn in_order(heights: &Heights<Vec<u8>>, tiles: Vec<CutTile>) -> Mesh {
     Mesh { positions: order.iter().map(|&vertex| mesh.positions[vertex]).collect(), triangles, ..Mesh::default() }
 }
 
-/// The cuts of a file as JSON, one a line, and what the reader draws of them.
+/// The cuts of a file as JSON, one a line, and what the reader draws of them. Every fourth one lacks parts.
 fn drawn(path: &Path) -> (Vec<String>, Vec<String>) {
     let bytes = fs::read(path).unwrap();
     let mut random = Random::new(path.file_name().unwrap().len() as u64);
     let text = |items: Vec<String>| format!("[{}]", items.join(","));
-    let is_heights = path.parent().unwrap().ends_with("heights");
-    (0..CUTS)
-        .map(|number| {
-            if is_heights {
-                let heights = Heights::open(bytes.clone(), Limits::default()).unwrap();
-                let tiles = random_tiles(&heights, number, &mut random);
-                let of_tile = |(tile, chosen): &(CutTile, usize)| {
-                    format!("[{},{},{},{chosen}]", tile.id.depth, tile.id.column, tile.id.row)
-                };
-                let tiles_only = tiles.iter().map(|&(tile, _)| tile).collect();
-                (text(tiles.iter().map(of_tile).collect()), line(&in_order(&heights, tiles_only)))
-            } else {
-                let file = File::open(bytes.clone(), Limits::default()).unwrap();
-                let cut = random_cut(&file, number, &mut random);
-                let mesh = file.extract(&cut).unwrap();
-                assert_eq!(file.boundary_edge_count(&cut).unwrap(), open_edges(&mesh) as u64, "{}", path.display());
-                let of_node = |node: &Node| format!("[{},{}]", node.root, node.level);
-                (text(cut.nodes.iter().map(of_node).collect()), line(&mesh))
-            }
-        })
-        .unzip()
+    if path.parent().unwrap().ends_with("heights") {
+        let heights = Heights::open(bytes, Limits::default()).unwrap();
+        let cut = |number: usize| {
+            let tiles = random_tiles(&heights, number, &mut random);
+            let of_tile = |(tile, chosen): &(CutTile, usize)| {
+                format!("[{},{},{},{chosen}]", tile.id.depth, tile.id.column, tile.id.row)
+            };
+            let drawn = tiles.iter().map(|&(tile, _)| tile).collect();
+            (text(tiles.iter().map(of_tile).collect()), line(&in_order(&heights, drawn)))
+        };
+        return (0..CUTS).map(cut).unzip();
+    }
+    let file = File::open(bytes, Limits::default()).unwrap();
+    let cut = |number: usize| {
+        let mut cut = random_cut(&file, &mut random);
+        if number % 4 == 3 {
+            cut.nodes.retain(|_| random.below(3) > 0);
+        }
+        let mesh = file.extract(&cut).unwrap();
+        assert_eq!(file.boundary_edge_count(&cut).unwrap(), open_edges(&mesh) as u64, "{}", path.display());
+        let of_node = |node: &Node| format!("[{},{}]", node.root, node.level);
+        (text(cut.nodes.iter().map(of_node).collect()), line(&mesh))
+    };
+    (0..CUTS).map(cut).unzip()
 }
 
 fn json(cuts: &[String]) -> String {

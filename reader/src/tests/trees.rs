@@ -13,7 +13,7 @@ fn open(seed: u64) -> File<Vec<u8>> {
 }
 
 /// Nodes that cover everything once, each at one of its levels.
-fn random_cut(file: &File<Vec<u8>>, random: &mut Random) -> Cut {
+pub(super) fn random_cut(file: &File<Vec<u8>>, random: &mut Random) -> Cut {
     let mut nodes = Vec::new();
     let mut pending: Vec<u32> = (0..file.top_count()).collect();
     while let Some(root) = pending.pop() {

@@ -52,15 +52,10 @@ impl Uneven<'_> {
         let cross =
             |p: [f64; 2], q: [f64; 2], at: [f64; 2]| (q[0] - p[0]) * (at[1] - p[1]) - (q[1] - p[1]) * (at[0] - p[0]);
         let area = cross(a, b, c);
-        let ends = |axis: usize| {
-            [a, b, c]
-                .map(|p| p[axis])
-                .into_iter()
-                .fold([f64::INFINITY, -1.0], |[low, high], x| [low.min(x), high.max(x)])
-        };
-        let [north, south] = ends(1);
-        let rows = self.rows.partition_point(|&row| f64::from(row) < north)
-            ..self.rows.partition_point(|&row| f64::from(row) <= south);
+        let mut lines = corners.map(|[_, row]| row);
+        lines.sort_unstable();
+        let [north, _, south] = lines;
+        let rows = self.rows.partition_point(|&row| row < north)..self.rows.partition_point(|&row| row <= south);
         let mut found = Found { next: Furthest::default(), off: 0.0 };
         for row in rows {
             let y = f64::from(self.rows[row]);

@@ -12,7 +12,7 @@ type Names = BTreeMap<String, OsString>;
 
 /// Folders that have been looked through, each once.
 #[derive(Default)]
-pub(super) struct Folders(RefCell<BTreeMap<PathBuf, Rc<Names>>>);
+pub(in crate::import) struct Folders(RefCell<BTreeMap<PathBuf, Rc<Names>>>);
 
 impl Folders {
     /// The file at a path within a folder, whose names may be in other letters, large or small.

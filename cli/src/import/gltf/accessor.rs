@@ -9,6 +9,8 @@ use crate::import::source::Source;
 
 /// The most items, for each sparse value, of a sparse accessor without a base.
 const MAX_ZEROS_PER_VALUE: usize = 1024;
+/// What to do about rules that are broken.
+const DAMAGED: &str = "export the file again";
 
 /// The type of a component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +35,10 @@ impl DataType {
             5126 => Self::F32,
             _ => return None,
         })
+    }
+
+    fn is_unsigned(self) -> bool {
+        matches!(self, Self::U8 | Self::U16 | Self::U32)
     }
 
     pub(super) fn size(self) -> usize {
@@ -110,9 +116,6 @@ fn components_of(dimensions: Dimensions) -> usize {
     }
 }
 
-/// What to do about rules that are broken.
-const DAMAGED: &str = "export the file again";
-
 /// The positions of a `POSITION` accessor: floats, or integers as `KHR_mesh_quantization` allows. They may not be
 /// finite.
 pub(super) fn read_positions<'b>(
@@ -156,35 +159,20 @@ pub(super) fn read_colours<'b>(
     read_items(source, array, data_type, [0.0; 4], colour)
 }
 
-/// The directions of a `NORMAL` accessor.
+/// The directions of a `NORMAL` accessor. Whole numbers are shares of the largest one, whether the accessor says so or not.
 pub(super) fn read_normals<'b>(
     source: &Source,
     array: &Array<'b>,
 ) -> Parsed<impl ExactSizeIterator<Item = [f32; 3]> + use<'b>> {
-    read_shares(source, array, "normals must have three components")
+    read_numbers(source, array, true, "normals must have three components", |x| x as f32)
 }
 
-/// The directions of a `TANGENT` accessor, each with its side.
+/// The directions of a `TANGENT` accessor, each with its side, as normals are.
 pub(super) fn read_tangents<'b>(
     source: &Source,
     array: &Array<'b>,
 ) -> Parsed<impl ExactSizeIterator<Item = [f32; 4]> + use<'b>> {
-    read_shares(source, array, "tangents must have four components")
-}
-
-/// Vectors of which whole numbers are shares of the largest one, whether the accessor says so or not; what is wrong if it has other dimensions.
-fn read_shares<'b, const N: usize>(
-    source: &Source,
-    array: &Array<'b>,
-    problem: &str,
-) -> Parsed<impl ExactSizeIterator<Item = [f32; N]> + use<'b, N>> {
-    if array.components() != N {
-        return Err(source.syntax(array.location(), problem));
-    }
-    let data_type = array.data_type(source)?;
-    let vector =
-        move |bytes: &[u8]| std::array::from_fn(|k| component(&bytes[k * data_type.size()..], data_type, true) as f32);
-    read_items(source, array, data_type, [0.0; N], vector)
+    read_numbers(source, array, true, "tangents must have four components", |x| x as f32)
 }
 
 /// The coordinates of a `TEXCOORD_n` accessor.
@@ -192,13 +180,8 @@ pub(super) fn read_uvs<'b>(
     source: &Source,
     array: &Array<'b>,
 ) -> Parsed<impl ExactSizeIterator<Item = [f32; 2]> + use<'b>> {
-    if array.components() != 2 {
-        return Err(source.syntax(array.location(), "texture coordinates must have two components"));
-    }
-    let (data_type, normalized) = (array.data_type(source)?, array.accessor.normalized);
-    let uv =
-        move |bytes: &[u8]| [0, 1].map(|i| component(&bytes[i * data_type.size()..], data_type, normalized) as f32);
-    read_items(source, array, data_type, [0.0; 2], uv)
+    let problem = "texture coordinates must have two components";
+    read_numbers(source, array, array.accessor.normalized, problem, |x| x as f32)
 }
 
 /// The numbers of an index accessor.
@@ -207,8 +190,7 @@ pub(super) fn read_indices<'b>(
     array: &Array<'b>,
 ) -> Parsed<impl ExactSizeIterator<Item = u32> + use<'b>> {
     let data_type = array.data_type(source)?;
-    let unsigned = matches!(data_type, DataType::U8 | DataType::U16 | DataType::U32);
-    if array.components() != 1 || !unsigned {
+    if array.components() != 1 || !data_type.is_unsigned() {
         return Err(source.syntax(array.location(), "indices must be single unsigned numbers; export the file again"));
     }
     read_items(source, array, data_type, 0, move |bytes| component(bytes, data_type, false) as u32)
@@ -219,14 +201,26 @@ pub(super) fn read_vectors<'b, const N: usize>(
     source: &Source,
     array: &Array<'b>,
 ) -> Parsed<impl ExactSizeIterator<Item = [f64; N]> + use<'b, N>> {
+    let problem = format!("has values of {} components in place of {N}; {DAMAGED}", array.components());
+    read_numbers(source, array, array.accessor.normalized, &problem, |x| x)
+}
+
+/// Vectors of numbers; what is wrong if they have other dimensions.
+fn read_numbers<'b, T: Copy + Default, F: Fn(f64) -> T, const N: usize>(
+    source: &Source,
+    array: &Array<'b>,
+    normalized: bool,
+    problem: &str,
+    number: F,
+) -> Parsed<impl ExactSizeIterator<Item = [T; N]> + use<'b, T, F, N>> {
     if array.components() != N {
-        let problem = format!("has values of {} components in place of {N}; {DAMAGED}", array.components());
         return Err(source.syntax(array.location(), problem));
     }
-    let (data_type, normalized) = (array.data_type(source)?, array.accessor.normalized);
-    let vector =
-        move |bytes: &[u8]| std::array::from_fn(|k| component(&bytes[k * data_type.size()..], data_type, normalized));
-    read_items(source, array, data_type, [0.0; N], vector)
+    let data_type = array.data_type(source)?;
+    let vector = move |bytes: &[u8]| {
+        std::array::from_fn(|k| number(component(&bytes[k * data_type.size()..], data_type, normalized)))
+    };
+    read_items(source, array, data_type, [T::default(); N], vector)
 }
 
 /// One component as f64. `bytes` must hold it: callers have checked the length of the item.
@@ -256,7 +250,7 @@ fn read_items<'b, T: Copy, F: Fn(&[u8]) -> T>(
     let (count, size) = (array.count(), data_type.size() * array.components());
     let beyond = || source.truncated(location, "it reaches beyond its buffer");
     let find = |view: Index, offset: usize, size: usize, count: usize| {
-        Slices::find(source, buffers, view, offset, size, count)?.ok_or_else(beyond)
+        Slices::find(buffers, view, offset, size, count)?.ok_or_else(beyond)
     };
     let (base, mut replaced) = match array.decoded {
         Some(decoded) => (Some(Slices { buffers, bytes: &decoded.bytes, size, stride: size, count }), None),
@@ -314,8 +308,7 @@ impl<'b> Replaced<'b> {
         find: impl Fn(Index, usize, usize, usize) -> Parsed<Slices<'b>>,
     ) -> Parsed<Self> {
         let Sparse { count, indices, values } = sparse;
-        let unsigned = |data_type: &DataType| matches!(data_type, DataType::U8 | DataType::U16 | DataType::U32);
-        let Some(index_type) = DataType::of_number(indices.component_type.into()).filter(unsigned) else {
+        let Some(index_type) = DataType::of_number(indices.component_type.into()).filter(|of| of.is_unsigned()) else {
             let problem = format!("the numbers of the items that it replaces must be unsigned; {DAMAGED}");
             return Err(source.syntax(location, problem));
         };
@@ -356,16 +349,9 @@ struct Slices<'b> {
 }
 
 impl<'b> Slices<'b> {
-    /// `count` slices of `size` bytes, spaced by the view's stride; `None` if the last one ends outside the view.
-    fn find(
-        source: &Source,
-        buffers: &'b Buffers<'b>,
-        view: Index,
-        offset: usize,
-        size: usize,
-        count: usize,
-    ) -> Parsed<Option<Self>> {
-        let Some((bytes, stride)) = buffers.view(source, view.into())? else { return Ok(None) };
+    /// `count` slices of `size` bytes, spaced by the view's stride; `None` if the last one ends outside the view. Errors are those of the view.
+    fn find(buffers: &'b Buffers<'b>, view: Index, offset: usize, size: usize, count: usize) -> Parsed<Option<Self>> {
+        let Some((bytes, stride)) = buffers.view(view.into())? else { return Ok(None) };
         let stride = stride.unwrap_or(size).max(1);
         // A last item shorter than the stride still counts; items may overlap if the stride is short.
         let end = match count.checked_sub(1) {

@@ -8,7 +8,7 @@ use super::buffers::Buffers;
 use super::document::{Document, Mode, Primitive, Semantic};
 use super::draco::DracoDecoder;
 use super::materials::Materials;
-use super::smooth::{MOST_VERTICES, are_smooth};
+use super::smooth::are_smooth;
 use crate::import::error::Parsed;
 use crate::import::sink::MeshSink;
 use crate::import::source::Source;
@@ -55,19 +55,17 @@ impl SceneAttributes {
             let numbered = document.meshes.iter().enumerate().flat_map(|(mesh, of)| {
                 of.primitives.iter().enumerate().map(move |(number, primitive)| ([mesh, number], primitive))
             });
-            // Dense primitives are not decoded for this.
-            let lit = numbered.filter(|(_, primitive)| {
-                let position = primitive.attributes.get(Semantic::Position).and_then(array);
-                let is_small = position.is_some_and(|array| array.count() <= MOST_VERTICES);
-                is_small && primitive.mode() == Some(Mode::Triangles) && !is_unlit(document, primitive)
-            });
-            are_smooth(
-                source,
-                lit.filter_map(|(numbers, primitive)| {
+            let lit = numbered
+                .filter(|(_, primitive)| primitive.mode() == Some(Mode::Triangles) && !is_unlit(document, primitive));
+            let counted = lit.filter_map(|(numbers, primitive)| {
+                let stated = array(primitive.attributes.get(Semantic::Position)?)?.count();
+                let read = move || {
                     let decoded = decoder.decode(source, document, buffers, numbers, primitive).ok()?;
                     Some(Arrays::new(document, buffers, primitive, decoded))
-                }),
-            )
+                };
+                Some((stated, read))
+            });
+            are_smooth(source, counted)
         };
         // A map of normals is relative to those of vertices.
         if has_normals && sink.attributes.wants_normals(materials.has_normals() || is_smooth) {

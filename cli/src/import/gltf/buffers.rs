@@ -8,7 +8,7 @@ use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
-use super::document::{Document, NOTHING, View};
+use super::document::{Compressed, Document, Index, View, unless_negligible};
 use super::meshopt;
 use crate::import::beside::leaves_folder;
 use crate::import::error::{ImportError, Location, Parsed};
@@ -46,24 +46,29 @@ impl<'a> Buffers<'a> {
         binary: Option<&'a [u8]>,
     ) -> Parsed<Self> {
         let views = &document.buffer_views;
-        // Fallbacks may be left out where files are copied.
-        let is_read = |number: usize| {
-            let of = |view: &View| match view.compressed() {
-                Some(compressed) => {
-                    usize::from(compressed.buffer) == number
-                        || usize::from(view.buffer) == number && !document.is_fallback(number)
-                }
-                None => usize::from(view.buffer) == number,
-            };
-            views.iter().any(of)
+        let mut are_read = vec![false; document.buffers.len()];
+        let mut read = |buffer: Index| {
+            if let Some(is_read) = are_read.get_mut(usize::from(buffer)) {
+                *is_read = true;
+            }
         };
+        for view in views {
+            let compressed = view.compressed();
+            if let Some(compressed) = compressed {
+                read(compressed.buffer);
+            }
+            // Fallbacks may be left out where files are copied.
+            if compressed.is_none() || !document.is_fallback(view.buffer.into()) {
+                read(view.buffer);
+            }
+        }
         let mut list = Vec::new();
         for (number, (buffer, uri)) in document.buffers.iter().zip(uris).enumerate() {
             // Only the first buffer can be the binary chunk.
             let binary = binary.filter(|_| number == 0 && uri.is_none() && !buffer.is_fallback());
             let bytes = match (binary, uri) {
                 (Some(binary), _) => Bytes::Inside(binary),
-                (None, Some(uri)) if is_read(number) => open_uri(source, number, uri)?,
+                (None, Some(uri)) if are_read[number] => open_uri(source, number, uri)?,
                 _ => Bytes::Nowhere,
             };
             let (announced, found) = (usize::from(buffer.byte_length), bytes.slice().map(<[u8]>::len));
@@ -79,52 +84,52 @@ impl<'a> Buffers<'a> {
 
     /// How many bytes compressed views have once they are decompressed; none if they are negligible.
     pub(super) fn decompressed_bytes(&self) -> u64 {
-        let compressed = self.views.iter().filter(|view| self.is_decompressed(view)).filter_map(View::compressed);
-        let bytes = compressed.map(meshopt::decompressed_bytes).fold(0, u64::saturating_add);
-        if bytes > NOTHING { bytes } else { 0 }
+        let compressed = self.views.iter().filter_map(|view| self.to_decompress(view));
+        unless_negligible(compressed.map(meshopt::decompressed_bytes).fold(0, u64::saturating_add))
     }
 
-    /// Whether a view is compressed, and its bytes are nowhere else.
-    fn is_decompressed(&self, view: &View) -> bool {
-        view.compressed().is_some() && matches!(self.list.get(usize::from(view.buffer)), None | Some(Bytes::Nowhere))
+    /// How a view is compressed whose bytes are nowhere else.
+    fn to_decompress<'v>(&self, view: &'v View) -> Option<&'v Compressed> {
+        view.compressed().filter(|_| matches!(self.list.get(usize::from(view.buffer)), None | Some(Bytes::Nowhere)))
     }
 
     /// The bytes of a view, and the distance of its items, if it says so; none if they are outside the buffer.
-    pub(super) fn view(&self, source: &Source, number: usize) -> Parsed<Option<(&[u8], Option<usize>)>> {
+    pub(super) fn view(&self, number: usize) -> Parsed<Option<(&[u8], Option<usize>)>> {
         let location = Location::Item("buffer view", number as u64);
         let Some(view) = self.views.get(number) else {
             let problem = format!("is not there: the document has {}; export the file again", self.views.len());
-            return Err(source.syntax(location, problem));
+            return Err(self.source.syntax(location, problem));
         };
         let stride = view.byte_stride.map(usize::from);
-        if self.is_decompressed(view)
-            && let (Some(compressed), Some(cell)) = (view.compressed(), self.decompressed.get(number))
-        {
+        if let (Some(compressed), Some(cell)) = (self.to_decompress(view), self.decompressed.get(number)) {
             let bytes = match cell.get() {
                 Some(bytes) => bytes,
                 None => {
                     let range = [compressed.byte_offset, compressed.byte_length].map(usize::from);
-                    let Some(encoded) = self.range(source, compressed.buffer.into(), range)? else { return Ok(None) };
+                    let Some(encoded) = self.range(compressed.buffer.into(), range)? else { return Ok(None) };
                     let decoded = meshopt::decompress(encoded, compressed);
-                    let decoded = decoded.map_err(|problem| source.syntax(location, problem))?;
+                    let decoded = decoded.map_err(|problem| self.source.syntax(location, problem))?;
                     cell.get_or_init(|| decoded)
                 }
             };
             return Ok(Some((bytes, stride)));
         }
         let range = [view.byte_offset, view.byte_length].map(usize::from);
-        Ok(self.range(source, view.buffer.into(), range)?.map(|bytes| (bytes, stride)))
+        Ok(self.range(view.buffer.into(), range)?.map(|bytes| (bytes, stride)))
     }
 
     /// Bytes of a buffer from an offset on; none if they are outside of it.
-    fn range(&self, source: &Source, buffer: usize, [offset, length]: [usize; 2]) -> Parsed<Option<&[u8]>> {
+    fn range(&self, buffer: usize, [offset, length]: [usize; 2]) -> Parsed<Option<&[u8]>> {
+        self.touch(WINDOW_BYTES);
         let location = Location::Item("buffer", buffer as u64);
         match self.list.get(buffer).map(Bytes::slice) {
             Some(Some(bytes)) => Ok(offset.checked_add(length).and_then(|end| bytes.get(offset..end))),
-            Some(None) => Err(source.syntax(location, "has neither a name nor a binary chunk; export the file again")),
+            Some(None) => {
+                Err(self.source.syntax(location, "has neither a name nor a binary chunk; export the file again"))
+            }
             None => {
                 let problem = format!("is not there: the document has {}; export the file again", self.list.len());
-                Err(source.syntax(location, problem))
+                Err(self.source.syntax(location, problem))
             }
         }
     }
@@ -132,9 +137,9 @@ impl<'a> Buffers<'a> {
     /// Where the bytes of an image are that lies in a view; none if they are outside the buffer. `name` is for messages.
     pub(super) fn image(&self, number: usize, name: &str) -> Option<ImageSource> {
         let view = self.views.get(number)?;
-        let (bytes, _) = self.view(&self.source, number).ok()??;
+        let (bytes, _) = self.view(number).ok()??;
         let inline = || ImageSource::Inline { name: name.to_owned(), bytes: bytes.to_vec() };
-        if self.is_decompressed(view) {
+        if self.to_decompress(view).is_some() {
             return Some(inline());
         }
         let range = |start: usize| Some(start as u64..(start + bytes.len()) as u64);
@@ -235,7 +240,7 @@ fn named(document: &Source, error: ImportError) -> ImportError {
 }
 
 /// Decodes %20 and the like; `None` if the result is not text.
-pub(super) fn decode_percent(uri: &str) -> Option<Cow<'_, str>> {
+pub(crate) fn decode_percent(uri: &str) -> Option<Cow<'_, str>> {
     if !uri.contains('%') {
         return Some(uri.into());
     }

@@ -1,7 +1,8 @@
 //! The JSON of a document: what of it is read, with numbers as doubles, as JSON has them.
 //!
 //! Only what an import needs has a field, so that nothing else can make a document unreadable: custom attributes, animations, cameras,
-//! `extras` and unknown extensions may be whatever they are.
+//! `extras` and unknown extensions may be whatever they are. It is long because every object of the format has its type here, with what it
+//! is where it is not stated.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -174,6 +175,11 @@ pub(super) enum Mode {
 }
 
 impl Primitive {
+    /// The accessors that it names.
+    pub(super) fn accessors(&self) -> impl Iterator<Item = usize> {
+        self.attributes.accessors().chain(self.indices.map(usize::from))
+    }
+
     /// None if it has no triangles.
     pub(super) fn mode(&self) -> Option<Mode> {
         match self.mode.map_or(4, usize::from) {
@@ -232,8 +238,7 @@ impl Attributes {
         self.list.iter().map(|(semantic, _)| *semantic)
     }
 
-    /// The accessors.
-    pub(super) fn accessors(&self) -> impl Iterator<Item = usize> {
+    fn accessors(&self) -> impl Iterator<Item = usize> {
         self.list.iter().map(|(_, accessor)| usize::from(*accessor))
     }
 }
@@ -704,8 +709,11 @@ impl Document {
     }
 }
 
-/// So many bytes need no memory that is worth counting.
-pub(super) const NOTHING: u64 = 4 << 20;
+/// A number of bytes; none if they are negligible.
+pub(super) fn unless_negligible(bytes: u64) -> u64 {
+    const NEGLIGIBLE: u64 = 4 << 20;
+    if bytes > NEGLIGIBLE { bytes } else { 0 }
+}
 
 /// An upper bound on the memory for the document and its embedded buffers; none if it is negligible.
 pub(super) fn document_bytes(json: &[u8]) -> u64 {
@@ -715,8 +723,7 @@ pub(super) fn document_bytes(json: &[u8]) -> u64 {
     const PER_OBJECT: u64 = 384;
     const PER_COMMA: u64 = 64;
     let count = |letter: u8| json.iter().filter(|&&b| b == letter).count() as u64;
-    let bytes = PER_BYTE * json.len() as u64 + PER_OBJECT * count(b'{') + PER_COMMA * count(b',');
-    if bytes > NOTHING { bytes } else { 0 }
+    unless_negligible(PER_BYTE * json.len() as u64 + PER_OBJECT * count(b'{') + PER_COMMA * count(b','))
 }
 
 /// Parses the JSON, which begins at a byte of the file.

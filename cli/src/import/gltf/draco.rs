@@ -39,6 +39,8 @@ impl DecodedPrimitive {
 const KEPT_BYTES: usize = 64 << 20;
 /// Bytes that decoding may use in any case.
 const LEAST_MEMORY: u64 = 16 << 20;
+/// What is wrong with a primitive that would take more.
+const TOO_LARGE: &str = "it is too large for the memory that is allowed; allow more, or convert it to PLY";
 /// Bytes that decoding takes for each triangle, with the table of its neighbours.
 const TRIANGLE_BYTES: u64 = 128;
 
@@ -76,7 +78,7 @@ impl DracoDecoder {
         }
         let location = Location::Item("mesh", mesh as u64);
         let view = usize::from(draco.buffer_view);
-        let Some((bytes, _)) = buffers.view(source, view)? else {
+        let Some((bytes, _)) = buffers.view(view)? else {
             return Err(source.truncated(Location::Item("buffer view", view as u64), "it reaches beyond its buffer"));
         };
         let decoded = self.decode_bytes(bytes, draco, primitive).map_err(|problem| {
@@ -104,20 +106,17 @@ impl DracoDecoder {
         };
         let mesh = match catch_unwind(AssertUnwindSafe(decode)) {
             Ok(Ok(mesh)) => mesh,
-            Ok(Err(error)) if error.kind() == ErrorKind::LimitExceeded => {
-                return Err(
-                    "it is too large for the memory that is allowed; allow more, or convert it to PLY".to_owned()
-                );
-            }
+            Ok(Err(error)) if error.kind() == ErrorKind::LimitExceeded => return Err(TOO_LARGE.to_owned()),
             Ok(Err(error)) => return Err(format!("{error}; copy or export the file again")),
             Err(_) => return Err("its bytes are damaged; copy or export the file again".to_owned()),
         };
         let count = mesh.num_points();
-        let mut values = vec![];
+        // Many names may stand for one attribute of the stream, and many points for one of its values.
+        let (mut values, mut left) = (vec![], self.memory);
         for (name, id) in &draco.attributes {
             let accessor = Semantic::of_name(name).and_then(|semantic| primitive.attributes.get(semantic));
             let (Some(accessor), Some(attribute)) = (accessor, mesh.attribute_by_unique_id(id.0)) else { continue };
-            values.push((accessor, values_of(name, attribute, count)?));
+            values.push((accessor, values_of(name, attribute, count, &mut left)?));
         }
         let indices = mesh.faces().iter().flatten().map(|point| point.0).collect();
         Ok(DecodedPrimitive { values, indices })
@@ -126,13 +125,12 @@ impl DracoDecoder {
 
 /// Whether accessors of a primitive have no values of their own.
 fn lacks_values(document: &Document, primitive: &Primitive) -> bool {
-    let mut accessors = primitive.attributes.accessors().chain(primitive.indices.map(usize::from));
     let is_empty = |accessor: &Accessor| accessor.buffer_view.is_none() && accessor.sparse.is_none();
-    accessors.any(|number| document.accessors.get(number).is_some_and(is_empty))
+    primitive.accessors().any(|number| document.accessors.get(number).is_some_and(is_empty))
 }
 
-/// The values of an attribute at all points; what is wrong if it has none for one of them.
-fn values_of(name: &str, attribute: &PointAttribute, count: usize) -> Result<Decoded, String> {
+/// The values of an attribute at all points; what is wrong if it has none for one of them, or if they take more bytes than are left.
+fn values_of(name: &str, attribute: &PointAttribute, count: usize, left: &mut u64) -> Result<Decoded, String> {
     let data_type = match attribute.data_type() {
         draco_core::DataType::Int8 => DataType::I8,
         draco_core::DataType::Uint8 => DataType::U8,
@@ -145,7 +143,9 @@ fn values_of(name: &str, attribute: &PointAttribute, count: usize) -> Result<Dec
     let components = usize::from(attribute.num_components());
     let (size, data) = (components * data_type.size(), attribute.buffer().data());
     let stride = usize::try_from(attribute.byte_stride()).unwrap_or(0);
-    let mut bytes = Vec::with_capacity(data.len());
+    let wanted = (count as u64).saturating_mul(size as u64);
+    *left = left.checked_sub(wanted).ok_or(TOO_LARGE)?;
+    let mut bytes = Vec::with_capacity(wanted as usize);
     for point in 0..count {
         let value = attribute.mapped_index(PointIndex(point as u32)).0 as usize;
         let start = value.checked_mul(stride).filter(|_| value < attribute.size());

@@ -14,6 +14,7 @@ const MOST_BYTES_PER_BYTE: u64 = 4 * 256;
 const MOST_INDEX_BYTES_PER_BYTE: u64 = 3 * 4;
 /// The longest vertex of the codec.
 const MOST_STRIDE: u64 = 256;
+const DAMAGED: &str = "its compressed bytes are damaged; copy or export the file again";
 
 /// How many bytes a view has once it is decompressed, by what it says.
 pub(super) fn decompressed_bytes(compressed: &Compressed) -> u64 {
@@ -22,7 +23,6 @@ pub(super) fn decompressed_bytes(compressed: &Compressed) -> u64 {
 
 /// The bytes of a view; what is wrong if it cannot be decompressed.
 pub(super) fn decompress(encoded: &[u8], compressed: &Compressed) -> Result<Vec<u8>, String> {
-    const DAMAGED: &str = "its compressed bytes are damaged; copy or export the file again";
     let (stride, filter) = (compressed.byte_stride.0, compressed.filter.as_deref().unwrap_or("NONE"));
     let is_index = matches!(compressed.mode.as_str(), "TRIANGLES" | "INDICES");
     let fits = if is_index {
@@ -66,31 +66,11 @@ pub(super) fn decompress(encoded: &[u8], compressed: &Compressed) -> Result<Vec<
         ("INDICES", _, "NONE") => {
             Ok(bytes_of(&decode_index_sequence::<u32>(encoded, count).map_err(damaged)?, u32::to_ne_bytes))
         }
-        ("ATTRIBUTES", 4, "OCTAHEDRAL") => {
-            let mut values = decode_vertex_buffer::<[i8; 4]>(encoded, count).map_err(damaged)?;
-            decode_filter_oct(&mut values);
-            Ok(bytes_of(values.as_flattened(), i8::to_ne_bytes))
-        }
-        ("ATTRIBUTES", 8, "OCTAHEDRAL") => {
-            let mut values = decode_vertex_buffer::<[i16; 4]>(encoded, count).map_err(damaged)?;
-            decode_filter_oct(&mut values);
-            Ok(bytes_of(values.as_flattened(), i16::to_ne_bytes))
-        }
-        ("ATTRIBUTES", 8, "QUATERNION") => {
-            let mut values = decode_vertex_buffer::<[i16; 4]>(encoded, count).map_err(damaged)?;
-            decode_filter_quat(&mut values);
-            Ok(bytes_of(values.as_flattened(), i16::to_ne_bytes))
-        }
-        ("ATTRIBUTES", 4, "COLOR") => {
-            let mut values = decode_vertex_buffer::<[u8; 4]>(encoded, count).map_err(damaged)?;
-            decode_filter_color(&mut values);
-            Ok(bytes_of(values.as_flattened(), u8::to_ne_bytes))
-        }
-        ("ATTRIBUTES", 8, "COLOR") => {
-            let mut values = decode_vertex_buffer::<[u16; 4]>(encoded, count).map_err(damaged)?;
-            decode_filter_color(&mut values);
-            Ok(bytes_of(values.as_flattened(), u16::to_ne_bytes))
-        }
+        ("ATTRIBUTES", 4, "OCTAHEDRAL") => filtered(encoded, count, decode_filter_oct::<i8>, i8::to_ne_bytes),
+        ("ATTRIBUTES", 8, "OCTAHEDRAL") => filtered(encoded, count, decode_filter_oct::<i16>, i16::to_ne_bytes),
+        ("ATTRIBUTES", 8, "QUATERNION") => filtered(encoded, count, decode_filter_quat, i16::to_ne_bytes),
+        ("ATTRIBUTES", 4, "COLOR") => filtered(encoded, count, decode_filter_color::<u8>, u8::to_ne_bytes),
+        ("ATTRIBUTES", 8, "COLOR") => filtered(encoded, count, decode_filter_color::<u16>, u16::to_ne_bytes),
         ("ATTRIBUTES", _, "NONE" | "EXPONENTIAL") => {
             let mut words = decode_words(encoded, count, stride).ok_or_else(|| DAMAGED.to_owned())?;
             if filter == "EXPONENTIAL" {
@@ -103,6 +83,18 @@ pub(super) fn decompress(encoded: &[u8], compressed: &Compressed) -> Result<Vec<
             "is compressed as {mode} with the filter {filter} and a stride of {stride} bytes, which is not supported; decompress it first"
         )),
     }
+}
+
+/// The bytes of vertices of four numbers, decoded and filtered.
+fn filtered<T: Clone + Copy + Default, const N: usize>(
+    encoded: &[u8],
+    count: usize,
+    filter: impl Fn(&mut [[T; 4]]),
+    bytes: impl Fn(T) -> [u8; N],
+) -> Result<Vec<u8>, String> {
+    let mut values = decode_vertex_buffer::<[T; 4]>(encoded, count).map_err(|_| DAMAGED.to_owned())?;
+    filter(&mut values);
+    Ok(bytes_of(values.as_flattened(), bytes))
 }
 
 fn bytes_of<T: Copy, const N: usize>(values: &[T], bytes: impl Fn(T) -> [u8; N]) -> Vec<u8> {

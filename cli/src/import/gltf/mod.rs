@@ -28,6 +28,7 @@ use super::source::Source;
 
 use attributes::SceneAttributes;
 use buffers::Buffers;
+pub(crate) use buffers::decode_percent;
 use document::{Document, Weights, document_bytes, parse_document};
 use draco::DracoDecoder;
 use primitive::PrimitiveReader;
@@ -74,16 +75,17 @@ pub(super) fn read_gltf(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
 }
 
 fn read_document<'a>(source: &Source<'a>, json: &'a [u8], binary: Option<&'a [u8]>, sink: &mut MeshSink) -> Parsed<()> {
-    sink.hold(source, document_bytes(json))?;
+    let of_document = document_bytes(json);
+    sink.hold(source, of_document)?;
     // The place of the text in the file, which comes first where there is nothing else.
     let start = json.as_ptr() as usize - source.bytes.as_ptr() as usize;
-    let mut document = parse_document(source, json, if binary.is_some() || start > 3 { start } else { 0 })?;
+    let mut document = parse_document(source, json, if start > 3 { start } else { 0 })?;
     source.drop_pages();
     extensions::check_required(source, &document)?;
     let uris = document.take_uris();
     let buffers = Buffers::open(source, &document, &uris, binary)?;
     drop(uris);
-    let held = document_bytes(json).saturating_add(buffers.decompressed_bytes());
+    let held = of_document.saturating_add(buffers.decompressed_bytes());
     sink.hold_decompressed(source, held)?;
     let decoder = DracoDecoder::new(sink.room().memory);
     let attributes = SceneAttributes::of_document(source, &document, &buffers, &decoder, sink)?;
@@ -131,7 +133,7 @@ pub(super) fn files_beside(source: &Source) -> Vec<PathBuf> {
     let names = serde_json::from_slice(json).unwrap_or(Names { images: vec![] });
     let uris = names.images.into_iter().filter_map(|image| image.uri).filter(|uri| !buffers::has_scheme(uri));
     uris.filter_map(|uri| {
-        let name = buffers::decode_percent(&uri).unwrap_or(Cow::Borrowed(&uri));
+        let name = decode_percent(&uri).unwrap_or(Cow::Borrowed(&uri));
         Beside::new(source).find("image", name.as_bytes())
     })
     .collect()

@@ -60,7 +60,7 @@ impl PrimitiveReader<'_> {
         Ok(())
     }
 
-    /// How many vertices and triangles a mesh has at most, by its accessors.
+    /// How many vertices a mesh has, and triangles if they are no strips, by its accessors: what is more is refused as it is read.
     pub(super) fn size_of_mesh(&self, number: usize) -> [u64; 2] {
         let primitives = self.document.meshes.get(number).map_or(&[][..], |mesh| &mesh.primitives);
         let count = |accessor: Option<usize>| {
@@ -73,19 +73,13 @@ impl PrimitiveReader<'_> {
         sizes.fold([0; 2], |sum, size| [sum[0].saturating_add(size[0]), sum[1].saturating_add(size[1])])
     }
 
-    /// Remembers that a file contains something beside its surface.
-    pub(super) fn leave_out(&mut self, what: &'static str) {
-        self.sink.leave_out(what);
-    }
-
     fn check_references(&self, primitive: &Primitive, location: Location) -> Parsed<()> {
         let missing = |what: &str, number: usize, count: usize| {
             let problem = format!("uses {what} {number}, but there are {count}; export the file again");
             Err(self.source.syntax(location, problem))
         };
         let (accessor_count, material_count) = (self.document.accessors.len(), self.document.materials.len());
-        let mut accessors = primitive.attributes.accessors().chain(primitive.indices.map(usize::from));
-        if let Some(number) = accessors.find(|&accessor| accessor >= accessor_count) {
+        if let Some(number) = primitive.accessors().find(|&accessor| accessor >= accessor_count) {
             return missing("accessor", number, accessor_count);
         }
         match primitive.material.map(usize::from).filter(|&material| material >= material_count) {

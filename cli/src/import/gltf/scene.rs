@@ -21,7 +21,7 @@ pub(super) fn read_scene<'a>(
     buffers: &'a Buffers<'a>,
     reader: &mut PrimitiveReader<'a>,
 ) -> Parsed<()> {
-    let world_from_scene = world_from_scene(source, document)?;
+    let world_from_scene = world_from_scene(source, document);
     if document.nodes.is_empty() {
         return (0..document.meshes.len()).try_for_each(|mesh| reader.read_mesh(mesh, &[world_from_scene], None));
     }
@@ -84,21 +84,21 @@ pub(super) fn read_scene<'a>(
     source.note_skipped(hidden_count, "nodes are not visible, and were left out with all below them");
     // A single name is that of the model.
     if named_count > 1 {
-        reader.leave_out("names of nodes");
+        reader.sink.leave_out("names of nodes");
     }
     Ok(())
 }
 
 /// Where the scene is: elsewhere only with `CESIUM_RTC`, whose centre has z up, as tiles have it. What has y up in glTF is turned before it
 /// is moved there, so that the centre is turned back here.
-fn world_from_scene(source: &Source, document: &Document) -> Parsed<DMat4> {
+fn world_from_scene(source: &Source, document: &Document) -> DMat4 {
     let Some(relative) = document.extensions.as_ref().and_then(|extensions| extensions.relative_to_centre.as_ref())
     else {
-        return Ok(DMat4::IDENTITY);
+        return DMat4::IDENTITY;
     };
     let [x, y, z] = relative.center;
     source.note(&format!("it is relative to the centre {x} {y} {z} (CESIUM_RTC, z up), which was added"));
-    Ok(DMat4::from_translation(DVec3::new(x, z, -y)))
+    DMat4::from_translation(DVec3::new(x, z, -y))
 }
 
 /// The root nodes of the scene that is read.

@@ -11,13 +11,21 @@ use crate::import::source::Source;
 /// nobody sees it.
 const LEAST_ANGLE: f64 = 8.0;
 /// Primitives of more vertices are dense. So many are read before anything else is, too.
-pub(super) const MOST_VERTICES: usize = 1 << 16;
+const MOST_VERTICES: usize = 1 << 16;
 const MOST_VERTICES_IN_ALL: usize = 1 << 20;
 
-/// Whether the normals of lit primitives of few vertices are far from those of their triangles, on average over their area.
-pub(super) fn are_smooth<'a>(source: &Source, primitives: impl Iterator<Item = Arrays<'a>>) -> bool {
+/// Whether the normals of lit primitives of few vertices are far from those of their triangles, on average over their area. Of each
+/// primitive: how many vertices it says to have, and what reads it, which those of too many are not asked for.
+pub(super) fn are_smooth<'a, R: FnOnce() -> Option<Arrays<'a>>>(
+    source: &Source,
+    primitives: impl Iterator<Item = (usize, R)>,
+) -> bool {
     let (mut sum, mut area, mut left) = (0.0, 0.0, MOST_VERTICES_IN_ALL);
-    for arrays in primitives {
+    for (stated, read) in primitives {
+        if stated > MOST_VERTICES.min(left) {
+            continue;
+        }
+        let Some(arrays) = read() else { continue };
         let count = arrays.get(Semantic::Position).map_or(usize::MAX, |array| array.count());
         if count > MOST_VERTICES || count > left {
             continue;

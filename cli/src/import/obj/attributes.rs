@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use super::libraries::{libraries, libraries_from, read_library};
 use super::mtl::{LibraryMaterial, LibraryReader};
 use super::tiles::{Tile, tile_of};
-use super::without_remark;
 use crate::import::beside::Beside;
+use crate::import::beside::without_remark;
 use crate::import::colour_numbers::{ARE_BYTES, ColourNumbers, ColourRange};
 use crate::import::error::Parsed;
 use crate::import::polygon::Triangulator;
@@ -127,7 +127,7 @@ impl ObjAttributes {
     }
 
     fn add_materials(&mut self, materials: Vec<LibraryMaterial>, sink: &mut MeshSink) -> Parsed<()> {
-        let has_normals = materials.iter().any(|material| material.textured.normal_texture.is_some());
+        let has_normals = materials.iter().any(|material| material.has(|of| of.normal_texture.is_some()));
         self.with_normals |= sink.attributes.wants_normals(has_normals);
         let first = sink.attributes.material_count();
         let (mut added, mut number) = (vec![], first);
@@ -150,15 +150,14 @@ impl ObjAttributes {
 
     /// Looks for a material before it is used. Some files name its library after its use, so all that follow offset `at` are read then.
     pub(super) fn find_material(&mut self, name: &[u8], at: usize, source: &Source, sink: &mut MeshSink) -> Parsed<()> {
-        let is_named = !without_remark(name).is_empty();
-        if !self.is_on || self.place_of(name).is_some() {
+        if !self.is_on || without_remark(name).is_empty() || self.place_of(name).is_some() {
             return Ok(());
         }
-        if !self.has_read_ahead && is_named {
+        if !self.has_read_ahead {
             self.has_read_ahead = true;
             libraries_from(source, at).into_iter().try_for_each(|path| self.add_library(path, source, sink))?;
         }
-        self.unknown_materials += u64::from(is_named && self.place_of(name).is_none());
+        self.unknown_materials += u64::from(self.place_of(name).is_none());
         Ok(())
     }
 

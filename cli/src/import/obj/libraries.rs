@@ -5,10 +5,10 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::Statements;
 use super::mtl::LibraryReader;
-use super::{Statements, without_remark};
 use crate::import::attributes::AttributeSink;
-use crate::import::beside::Beside;
+use crate::import::beside::{Beside, without_remark};
 use crate::import::source::{Source, size_of_file};
 use crate::import::usable_image::NamedImages;
 use crate::mesh::appearance::Channels;
@@ -24,13 +24,13 @@ pub(super) fn libraries(names: &[u8], source: &Source) -> Vec<PathBuf> {
     }
     let bare = without_remark(names);
     let words: Vec<&[u8]> = bare.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
-    if !words.iter().all(|name| beside.is_there(name))
+    let there = words.iter().filter(|name| beside.is_there(name)).count();
+    if there < words.len()
         && let Some(one) = beside.of_same_name(names)
     {
         return vec![one];
     }
-    let are_there = words.iter().any(|name| beside.is_there(name));
-    let names = if are_there { words } else { names_by_ending(bare) };
+    let names = if there > 0 { words } else { names_by_ending(bare) };
     names.into_iter().filter_map(|name| beside.find("library of materials", name)).collect()
 }
 

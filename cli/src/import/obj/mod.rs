@@ -399,12 +399,6 @@ fn statement(line: &[u8]) -> &[u8] {
 /// Statements that are a name, or several.
 const NAMING_WORDS: [&[u8]; 2] = [b"usemtl", b"mtllib"];
 
-/// A name without the comment behind it, which a blank precedes.
-fn without_remark(name: &[u8]) -> &[u8] {
-    let begins = |at: usize| name[at] == b'#' && at.checked_sub(1).is_none_or(|before| name[before] <= b' ');
-    name[..(0..name.len()).find(|&at| begins(at)).unwrap_or(name.len())].trim_ascii()
-}
-
 fn without_comment(line: &[u8]) -> &[u8] {
     line.split(|&b| b == b'#').next().unwrap_or_default()
 }

@@ -91,8 +91,7 @@ struct Notes {
 impl LibraryMaterial {
     /// Whether some image can be used.
     pub fn has_textures(&self) -> bool {
-        let has_image = |material: &Material| material.images().next().is_some();
-        has_image(&self.textured) || self.tiles.iter().any(|(_, material)| has_image(material))
+        self.has(|material| material.images().next().is_some())
     }
 }
 
@@ -134,7 +133,10 @@ impl LibraryReader<'_> {
         }
         self.read_images(&mut materials, &mut notes);
         self.settle_opacity(text, &mut materials);
-        let tinted = materials.iter().filter(|material| material.has_tint() && material.has_base()).count();
+        let tinted = materials
+            .iter()
+            .filter(|material| material.has_tint() && material.has(|of| of.base_texture.is_some()))
+            .count();
         self.source.note_skipped(
             tinted as u64,
             "materials have a colour (Kd) beside an image (map_Kd): the image is shown as it is, since most programs do not \
@@ -310,14 +312,14 @@ impl LibraryMaterial {
         red.max(green).max(blue) - red.min(green).min(blue) > GREY
     }
 
-    fn has_base(&self) -> bool {
-        let has_base = |material: &Material| material.base_texture.is_some();
-        has_base(&self.textured) || self.tiles.iter().any(|(_, material)| has_base(material))
+    /// Whether it has some image, as a whole or on a tile.
+    pub fn has(&self, is_there: impl Fn(&Material) -> bool) -> bool {
+        is_there(&self.textured) || self.tiles.iter().any(|(_, material)| is_there(material))
     }
 
     /// Whether there are images of its colour or its opacity.
-    fn has_colours(&mut self) -> bool {
-        self.variants().any(|(_, material)| material.base_texture.is_some() || material.opacity_texture.is_some())
+    fn has_colours(&self) -> bool {
+        self.has(|material| material.base_texture.is_some() || material.opacity_texture.is_some())
     }
 
     /// Reads a statement that gives numbers.

@@ -4,7 +4,6 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::crs::Crs;
 use super::header::{Header, HeightRows};
 use super::lines::{Lines, place_of};
 use super::{ImportError, Parsed};
@@ -55,7 +54,6 @@ pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
     let mut header = Header::new([lines.needed("NCOLS")?, lines.needed("NROWS")?]);
     header.nodata = Some(lines.number("NODATA_VALUE")?.unwrap_or(NODATA));
     header.place = place_of(&lines, header.size)?;
-    header.crs = Crs::beside(path)?;
     Ok((header, Box::new(rows)))
 }
 

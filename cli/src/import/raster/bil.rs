@@ -4,7 +4,6 @@ use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::crs::Crs;
 use super::header::{Header, HeightRows};
 use super::lines::{Lines, place_of};
 use super::sidecar::with_extension_in_any_case;
@@ -151,7 +150,6 @@ pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
     (header.is_f32, header.is_integer) = number.kind();
     header.nodata = lines.number("NODATA")?.or(lines.number("NODATA_VALUE")?);
     header.place = place_of(&lines, header.size)?;
-    header.crs = Crs::beside(path)?;
     if lines.number::<u32>("NBANDS")?.is_some_and(|bands| bands != 1) {
         return Err(grid_error(
             path,

@@ -31,6 +31,13 @@ pub(crate) struct Crs {
     pub remarks: Vec<String>,
 }
 
+impl Crs {
+    /// Whether it has nothing but remarks.
+    pub fn says_nothing(&self) -> bool {
+        Self { remarks: vec![], ..self.clone() } == Self::default()
+    }
+}
+
 /// What the coordinates of a system are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum CrsKind {

@@ -116,10 +116,11 @@ fn map_of(mosaic: &Mosaic, drape: &Path, image: &ImageSource, progress: &dyn Pro
         Some(affine) => Some(affine),
         None => of_world_file(drape)?,
     };
-    let crs = if crs == Crs::default() { Crs::beside(drape)? } else { crs };
+    let crs = if crs.says_nothing() { Crs::beside(drape)? } else { crs };
     let size = mosaic.size.map(|size| size as f64);
     let whole = [size.map(|size| 1.0 / size), size.map(|size| 0.5 / size)];
     let (Some(image), turned) = placed(affine, drape, extent)? else { return Ok(whole) };
+    image.check(drape)?;
     if !crs.name.is_empty() && !mosaic.crs.name.is_empty() && crs.name != mosaic.crs.name {
         let problem = format!(
             "is in {}, and the grid in {}; bring it into the same, with `gdalwarp -t_srs`",

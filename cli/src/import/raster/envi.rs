@@ -43,8 +43,10 @@ impl<'a> Fields<'a> {
             let Some((name, value)) = line.split_once('=') else { continue };
             let mut value = value.trim().to_owned();
             // A list goes on until it is closed.
-            while value.starts_with('{') && !value.contains('}') {
+            let mut is_open = value.starts_with('{') && !value.contains('}');
+            while is_open {
                 let Some(line) = lines.next() else { break };
+                is_open = !line.contains('}');
                 value.push_str(line);
             }
             let value = value.trim_matches(['{', '}', ' ', '\t']).to_owned();

@@ -31,6 +31,8 @@ pub(crate) const USER_DEFINED: u16 = 32767;
 /// The tags with numbers and with texts of keys.
 pub(crate) const GEO_DOUBLES: u16 = 34736;
 pub(crate) const GEO_TEXTS: u16 = 34737;
+/// The tag with what GDAL knows beyond them.
+pub(crate) const GDAL_METADATA: u16 = 42112;
 /// What a citation begins with that has a whole system behind it, as ArcGIS writes it and GDAL reads it.
 pub(crate) const WKT_CITATION: &str = "ESRI PE String = ";
 /// Codes of heights before EPSG had systems of them: ellipsoids and vertical datums of GeoTIFF 1.0, in metres.

@@ -45,6 +45,22 @@ pub(super) struct Georeference {
     pub spacing: [f64; 2],
 }
 
+impl Georeference {
+    /// Refuses places and distances that no raster has.
+    pub fn check(&self, path: &Path) -> Parsed<()> {
+        let Self { first, spacing } = self;
+        let reach = first.iter().chain(spacing).fold(0.0, |reach: f64, value| reach.max(value.abs()));
+        if first.iter().all(|x| x.is_finite()) && spacing.iter().all(|&x| x > 0.0 && x.is_finite()) && reach < 1e12 {
+            return Ok(());
+        }
+        let problem = format!(
+            "has a wrong georeference: its first sample is at {first:?}, and samples are {spacing:?} apart; correct it, for \
+             example with `gdal_edit -a_ullr`"
+        );
+        Err(grid_error(path, &problem))
+    }
+}
+
 /// The rows of a file.
 pub(super) trait HeightRows {
     /// Reads a row, as it is stored. Rows are asked for from north to south, each at most once.
@@ -148,15 +164,8 @@ impl Header {
             (None, None) => self.is_local = true,
             _ => {}
         }
-        let Some(Georeference { first, spacing }) = self.place else { return Ok(()) };
-        let reach = first.iter().chain(&spacing).fold(0.0, |reach: f64, value| reach.max(value.abs()));
-        if !(first.iter().all(|x| x.is_finite()) && spacing.iter().all(|&x| x > 0.0 && x.is_finite()) && reach < 1e12) {
-            let problem = format!(
-                "has a wrong georeference: its first sample is at {first:?}, and samples are {spacing:?} apart; correct it, for \
-                 example with `gdal_edit -a_ullr`"
-            );
-            return Err(grid_error(path, &problem));
-        }
+        let Some(place @ Georeference { first, spacing }) = self.place else { return Ok(()) };
+        place.check(path)?;
         if options.surface != SurfaceKind::Plane && self.crs.kind == CrsKind::Unknown && !self.is_local {
             // What is laid on a globe is in degrees; other numbers are refused below.
             self.crs.kind = CrsKind::Geographic;

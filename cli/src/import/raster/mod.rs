@@ -140,8 +140,10 @@ fn open(path: &Path, options: &RasterOptions) -> Parsed<(Header, Box<dyn HeightR
     if header.place.is_none() {
         (header.place, header.turned) = placed(of_world_file(path)?, path, header.size)?;
     }
-    if header.crs == Crs::default() {
+    if header.crs.says_nothing() {
+        let remarks = std::mem::take(&mut header.crs.remarks);
         header.crs = Crs::beside(path)?;
+        header.crs.remarks.splice(..0, remarks);
     }
     header.complete(path, options)?;
     if header.turned[1] && matches!(format, RasterFormat::Png | RasterFormat::Asc) {

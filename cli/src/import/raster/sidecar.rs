@@ -3,6 +3,8 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
+use crate::import::beside::folders::Folders;
+
 /// The file of the same name with another extension.
 pub(super) fn with_extension(path: &Path, extension: &str) -> Option<PathBuf> {
     spellings(extension).map(|extension| path.with_extension(extension)).into_iter().find(|path| path.is_file())
@@ -30,11 +32,6 @@ fn spellings(extension: &str) -> [String; 3] {
 pub(super) fn with_extension_in_any_case(path: &Path, extension: &str) -> Option<PathBuf> {
     with_extension(path, extension).or_else(|| {
         let wanted = path.with_extension(extension);
-        let wanted = wanted.file_name()?.to_str()?;
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let names = std::fs::read_dir(folder).ok()?.flatten().map(|entry| entry.file_name());
-        // The first in order, whatever order the system has.
-        let name = names.filter(|name| name.to_str().is_some_and(|name| name.eq_ignore_ascii_case(wanted))).min()?;
-        Some(path.with_file_name(name)).filter(|path| path.is_file())
+        Folders::default().in_any_letters(path.parent().unwrap_or(Path::new("")), Path::new(wanted.file_name()?))
     })
 }

@@ -14,7 +14,7 @@ use ::tiff::{TiffError, TiffUnsupportedError};
 use self::rows::{REMEDY, TiffRows, ViewDecoder};
 use super::affine::{Affine, placed};
 use super::crs::{Crs, unit_named};
-use super::geokeys::{GEO_DOUBLES, GEO_TEXTS, GeoTags};
+use super::geokeys::{GDAL_METADATA, GEO_DOUBLES, GEO_TEXTS, GeoTags};
 use super::header::{Header, HeightRows};
 use super::mask::Masked;
 use super::{ImportError, Parsed, RasterFormat, grid_error};
@@ -28,7 +28,6 @@ const MODEL_PIXEL_SCALE: u16 = 33550;
 const MODEL_TIEPOINT: u16 = 33922;
 const MODEL_TRANSFORMATION: u16 = 34264;
 const GEO_KEY_DIRECTORY: u16 = 34735;
-const GDAL_METADATA: u16 = 42112;
 const GDAL_NODATA: u16 = 42113;
 
 /// Opens a TIFF, without what its own masks leave out if these count.

@@ -1,14 +1,9 @@
 //! Measures how far a drawn surface and the input are apart, in both directions, with the verifier's distances.
 
-use crate::measure::two_sided::Side;
+use crate::measure::two_sided::{FLOOR, RELATIVE_GAP, Side};
 use crate::mesh::Mesh;
 use glam::DVec3;
 use serde::Serialize;
-
-/// Upper over lower bound of the largest distance, minus 1.
-const RELATIVE_GAP: f64 = 0.02;
-/// Distances of so many mean edges are not told apart.
-const FLOOR: f64 = 1e-6;
 
 /// Measured errors in input units: from the input to the drawn surface, then back.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -54,13 +49,9 @@ impl<'a> Reference<'a> {
         let positions: Vec<DVec3> = drawn.positions.iter().copied().map(DVec3::from_array).collect();
         let drawn = Side::new(&positions, &drawn.triangles);
         let pairs = [(&self.side, &drawn), (&drawn, &self.side)];
-        let sampled = pairs.map(|(from, to)| from.sampled(to, self.samples));
-        let mut distances = Distances { rms: sampled.map(|(rms, ..)| rms), max: [0.0; 2] };
-        for (k, (from, to)) in pairs.into_iter().enumerate() {
-            let (_, most, at) = sampled[k];
-            distances.max[k] = from.enclosed(to, (RELATIVE_GAP, FLOOR * from.mean_edge), (most, at), &|| {}).lower;
-        }
-        distances
+        let found =
+            pairs.map(|(from, to)| from.measured(to, self.samples, (RELATIVE_GAP, FLOOR * from.mean_edge), &|| {}));
+        Distances { rms: found.map(|one| one.rms), max: found.map(|one| one.lower) }
     }
 }
 

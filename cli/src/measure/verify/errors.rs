@@ -71,7 +71,7 @@ pub(super) fn check_errors<R: ReadAt + Sync>(
         report.levels.push(LevelCheck {
             level,
             triangles: cut.triangle_count,
-            stored: cut.node_errors.iter().copied().fold(0.0, f64::max),
+            stored: cut.error_everywhere(),
             measured: check.largest,
             ratio_max: level_ratios.iter().copied().fold(0.0, f64::max),
             ratio_median: median(&mut level_ratios).unwrap_or(1.0),

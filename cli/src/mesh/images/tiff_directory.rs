@@ -66,6 +66,11 @@ pub(crate) struct Directory {
     entries: Vec<u8>,
 }
 
+/// Whether a file that begins so is a TIFF.
+pub(crate) fn is_tiff(start: &[u8]) -> bool {
+    matches!(start, [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..])
+}
+
 impl Directory {
     /// All directories of a file in order; there is at least one. Those before an error are in `all`.
     ///
@@ -83,19 +88,21 @@ impl Directory {
             file.read_exact(&mut start[8..])?;
         }
         let mut at = layout.number(if is_big { &start[8..16] } else { &start[4..8] });
-        let mut seen = BTreeSet::new();
+        let mut seen = BTreeSet::from([at]);
+        // Directories do not overlap, so that all of them have no more bytes than the file.
+        let mut left = length;
         // A list that leads back to where it has been ends there.
         while all.is_empty() || at != 0 && all.len() < MAX_DIRECTORIES && seen.insert(at) {
-            seen.insert(at);
             file.seek(SeekFrom::Start(at))?;
             let mut count = [0; 8];
             let count = &mut count[..if is_big { 8 } else { 2 }];
             file.read_exact(count)?;
             let first_entry = at + count.len() as u64;
             let bytes = layout.number(count).saturating_mul(layout.entry_bytes()[0] as u64);
-            if bytes > length.saturating_sub(first_entry) {
+            if bytes > left.min(length.saturating_sub(first_entry)) {
                 return Err(io::ErrorKind::UnexpectedEof.into());
             }
+            left -= bytes;
             let mut entries = vec![0; bytes as usize];
             file.read_exact(&mut entries)?;
             let mut next = [0; 8];

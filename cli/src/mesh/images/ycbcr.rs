@@ -9,7 +9,7 @@ use tiff::tags::Tag;
 use tiff::{ColorType as TiffColours, TiffError};
 
 use super::problem::{damaged, unreadable};
-use super::{EncodedImage, JPEG_BLOCK, jpeg, texels_of};
+use super::{EncodedImage, JPEG_BLOCK, jpeg, texels_of, tiff_directory};
 
 /// The number of JPEG among compressions.
 const JPEG: u16 = 7;
@@ -21,8 +21,7 @@ const PADDING: u32 = 32;
 /// # Errors
 /// If it cannot be read.
 pub(super) fn is_ycbcr(mut encoded: impl EncodedImage) -> io::Result<bool> {
-    let start = encoded.fill_buf()?;
-    let is_tiff = matches!(start, [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..]);
+    let is_tiff = tiff_directory::is_tiff(encoded.fill_buf()?);
     let colours = |encoded| Decoder::new(encoded).and_then(|mut decoder| decoder.colortype());
     Ok(is_tiff && matches!(colours(encoded), Ok(TiffColours::YCbCr(8))))
 }

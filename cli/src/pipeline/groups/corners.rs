@@ -122,7 +122,7 @@ impl Level<'_> {
             let candidate = points.iter().position(|p| p.candidate.is_some());
             let first = points.iter().position(|p| p.stays || p.candidate.is_some());
             let mut kept = self.ring(points.clone(), first.unwrap_or(0));
-            // Where it was begun is any corner, which may be gone: with two others, coarser levels would have less than a loop.
+            // The corner where it was begun was chosen freely, and coarser levels may lack it: with two others alone they would have no loop.
             let is_vertex = |p: &&Point| p.lasts || p.stays && p.candidate.is_some();
             if kept[1..].iter().filter(is_vertex).count() < 3 {
                 points[0].stays = false;

@@ -22,12 +22,12 @@ impl Collapser<'_> {
                     continue;
                 }
                 let mut ring = vec![];
-                self.mesh.ring(vertex, &mut ring);
+                if tolerated == ANY_SHAPE {
+                    self.mesh.ring(vertex, &mut ring);
+                }
                 if self.force_vertex(vertex, tolerated) {
                     removed_any = true;
-                    if tolerated == ANY_SHAPE {
-                        self.forced.append(&mut ring);
-                    }
+                    self.forced.append(&mut ring);
                 }
             }
             removed_any

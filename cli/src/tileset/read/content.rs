@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use glam::{DMat3, DMat4, DQuat, DVec3};
+use glam::{DMat3, DMat4, DVec3};
 use serde::Deserialize;
 
 use super::files::Files;
@@ -209,8 +209,8 @@ fn instances(features: &Features, binary: &[u8]) -> Option<Vec<DMat4>> {
     if count > binary.len() / 6 {
         return None;
     }
-    let float = |at: usize| Some(f64::from(f32::from_le_bytes(binary.get(at..at + 4)?.try_into().ok()?)));
-    let short = |at: usize| Some(f64::from(u16::from_le_bytes(binary.get(at..at + 2)?.try_into().ok()?)));
+    let float = |at: usize| Some(f64::from(f32::from_le_bytes(*binary.get(at..)?.first_chunk()?)));
+    let short = |at: usize| Some(f64::from(u16::from_le_bytes(*binary.get(at..)?.first_chunk()?)));
     let vector = |at: At, i: usize| {
         let at = at.byte_offset.checked_add(12 * i)?;
         Some(DVec3::new(float(at)?, float(at + 4)?, float(at + 8)?))
@@ -255,7 +255,7 @@ fn instances(features: &Features, binary: &[u8]) -> Option<Vec<DMat4>> {
                 let [up, east, north] = up_east_north_at(position);
                 DMat3::from_cols(east, north, up)
             }
-            _ => DMat3::from_quat(DQuat::IDENTITY),
+            _ => DMat3::IDENTITY,
         };
         let mut scale = DVec3::ONE;
         if let Some(at) = features.scale {

@@ -1,5 +1,6 @@
 //! The files of a tileset: in its folder, or in an archive.
 
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::fs::{self, File};
 use std::io::{self, BufReader, Read};
@@ -8,6 +9,7 @@ use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 
 use super::ReadError;
+use crate::import::decode_percent;
 use crate::tileset::{ARCHIVE_EXTENSION, ENTRY};
 
 /// Characters of a name in a message.
@@ -85,7 +87,7 @@ impl Files {
         }
         let mut parts: Vec<String> = from.split('/').map(str::to_owned).collect();
         parts.pop();
-        let decoded = percent_decoded(plain);
+        let decoded = decode_percent(plain).unwrap_or(Cow::Borrowed(plain));
         for part in decoded.split(['/', '\\']) {
             match part {
                 "" | "." => {}
@@ -96,26 +98,6 @@ impl Files {
         }
         Ok(parts.join("/"))
     }
-}
-
-/// A name in which bytes are written as %20.
-fn percent_decoded(text: &str) -> String {
-    let bytes = text.as_bytes();
-    let digit = |at: usize| bytes.get(at).and_then(|&byte| char::from(byte).to_digit(16));
-    let (mut out, mut at) = (vec![], 0);
-    while let Some(&byte) = bytes.get(at) {
-        match (byte, digit(at + 1), digit(at + 2)) {
-            (b'%', Some(high), Some(low)) => {
-                out.push((high * 16 + low) as u8);
-                at += 3;
-            }
-            _ => {
-                out.push(byte);
-                at += 1;
-            }
-        }
-    }
-    String::from_utf8(out).unwrap_or_else(|_| text.to_owned())
 }
 
 #[cfg(test)]

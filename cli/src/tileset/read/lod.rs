@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::ReadError;
+use super::{ReadError, without_mark};
 use crate::import::import_bytes;
 use crate::mesh::Mesh;
 use crate::progress::Progress;
@@ -21,20 +21,16 @@ pub struct GltfLevels {
     document: Value,
     /// What follows the document in a binary container.
     rest: Option<Vec<u8>>,
-    /// Of each level, the finest first: what takes the place of the nodes that have levels.
+    /// How many levels there are, the finest included.
     count: usize,
 }
 
 impl GltfLevels {
-    /// Reads a document. None if it is no glTF, or has no levels.
+    /// Reads a glTF document. None if it has no levels.
     ///
     /// # Errors
     /// [`ReadError::Io`] if the file cannot be read.
     pub fn open(path: &Path) -> Result<Option<Self>, ReadError> {
-        let extension = path.extension().map(|extension| extension.to_ascii_lowercase()).unwrap_or_default();
-        if extension != "glb" && extension != "gltf" {
-            return Ok(None);
-        }
         let bytes = fs::read(path).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
         let (text, rest) = if bytes.starts_with(b"glTF") {
             let length = bytes.get(12..16).and_then(|word| word.try_into().ok()).map(u32::from_le_bytes);
@@ -44,7 +40,7 @@ impl GltfLevels {
             };
             (text, Some(rest.to_vec()))
         } else {
-            (bytes.as_slice(), None)
+            (without_mark(&bytes), None)
         };
         // The importer says what is wrong with a damaged one.
         let Ok(document) = serde_json::from_slice::<Value>(text) else { return Ok(None) };
@@ -94,13 +90,9 @@ impl GltfLevels {
                 }
             }
         };
-        for scene in document["scenes"].as_array_mut().into_iter().flatten() {
-            replace(&mut scene["nodes"]);
-        }
-        for node in document["nodes"].as_array_mut().into_iter().flatten() {
-            if node.get("children").is_some() {
-                replace(&mut node["children"]);
-            }
+        for (all, numbers) in [("scenes", "nodes"), ("nodes", "children")] {
+            let all = document.get_mut(all).and_then(Value::as_array_mut).into_iter().flatten();
+            all.filter_map(|one| one.get_mut(numbers)).for_each(replace);
         }
         let mut text = document.to_string().into_bytes();
         let bytes = match &self.rest {

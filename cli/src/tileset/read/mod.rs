@@ -86,20 +86,12 @@ pub enum ReadError {
 /// What a viewer draws of a tileset at once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Level {
-    /// The depth to which tiles are refined, or the level of terrain tiles.
+    /// The depth to which tiles are refined.
     pub depth: u32,
     /// The largest error that the tileset states for what is drawn, in the units of its coordinates.
     pub claimed: f64,
     /// Contents of tiles, by number.
     contents: Vec<(usize, usize)>,
-}
-
-impl Level {
-    /// How many files are drawn.
-    #[must_use]
-    pub fn content_count(&self) -> usize {
-        self.contents.len()
-    }
 }
 
 /// The tree of a tileset.
@@ -189,14 +181,19 @@ struct Waiting {
     parent: Option<usize>,
 }
 
-/// Whether a file leads to the tiles of a tileset: it is called tileset.json or is JSON with a root, or an archive of 3D Tiles.
+/// Whether a file leads to the tiles of a tileset: it is JSON with a root, or an archive of 3D Tiles.
 #[must_use]
 pub fn is_tileset(path: &Path) -> bool {
     if files::is_archive(path) {
         return true;
     }
     let is_json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
-    is_json && std::fs::read(path).is_ok_and(|bytes| serde_json::from_slice::<RootAlone>(&bytes).is_ok())
+    is_json && std::fs::read(path).is_ok_and(|bytes| serde_json::from_slice::<RootAlone>(without_mark(&bytes)).is_ok())
+}
+
+/// JSON without the byte order mark that some programs write before it.
+fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes)
 }
 
 #[derive(Deserialize)]
@@ -225,8 +222,7 @@ impl Tileset {
                 return Err(ReadError::Limit { path, what });
             }
             let bytes = tileset.files.read(&next.name)?;
-            let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes);
-            let raw: RawTileset = serde_json::from_slice(text).map_err(|error| ReadError::Damaged {
+            let raw: RawTileset = serde_json::from_slice(without_mark(&bytes)).map_err(|error| ReadError::Damaged {
                 path: path.clone(),
                 problem: format!("is no tileset that can be read: {error}"),
             })?;

@@ -12,18 +12,16 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Deserialize;
 
-use super::{ReadError, append};
+use super::{ReadError, append, without_mark};
 use crate::mesh::Mesh;
 use crate::progress::Progress;
 use crate::tileset::geodesy::Crs;
-use crate::tileset::quantized::{LAYER, level_error};
+use crate::tileset::quantized::{LAST, LAYER, degrees_of, level_error};
 
 /// Bytes of a tile at most, once it is unpacked.
 const MAX_TILE_BYTES: u64 = 1 << 28;
 /// Bytes before the vertices.
 const HEADER: usize = 88;
-/// Positions within a tile are from 0 to this.
-const LAST: f64 = 32_767.0;
 /// Vertices beyond which numbers have 32 bits.
 const SHORT: usize = 1 << 16;
 
@@ -64,17 +62,16 @@ impl Terrain {
         let io = |source| ReadError::Io { path: path.to_owned(), source };
         let damaged = |problem: String| ReadError::Damaged { path: path.to_owned(), problem };
         let bytes = fs::read(path).map_err(io)?;
-        let layer: RawLayer =
-            serde_json::from_slice(&bytes).map_err(|error| damaged(format!("is no list of terrain tiles: {error}")))?;
+        let layer: RawLayer = serde_json::from_slice(without_mark(&bytes))
+            .map_err(|error| damaged(format!("is no list of terrain tiles: {error}")))?;
         if !layer.format.starts_with("quantized-mesh") {
             return Err(damaged(format!("its tiles are {}, and only quantized-mesh-1.0 is read", layer.format)));
         }
         if layer.projection.as_deref().is_some_and(|name| name != "EPSG:4326") {
             return Err(damaged("its tiles are not squares of degrees (EPSG:4326), which alone are read".to_owned()));
         }
-        if layer.tiles.iter().flatten().any(|name| name.contains("://") || name.starts_with('/')) {
-            let uri = layer.tiles.iter().flatten().next().cloned().unwrap_or_default();
-            return Err(ReadError::Elsewhere { path: path.to_owned(), uri });
+        if let Some(uri) = layer.tiles.iter().flatten().find(|name| name.contains("://") || name.starts_with('/')) {
+            return Err(ReadError::Elsewhere { path: path.to_owned(), uri: uri.clone() });
         }
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
         let is_from_south = layer.scheme.as_deref().is_none_or(|scheme| scheme == "tms");
@@ -99,10 +96,10 @@ impl Terrain {
         Ok(Some(Self { folder, is_from_south, levels }))
     }
 
-    /// The levels that have tiles, and how many.
+    /// The levels that have tiles.
     #[must_use]
-    pub fn levels(&self) -> Vec<(u32, usize)> {
-        self.levels.iter().map(|(&level, tiles)| (level, tiles.len())).collect()
+    pub fn levels(&self) -> Vec<u32> {
+        self.levels.keys().copied().collect()
     }
 
     /// How far off Cesium takes a level to be, in metres: the format states no error.
@@ -116,7 +113,7 @@ impl Terrain {
     /// # Errors
     /// [`ReadError`].
     pub fn mesh(&self, level: u32, within: Option<[f64; 4]>, progress: &dyn Progress) -> Result<Mesh, ReadError> {
-        let side = 180.0 / (1u64 << level.min(62)) as f64;
+        let side = degrees_of(level.min(62));
         let tiles = self.levels.get(&level).map(Vec::as_slice).unwrap_or_default();
         progress.begin("tiles", tiles.len() as u64);
         let of_tile = |&[x, y]: &[u64; 2]| -> Result<(PathBuf, Mesh), ReadError> {

@@ -11,7 +11,7 @@ use lodpack_cli::geometry_images::{
     read_atlas, write_atlas,
 };
 use lodpack_cli::import::{ImportOptions, Imported, Room, import_large_meshes};
-use lodpack_cli::measure::two_sided::{OneSided, Side};
+use lodpack_cli::measure::two_sided::{FLOOR, OneSided, RELATIVE_GAP, Side};
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::mesh::attributes::Surface;
 use lodpack_cli::progress::Progress;
@@ -21,10 +21,6 @@ use std::process::ExitCode;
 
 /// Points on each surface for root mean squares.
 const SAMPLES: usize = 200_000;
-/// Upper over lower bound of the distance, minus 1.
-const RELATIVE_GAP: f64 = 0.02;
-/// Distances of so many mean edges are not told apart.
-const FLOOR: f64 = 1e-6;
 
 /// Writes a mesh as geometry images.
 pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
@@ -114,14 +110,11 @@ fn remove_old(dir: &Path) -> Result<()> {
     Ok(())
 }
 
-/// How far the input and the surface of the images, as they were written, are apart at most: the bounds of the larger direction, and its root mean square.
+/// How far the input and the surface of the images, as they were written, are apart at most: the bounds of the larger direction, and the
+/// larger root mean square.
 fn distance_between(input: &Mesh, images: &Mesh) -> OneSided {
     let [input, images] = [input, images].map(|mesh| Side::new(&mesh.positions, &mesh.triangles));
-    let one_way = |from: &Side, to: &Side| {
-        let (rms, most, at) = from.sampled(to, SAMPLES);
-        let found = from.enclosed(to, (RELATIVE_GAP, FLOOR * input.mean_edge), (most, at), &|| {});
-        OneSided { rms, ..found }
-    };
+    let one_way = |from: &Side, to: &Side| from.measured(to, SAMPLES, (RELATIVE_GAP, FLOOR * input.mean_edge), &|| {});
     let (there, back) = (one_way(&input, &images), one_way(&images, &input));
     let farther = if back.upper > there.upper { back } else { there };
     OneSided { rms: there.rms.max(back.rms), ..farther }

@@ -84,7 +84,7 @@ pub fn run(args: &CompareArgs) -> Result<ExitCode> {
     let mut mesh = a.mesh(&finest, edges[0], &progress)?;
     match &args.matrix {
         Some(matrix) => transform(matrix, &mut mesh.positions),
-        None => drop(a.take_to(space, &mut mesh.positions, args)?),
+        None => drop(a.take_to(space, &mut mesh, args)?),
     }
     // Positions relative to one of them keep their digits far from the origin.
     let [origin, high] = mesh.bounds();
@@ -96,7 +96,7 @@ pub fn run(args: &CompareArgs) -> Result<ExitCode> {
     let mut compared = vec![];
     for level in &levels {
         let mut other = b.mesh(level, edges[1], &progress)?;
-        let unit = if args.matrix.is_some() { 1.0 } else { b.take_to(space, &mut other.positions, args)? };
+        let unit = if args.matrix.is_some() { 1.0 } else { b.take_to(space, &mut other, args)? };
         other.positions.iter_mut().for_each(|p| *p -= origin);
         let other_side = Side::new(&other.positions, &other.triangles);
         let measure = Measure { args, floor, origin, progress: &progress };
@@ -140,9 +140,7 @@ impl Measure<'_> {
         let Self { args, floor, progress, .. } = *self;
         progress.begin("compare", 128);
         let one_way = |from: &Side, to: &Side| {
-            let (rms, most, at) = from.sampled(to, args.samples as usize);
-            let found = from.enclosed(to, (args.gap, floor), (most, at), &|| progress.advance(1));
-            self.distance(OneSided { rms, ..found })
+            self.distance(from.measured(to, args.samples as usize, (args.gap, floor), &|| progress.advance(1)))
         };
         let (a_to_b, b_to_a) = (one_way(a, b), one_way(b, a));
         let distance = [a_to_b.lower.max(b_to_a.lower), a_to_b.upper.max(b_to_a.upper)];

@@ -223,7 +223,7 @@ impl Surface {
                 vec![Chosen { name: "cut".into(), ..of_level(tileset.within(length)) }]
             }
             (Content::Terrain(terrain), None) => {
-                let of = |(level, _): (u32, usize)| {
+                let of = |level: u32| {
                     one(
                         &format!("level {level}"),
                         level as usize,
@@ -292,7 +292,7 @@ impl Surface {
     }
 
     /// Takes positions to a space, and returns how many units of that one of its own is.
-    pub fn take_to(&self, space: Space, positions: &mut [DVec3], args: &CompareArgs) -> Result<f64> {
+    pub fn take_to(&self, space: Space, mesh: &mut Mesh, args: &CompareArgs) -> Result<f64> {
         let is_heights = matches!(self.content, Content::Raster(..) | Content::Heights(_));
         let mut placement = self.placement.clone().unwrap_or_default();
         if is_heights && placement.up == UpAxis::Unknown {
@@ -311,30 +311,27 @@ impl Surface {
                     (false, true) => Upright::along_z(Some(&placement)),
                     (false, false) => Upright::of(Some(&placement)),
                 };
-                for p in positions {
+                for p in &mut mesh.positions {
                     *p = upright.unit * if upright.is_z_up { DVec3::new(p.x, p.z, -p.y) } else { *p };
                 }
                 Ok(upright.unit)
             }
             (Space::Gltf, _) => {
-                positions.iter_mut().for_each(|p| *p = DVec3::new(p.x, -p.z, p.y));
+                mesh.positions.iter_mut().for_each(|p| *p = DVec3::new(p.x, -p.z, p.y));
                 Ok(1.0)
             }
             _ => {
                 if let Some(projection) = Projection::of(&placement).filter(|_| is_heights && args.up.is_none()) {
-                    positions.iter_mut().for_each(|p| *p = projection.ecef(p.to_array()).into());
+                    mesh.positions.iter_mut().for_each(|p| *p = projection.ecef(p.to_array()).into());
                     return Ok(unit);
                 }
-                let (low, high) = positions
-                    .iter()
-                    .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
                 let up = args.up.map(|up| up.axis());
-                let placed = place(&placement, up, [low.to_array(), high.to_array()]).with_context(|| {
+                let placed = place(&placement, up, mesh.bounds().map(|p| p.to_array())).with_context(|| {
                     format!("cannot take {} to the coordinates of the other surface", self.path.display())
                 })?;
                 let [x, y, z] = placed.frame.axes.map(DVec3::from_array);
                 let origin = DVec3::from_array(placed.frame.origin);
-                positions.iter_mut().for_each(|p| *p = origin + x * p.x + y * p.y + z * p.z);
+                mesh.positions.iter_mut().for_each(|p| *p = origin + x * p.x + y * p.y + z * p.z);
                 Ok(unit)
             }
         }
