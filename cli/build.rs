@@ -1,5 +1,5 @@
-//! Makes the viewer page part of the program where its reader, `reader/wasm/lodpack.wasm`, has been built; `lodpack serve` shows it.
-//! Without it the program builds just the same, and `lodpack serve --page` takes the page from a folder.
+//! Makes the viewer page part of the program, with the reader that `reader/wasm/build` has packed; `lodpack serve` shows it.
+//! Where the repository is not around the program it builds just the same, and `lodpack serve --page` takes the page from a folder.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ fn main() {
     let here = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo says it"));
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo says it"));
     let (page, package) = (here.join("../viewer-min/web"), here.join("../reader/wasm"));
-    let wasm = package.join("lodpack.wasm");
+    let wasm = package.join("lodpack.wasm.gz");
     let mut list = String::from("/// Paths and bytes of the viewer page.\nconst EMBEDDED: &[(&str, &[u8])] = &[\n");
     if wasm.is_file() {
         let scripts = package.join("js");
@@ -19,10 +19,7 @@ fn main() {
                 add(&mut list, &format!("{prefix}/{}", file.file_name().unwrap_or_default().to_string_lossy()), &file);
             }
         }
-        add(&mut list, "/lodpack/lodpack.wasm", &wasm);
-    } else if package.is_dir() {
-        // Cargo would take a file that does not exist for one that has changed, and compile the program anew every time.
-        watch(&package);
+        add(&mut list, "/lodpack/lodpack.wasm.gz", &wasm);
     } else {
         println!("cargo::rerun-if-changed=build.rs");
     }

@@ -166,6 +166,22 @@ fn nothing_but_the_files_is_served_and_nothing_but_reading_is_allowed() {
 }
 
 #[test]
+fn the_program_has_a_page_of_its_own_made_of_the_sources_beside_it() {
+    let desk = Desk::new();
+    let serving = Serving::start(&[&desk.file()]);
+    assert!(serving.line.ends_with("/?url=/a%20b.lodpack"), "{}", serving.line);
+    for (path, kind) in [("index.html", "text/html"), ("viewer.js", "text/javascript"), ("lodpack/js/file.js", "text/javascript")] {
+        let (head, _) = serving.ask(&format!("GET /{path}"), "");
+        assert!(head.starts_with("http/1.1 200 ") && head.contains(kind), "{path}: {head}");
+    }
+    let (head, wasm) = serving.ask("GET /lodpack/lodpack.wasm", "");
+    assert!(wasm.starts_with(b"\0asm") && head.contains("application/wasm"), "{head}");
+    let build = Path::new(env!("CARGO_MANIFEST_DIR")).join("../reader/wasm/build");
+    let out = Command::new(build).arg("--check").output().expect("bash runs");
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+}
+
+#[test]
 fn a_page_in_a_folder_shows_files_of_the_same_name() {
     let desk = Desk::new();
     for folder in ["page", "page/lodpack", "more"] {
@@ -304,10 +320,7 @@ fn a_file_that_changes_between_requests_is_noticed() {
 fn the_page_shows_a_served_file_in_chromium() {
     if has_browser() {
         let desk = Desk::new();
-        let page = desk.path("page");
-        let pack = Path::new(env!("CARGO_MANIFEST_DIR")).join("../viewer-min/web/pack");
-        assert!(Command::new(pack).arg(&page).output().expect("bash runs").status.success());
-        let serving = Serving::start(&[&desk.file(), "--page", &text(&page)]);
+        let serving = Serving::start(&[&desk.file()]);
         run_node(&["test/served.test.js"], &[("LODPACK_SERVED", serving.host())]);
     }
 }

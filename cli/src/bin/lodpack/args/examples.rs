@@ -45,8 +45,8 @@ Examples:
   lodpack serve *.lodpack --bind 0.0.0.0 --port 80    for other machines, too
   lodpack serve --check https://example.org/scan.lodpack
 
-It prints an address for each file, which shows it where the viewer page is part of this program, and serves these files and the page \
-alone. Pages on any host may read the files. Ctrl-C stops it.
+It prints an address for each file, which shows it in the viewer page, and serves these files and the page alone. \
+Pages on any host may read the files. Ctrl-C stops it.
 
 Exit status: 0 the server was stopped, or --check found nothing; 1 --check found a problem; 2 the command could not run.";
 

@@ -1,17 +1,19 @@
-//! The viewer page (`viewer-min/web`): part of the program where its reader was built before the program was, or in a folder.
+//! The viewer page (`viewer-min/web`): part of the program, or in a folder.
 
 use anyhow::{Context, Result, bail};
+use flate2::read::GzDecoder;
 use lodpack_cli::serve::Item;
 use std::borrow::Cow;
 use std::fs;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
-// `EMBEDDED`: paths and bytes of the page, none if `reader/wasm` was not built. Made by build.rs.
+// `EMBEDDED`: paths and bytes of the page, none if the program was built outside of lodpack's repository. Made by build.rs.
 include!(concat!(env!("OUT_DIR"), "/page.rs"));
 
 /// How to get the page.
-pub const MISSING: &str = "this lodpack was built without the viewer page; `viewer-min/web/pack DIR` in its source code makes one, which \
-                           --page DIR serves";
+pub const MISSING: &str = "this lodpack was built outside of its repository, without the viewer page; `viewer-min/web/pack DIR` \
+                           there makes one, which --page DIR serves";
 
 /// Most files of a page: `--page /` is a mistake.
 const MOST_FILES: usize = 1000;
@@ -27,8 +29,12 @@ pub fn load(folder: Option<&Path>) -> Result<Page> {
     let mut items = vec![];
     match folder {
         None => {
-            let own = |&(path, bytes): &(&str, &'static [u8])| (path.to_owned(), Item::Bytes(Cow::Borrowed(bytes)));
-            items.extend(EMBEDDED.iter().map(own));
+            for &(path, bytes) in EMBEDDED {
+                items.push(match path.strip_suffix(".gz") {
+                    Some(path) => (path.to_owned(), Item::Bytes(Cow::Owned(unpacked(bytes)?))),
+                    None => (path.to_owned(), Item::Bytes(Cow::Borrowed(bytes))),
+                });
+            }
         }
         Some(folder) => {
             if !folder.join("index.html").is_file() {
@@ -45,6 +51,12 @@ pub fn load(folder: Option<&Path>) -> Result<Page> {
         }
     }
     Ok(Page { is_there: !items.is_empty(), items })
+}
+
+fn unpacked(bytes: &[u8]) -> Result<Vec<u8>> {
+    let mut all = vec![];
+    GzDecoder::new(bytes).read_to_end(&mut all).context("the page in this program is damaged")?;
+    Ok(all)
 }
 
 /// Lists the files of a folder and of the folders in it. Links are left out: they could lead anywhere.
