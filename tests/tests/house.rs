@@ -145,8 +145,36 @@ fn documents_are_read_to_the_end() {
     for (name, limit, instead) in [
         ("format-spec/RATIONALE.md", 60_000, "trials belong in format-spec/trials"),
         ("CHANGELOG.md", 6_000, "details belong in the document of the command or crate"),
+        ("tests/RESULTS.md", 50_000, "figures of earlier builders belong in format-spec/trials, or go"),
     ] {
         let size = std::fs::metadata(root().join(name)).expect("it is there").len();
         assert!(size <= limit, "{name} has {size} bytes, at most {limit}: {instead}");
     }
+}
+
+#[test]
+fn figures_that_stand_in_several_documents_agree() {
+    let (content, said) = script("figures.py", &[]);
+    assert!(content, "{said}");
+}
+
+#[test]
+fn a_figure_that_says_something_else_than_another_is_named() {
+    let folder = tempfile::tempdir().expect("a temporary directory");
+    for name in ["README.md", "cli/README.md", "reader/README.md", "tests/RESULTS.md"] {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().expect("it has a folder")).expect("a writable temporary directory");
+        std::fs::copy(root().join(name), path).expect("a readable document");
+    }
+    let args = ["--root", folder.path().to_str().expect("a readable path")];
+    let (content, said) = script("figures.py", &args);
+    assert!(content, "{said}");
+    let file = folder.path().join("README.md");
+    let text = std::fs::read_to_string(&file).expect("it was copied");
+    std::fs::write(&file, text.replacen("**0.43 mean edges**", "**0.44 mean edges**", 1)).expect("a writable file");
+    let (content, said) = script("figures.py", &args);
+    assert!(!content && said.contains("largest distance at 10 %: README.md says 0.44"), "{said}");
+    std::fs::write(&file, text.replacen("mean edges**, proven", "mean edges**", 1)).expect("a writable file");
+    let (content, said) = script("figures.py", &args);
+    assert!(!content && said.contains("there is no `**{} mean edges**, proven`"), "{said}");
 }
