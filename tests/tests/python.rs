@@ -23,9 +23,3 @@ fn the_wheel_passes_its_tests_and_the_examples_of_its_documents() {
         println!("{said}");
     });
 }
-
-#[test]
-fn the_package_has_the_version_of_the_program() {
-    let manifest = std::fs::read_to_string(package().join("Cargo.toml")).expect("it is there");
-    assert!(manifest.contains(&format!("\nversion = \"{}\"\n", env!("CARGO_PKG_VERSION"))), "{manifest}");
-}

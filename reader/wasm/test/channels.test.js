@@ -9,7 +9,7 @@ import { BytesSource, Pool, SharedPromiseCache, open } from '../js/index.js';
 import { edgesOf, edgesOfMesh, nodesOf, outwardsOfTorus, paintedColour, paintedHeight, settle, viewOf } from './picture.js';
 
 const folder = process.env.LODPACK_REFERENCE;
-const skip = !folder && 'cargo test --release -p lodpack-cli makes the file that it needs';
+const skip = !folder && 'cargo test -p lodpack-cli makes the file that it needs';
 const painted = () => readFile(join(folder, 'valid-painted.lodpack'));
 const lit = () => readFile(join(folder, 'valid-lit.lodpack'));
 /** A tolerance in pixels at which the file is drawn as several roots. */
