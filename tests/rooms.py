@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Checks that the rooms of each crate import in one direction, and draws them into ARCHITECTURE.md.
+"""Checks that the rooms of each house import in one direction, and draws them into ARCHITECTURE.md.
 
 usage: rooms.py [--write] [--list] [--root DIR]
 
-A room is a folder or file at the top of a crate's src. ORDER lists the rooms of each crate from the top down: a room may use
-those below it in the list and nothing above. The script finds who uses whom in `use` items and in qualified paths
-(crate::, super::, and the crate's own name in its programs); names that a crate re-exports at its root count for the room
-that they are from. Test code is left out. It ends with 1 where an arrow points upward, where a room is not in the list, or
+A house is a crate, or the crates of the builder, which only show in the picture as frames. A room is a folder or file at the top of
+a crate's src, or a crate as a whole. HOUSES lists the rooms of each from the top down: a room may use those below it in the list and
+nothing above. The script finds who uses whom in `use` items and in qualified paths (crate::, super::, and the names of crates of the
+house); names that a crate re-exports at its root count for the room that they are from. Test code is left out. It ends with 1 where an arrow points upward, where a room is not in the list, or
 where the picture in ARCHITECTURE.md is not of the code as it is, or where the crate that other programs use shows more names at
 its root than a newcomer can survey; --write draws that picture, --list prints every arrow with
 the place of one import."""
@@ -15,23 +15,31 @@ import pathlib
 import re
 import sys
 
-# Each crate: the name that its own programs import it by, where its sources are, and its rooms from the top down.
-ORDER = {
-    "reader": ("lodpack", "reader/src", "open verify ground file stream heights decode select index write format codec lattice source limits sorted error"),
-    "cli": (
-        "lodpack_cli",
-        "cli/src",
-        "bin/lodpack serve tileset measure job geometry_images heights pipeline region stage import storage mesh progress machine text",
-    ),
-    "viewer-min": (
-        "lodpack_view",
-        "viewer-min/src",
-        "main window headless check controls present overlay draw pool scene channel texels blocks gpu picture args camera",
-    ),
+# Each house: its crates from the top down. Of each the name that others import it by, where its sources are, and its rooms from the top
+# down; a room alone is the crate as a whole.
+HOUSES = {
+    "reader": [
+        ("lodpack", "reader/src", "open verify ground file stream heights decode select index write format codec lattice source limits sorted error".split())
+    ],
+    "cli": [
+        ("lodpack_cli", "cli/src", "bin/lodpack serve tileset measure".split()),
+        ("lodpack_build", "cli/build/src", "job geometry_images heights pipeline region".split()),
+        ("lodpack_stage", "cli/stage/src", "stage"),
+        ("lodpack_import", "cli/import/src", "import"),
+        ("lodpack_mesh", "cli/mesh/src", "mesh"),
+        ("lodpack_runtime", "cli/runtime/src", "storage progress machine text".split()),
+    ],
+    "viewer-min": [
+        (
+            "lodpack_view",
+            "viewer-min/src",
+            "main window headless check controls present overlay draw pool scene channel texels blocks gpu picture args camera".split(),
+        )
+    ],
 }
 
 # The most names at the root of a crate, modules aside.
-MOST_NAMES = {"reader": 40}
+MOST_NAMES = {"lodpack": 40}
 
 TOKEN = re.compile(r"r?#?[A-Za-z_]\w*|::|[{}()\[\];,*#!<>=]")
 # Comments and literals, which may hold anything; a lifetime is no literal.
@@ -112,26 +120,33 @@ def use_paths(tokens, at):
 
 
 class Crate:
-    """A crate's rooms and the arrows between them."""
+    """A crate of a house: its sources, its rooms, and which room each name at its root is from."""
 
-    def __init__(self, root, name, own_name, source, order):
-        self.name, self.own_name, self.source = name, own_name, root / source
-        self.root, self.order = root, order.split()
-        self.arrows, self.test_paths, self.exports = {}, set(), {}
+    def __init__(self, root, own_name, source, rooms):
+        self.own_name, self.place, self.source = own_name, source, root / source
+        # The room that the whole crate is, if it is one.
+        self.whole = rooms if isinstance(rooms, str) else None
+        self.rooms = [rooms] if self.whole else rooms
+        self.exports, self.test_paths = {}, set()
         self.read_root()
-        for path in sorted(self.source.rglob("*.rs")):
+        for path in self.files():
             self.find_test_modules(path)
-        for path in sorted(self.source.rglob("*.rs")):
-            if path.name != "lib.rs" and not self.test_paths & {path, *path.parents}:
-                self.read(path)
+
+    def files(self):
+        return sorted(self.source.rglob("*.rs"))
+
+    def read_files(self):
+        """The files whose imports count. A root without anything of its own only shows names."""
+        shown = (path for path in self.files() if self.whole or path.name != "lib.rs")
+        return [path for path in shown if not self.test_paths & {path, *path.parents}]
 
     def room_of_file(self, path):
         parts = path.relative_to(self.source).with_suffix("").parts
-        return "/".join(parts[:2]) if parts[0] == "bin" else parts[0]
+        return self.whole or ("/".join(parts[:2]) if parts[0] == "bin" else parts[0])
 
     def module_of(self, path):
         parts = list(path.relative_to(self.source).with_suffix("").parts)
-        return parts[:-1] if parts[-1] == "mod" else parts
+        return parts[:-1] if parts[-1] in ("mod", "lib") else parts
 
     def read_root(self):
         """Which room each name at the crate's root is from; those that the root defines are from none."""
@@ -153,11 +168,29 @@ class Crate:
         for module in re.findall(r"#\[cfg\(test\)\]\s*(?:pub(?:\(\w+\))?\s+)?mod\s+(\w+)\s*;", text):
             self.test_paths |= {folder / f"{module}.rs", folder / module}
 
-    def read(self, path):
-        room, module = self.room_of_file(path), self.module_of(path)
+    def room_of_name(self, name, rooms):
+        """The room that a path from the crate's root leads to; none if there is none."""
+        return self.whole or (name if name in rooms else self.exports.get(name))
+
+
+class House:
+    """The rooms of some crates, and the arrows between them."""
+
+    def __init__(self, root, name, crates):
+        self.root, self.name = root, name
+        self.crates = [Crate(root, *crate) for crate in crates]
+        self.order = [room for crate in self.crates for room in crate.rooms]
+        self.by_name = {crate.own_name: crate for crate in self.crates}
+        self.arrows = {}
+        for crate in self.crates:
+            for path in crate.read_files():
+                self.read(crate, path)
+
+    def read(self, crate, path):
+        room, module = crate.room_of_file(path), crate.module_of(path)
         tokens, at, braces = tokens_of(path.read_text()), 0, []
         if room not in self.order:
-            raise Problem(f"{path.relative_to(self.root)}: room {room} is not in ORDER of tests/rooms.py: say there what it may use")
+            raise Problem(f"{path.relative_to(self.root)}: room {room} is not in HOUSES of tests/rooms.py: say there what it may use")
         while at < len(tokens):
             token, line = tokens[at]
             before = tokens[at - 1][0] if at else ""
@@ -176,7 +209,7 @@ class Crate:
             elif token == "use" and tokens[at + 1][0] != "<":
                 paths, at = use_paths(tokens, at + 1)
                 for used in paths:
-                    self.note(room, here, used, path, line)
+                    self.note(crate, room, here, used, path, line)
                 continue
             elif tokens[at + 1 : at + 2] and tokens[at + 1][0] == "::" and before != "::":
                 # `pub(in crate::room)` uses nothing.
@@ -186,15 +219,19 @@ class Crate:
                     used.append(tokens[at + 2][0])
                     at += 2
                 if not is_visibility:
-                    self.note(room, here, used, path, line)
+                    self.note(crate, room, here, used, path, line)
             at += 1
 
-    def note(self, room, module, used, path, line):
+    def note(self, crate, room, module, used, path, line):
         """Notes what a path leads to, if that is another room."""
         where = f"{path.relative_to(self.root)}:{line}"
         head, rest = used[0], used[1:]
         is_program = room.startswith("bin/") or room == "main"
-        if head == "crate" and not is_program or head == self.own_name:
+        if head in self.by_name:
+            crate, target = self.by_name[head], rest
+        elif crate.whole and head in ("crate", "super"):
+            return
+        elif head == "crate" and not is_program:
             target = rest
         elif head == "super" and not is_program:
             target = module[:-1] + rest
@@ -203,18 +240,18 @@ class Crate:
                 target = module[:-1] + rest
         else:
             return
-        if not target or target[0] == "*":
+        if not crate.whole and (not target or target[0] == "*"):
             raise Problem(f"{where}: `{'::'.join(used)}` names no room: import what is used")
-        to = target[0] if target[0] in self.order else self.exports.get(target[0])
+        to = crate.room_of_name(target[0] if target else None, self.order)
         if to is None:
-            raise Problem(f"{where}: `{'::'.join(used)}`: {target[0]} is neither a room of ORDER in tests/rooms.py nor a name at the crate's root")
+            raise Problem(f"{where}: `{'::'.join(used)}`: {target[0]} is neither a room of HOUSES in tests/rooms.py nor a name at the crate's root")
         if to != room:
             self.arrows.setdefault((room, to), where)
 
     def upward(self):
         rank = {room: number for number, room in enumerate(self.order)}
         wrong = [(arrow, where) for arrow, where in self.arrows.items() if rank[arrow[0]] > rank[arrow[1]]]
-        return [f"{where}: {self.name}: {a} uses {b}, but {b} stands above {a} in ORDER of tests/rooms.py" for (a, b), where in sorted(wrong)]
+        return [f"{where}: {self.name}: {a} uses {b}, but {b} stands above {a} in HOUSES of tests/rooms.py" for (a, b), where in sorted(wrong)]
 
     def below(self, room):
         """Everything that a room uses, directly or through others."""
@@ -222,8 +259,12 @@ class Crate:
         return direct.union(*(self.below(other) for other in direct))
 
     def picture(self):
-        """The rooms as a Mermaid graph. An arrow that follows from others is left out."""
+        """The rooms as a Mermaid graph, those of each crate in a frame. An arrow that follows from others is left out."""
         lines = ["```mermaid", "graph TD"]
+        if len(self.crates) > 1:
+            for crate in self.crates:
+                name = crate.own_name.replace("_", "-")
+                lines += [f"    subgraph {name}", *(f"        {room}" for room in crate.rooms), "    end"]
         for room in self.order:
             direct = {b for a, b in self.arrows if a == room}
             through = set().union(*(self.below(other) for other in direct))
@@ -241,23 +282,26 @@ def main():
     document = args.root / "ARCHITECTURE.md"
     text = document.read_text()
     problems, drawn = [], text
-    for name, (own_name, source, order) in ORDER.items():
+    for name, crates in HOUSES.items():
         try:
-            crate = Crate(args.root, name, own_name, source, order)
+            house = House(args.root, name, crates)
         except Problem as problem:
             problems.append(str(problem))
             continue
         if args.list:
-            for (a, b), where in sorted(crate.arrows.items()):
+            for (a, b), where in sorted(house.arrows.items()):
                 print(f"{name}: {a} -> {b}    {where}")
-        empty = [room for room in crate.order if not (crate.source / room).exists() and not (crate.source / f"{room}.rs").exists()]
-        problems += [f"{name}: room {room} of ORDER in tests/rooms.py is not in {source}" for room in empty]
-        shown = sorted(crate.exports)
-        if len(shown) > MOST_NAMES.get(name, len(shown)):
-            problems.append(f"{source}/lib.rs shows {len(shown)} names, more than {MOST_NAMES[name]}: leave some in their modules: {', '.join(shown)}")
-        untold = [room for room in crate.order if f"`{room}`" not in text]
-        problems += [f"ARCHITECTURE.md does not say what room {room} of {source} holds" for room in untold]
-        upward = crate.upward()
+        for crate in house.crates:
+            at = [crate.source / room for room in crate.rooms if not crate.whole]
+            empty = [path.name for path in at if not path.exists() and not path.with_suffix(".rs").exists()]
+            problems += [f"{name}: room {room} of HOUSES in tests/rooms.py is not in {crate.place}" for room in empty]
+            shown = sorted(crate.exports)
+            if len(shown) > MOST_NAMES.get(crate.own_name, len(shown)):
+                most = MOST_NAMES[crate.own_name]
+                problems.append(f"{crate.place}/lib.rs shows {len(shown)} names, more than {most}: leave some in their modules: {', '.join(shown)}")
+            untold = [room for room in crate.rooms if f"`{room}`" not in text]
+            problems += [f"ARCHITECTURE.md does not say what room {room} of {crate.place} holds" for room in untold]
+        upward = house.upward()
         problems += upward
         if upward:
             continue
@@ -266,7 +310,7 @@ def main():
         if not found or end not in tail:
             problems.append(f"ARCHITECTURE.md has no lines `{begin.strip()}` and `{end.strip()}`")
             continue
-        drawn = head + begin + crate.picture() + tail[tail.index(end) :]
+        drawn = head + begin + house.picture() + tail[tail.index(end) :]
     if args.write and not problems:
         document.write_text(drawn)
     elif drawn != text:

@@ -1,8 +1,8 @@
 //! Generates meshes for tests and benchmarks.
 
 use glam::DVec3;
-pub use lodpack_cli::measure::selftest::shapes::bumpy_sphere;
-use lodpack_cli::measure::selftest::shapes::{Random, displaced_cube};
+use lodpack_cli::measure::selftest::shapes::Random;
+pub use lodpack_cli::measure::selftest::shapes::{bumpy_sphere, displaced_cube};
 use lodpack_cli::mesh::Mesh;
 use std::f64::consts::TAU;
 

@@ -32,8 +32,9 @@ fn copy(from: &Path, to: &Path) {
 /// A copy of the sources and of ARCHITECTURE.md.
 fn house() -> tempfile::TempDir {
     let house = tempfile::tempdir().expect("a temporary directory");
-    for room in ["reader/src", "cli/src", "viewer-min/src"] {
-        copy(&root().join(room), &house.path().join(room));
+    let builder = ["cli/build/src", "cli/stage/src", "cli/import/src", "cli/mesh/src", "cli/runtime/src"];
+    for sources in ["reader/src", "cli/src", "viewer-min/src"].iter().chain(&builder) {
+        copy(&root().join(sources), &house.path().join(sources));
     }
     std::fs::copy(root().join("ARCHITECTURE.md"), house.path().join("ARCHITECTURE.md")).expect("it is there");
     house
@@ -66,13 +67,13 @@ fn an_arrow_that_points_upward_is_named_with_its_place() {
 fn an_arrow_in_code_counts_and_one_in_a_test_or_a_comment_does_not() {
     let house = house();
     let args = ["--root", house.path().to_str().expect("a readable path")];
-    let file = house.path().join("cli/src/mesh/mod.rs");
+    let file = house.path().join("cli/build/src/region/mod.rs");
     append(&file, "\n// crate::job::Job\n#[cfg(test)]\nmod more {\n    use crate::job::Job;\n}\n");
     let (content, said) = script("rooms.py", &args);
     assert!(content, "{said}");
     append(&file, "\nfn upward() -> &'static str {\n    crate::job::name(\"crate::measure\")\n}\n");
     let (content, said) = script("rooms.py", &args);
-    assert!(!content && said.contains("mesh uses job") && !said.contains("measure"), "{said}");
+    assert!(!content && said.contains("region uses job") && !said.contains("measure"), "{said}");
 }
 
 #[test]

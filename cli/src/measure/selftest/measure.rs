@@ -12,7 +12,6 @@ use crate::mesh::export::{MeshFormat, write_mesh};
 use crate::pipeline::summary::BuildSummary;
 use crate::pipeline::{Fillings, ModelOptions};
 use crate::progress::Silent;
-use crate::stage::embed::EmbedOptions;
 use crate::stage::repair::repair;
 use glam::DVec3;
 use lodpack::{File, Limits, Query, ReadAt, index::Filling};
@@ -113,13 +112,10 @@ fn compare(
             }
             Err(error) => row.problems.push(format!("with grids: {error}")),
         }
-        let embed = EmbedOptions {
-            weight_decades: input.weight_decades,
-            stretch_limit: f64::INFINITY,
-            undersampled_limit: f64::INFINITY,
-            ..EmbedOptions::default()
-        };
-        let built = build_atlas(repaired, &AtlasOptions { embed, ..AtlasOptions::default() }, &Silent);
+        let mut atlas = AtlasOptions::default();
+        atlas.embed.weight_decades = input.weight_decades;
+        (atlas.embed.stretch_limit, atlas.embed.undersampled_limit) = (f64::INFINITY, f64::INFINITY);
+        let built = build_atlas(repaired, &atlas, &Silent);
         (row.embedding, row.splits) = (Some(built.embedding), built.retried_charts);
     }
 }

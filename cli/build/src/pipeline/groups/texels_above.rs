@@ -1,0 +1,141 @@
+//! Texels of groups above regions: means of those of the tops of regions, since the input is not at hand where regions are joined.
+
+use glam::DVec3;
+use lodpack::decode::texels::Map;
+use lodpack::write::RootRecord;
+
+use super::super::chart_work::DrawnBlocks;
+use super::super::texels::exponent_of;
+use super::Node;
+use lodpack_stage::bake::{
+    BakedPatch, Baker, Images, Located, MAX_EXPONENT, MAX_TEXELS, Points, Source, Storage, Stored,
+};
+
+/// A top whose texels are known.
+pub(super) struct KnownTop {
+    /// Lattice units.
+    positions: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    map: Map,
+    /// The size of the texels of each piece, lattice units.
+    sizes: Vec<f64>,
+    images: Images,
+}
+
+impl KnownTop {
+    /// Decodes the streams of a top. None if it has none.
+    pub fn new(node: &Node, streams: &[Vec<u8>], storage: &Storage, step: f64) -> Option<Self> {
+        let (map, mut images) = (streams.first().filter(|map| !map.is_empty())?, streams[1..].iter());
+        let positions: Vec<DVec3> = node.surface.positions.iter().map(|&point| (point / step).round()).collect();
+        let lattice: Vec<[i64; 3]> = positions.iter().map(|point| point.to_array().map(|x| x as i64)).collect();
+        let map = Map::decode(map, &lattice, &node.surface.triangles, MAX_TEXELS).ok()?;
+        let image = |channel: &Stored| channel.decode(images.next()?, &map);
+        let images = storage.channels().iter().map(image).collect::<Option<Vec<_>>>()?;
+        let images = Images::new(storage, images);
+        let sizes = map.pieces.iter().map(|piece| piece.texel_size()).collect();
+        Some(Self { positions, triangles: node.surface.triangles.clone(), map, sizes, images })
+    }
+
+    /// The size of the texels of a triangle, lattice units.
+    fn texel_size(&self, triangle: usize) -> f64 {
+        self.sizes[usize::from(self.map.labels[triangle])]
+    }
+
+    /// The size of texels of one size of which it would have as many.
+    fn mean_size(&self) -> f64 {
+        let corners = |&corners: &[u32; 3]| corners.map(|vertex| self.positions[vertex as usize]);
+        let doubled = self.triangles.iter().map(corners).map(|[a, b, c]| (b - a).cross(c - a).length());
+        let (mut area, mut texels) = (0.0, 0.0);
+        for (triangle, doubled) in doubled.enumerate() {
+            let size = self.texel_size(triangle);
+            (area, texels) = (area + doubled, texels + doubled / (size * size));
+        }
+        if texels > 0.0 { (area / texels).sqrt() } else { self.sizes.first().copied().unwrap_or(1.0) }
+    }
+
+    /// Appends the values at a point of a triangle.
+    fn sample(&self, triangle: usize, point: DVec3, footprint: f64, values: &mut Vec<f32>) {
+        let piece = self.map.piece(triangle);
+        let place = piece.unbounded(point.to_array());
+        self.images.sample(place, piece.range(), footprint / self.texel_size(triangle), values);
+    }
+}
+
+/// Gives groups texels. The first records are those of nodes, `count` of them, of which each node names its own; `drawn` is what the blocks of
+/// all records decode to.
+pub(super) fn paint_above(
+    records: &mut [RootRecord],
+    count: usize,
+    drawn: &[DrawnBlocks],
+    tops: &[(u32, Option<KnownTop>)],
+    [bottom, step]: [f64; 2],
+    storage: &Storage,
+) {
+    let mut below: Vec<Vec<u32>> = vec![vec![]; records.len()];
+    (0..).zip(tops).for_each(|(top, (record, _))| below[*record as usize].push(top));
+    for record in 0..records.len() {
+        if let Some(parent) = records[record].parent {
+            let members = below[record].clone();
+            below[parent as usize].extend(members);
+        }
+    }
+    let mut baker = Baker::new(storage);
+    for (number, record) in records.iter_mut().enumerate().skip(count) {
+        let known: Vec<&KnownTop> = below[number].iter().filter_map(|&top| tops[top as usize].1.as_ref()).collect();
+        let size = known.iter().map(|top| top.mean_size()).fold(f64::INFINITY, f64::min);
+        if !size.is_finite() {
+            continue;
+        }
+        let own = (0..).zip(&known).flat_map(|(top, known)| (0..known.triangles.len() as u32).map(move |t| [top, t]));
+        let mut source = Located::new(TopSource { own: own.collect(), known: &known });
+        for (level, (block, drawn)) in record.blocks.iter_mut().zip(&drawn[number]).enumerate() {
+            let (Some(block), Some(drawn)) = (block, drawn) else { continue };
+            let patch = BakedPatch {
+                positions: &drawn.positions,
+                triangles: &drawn.triangles,
+                reach: block.error / step,
+                areas: None,
+                finer: 0,
+                is_sharp: false,
+            };
+            let steps = (bottom - level as f64).max(0.0) as u32;
+            let exponent = (exponent_of(size) + 2 * steps).min(MAX_EXPONENT);
+            let baked = baker.bake_closest(&patch, &mut source, exponent);
+            block.texels = baked.map_or(vec![], |baked| baked.streams);
+        }
+    }
+}
+
+/// The triangles of several tops.
+struct TopSource<'a> {
+    /// Top and triangle.
+    own: Vec<[u32; 2]>,
+    known: &'a [&'a KnownTop],
+}
+
+impl TopSource<'_> {
+    fn at(&self, triangle: usize) -> (&KnownTop, usize) {
+        let [top, triangle] = self.own[triangle];
+        (self.known[top as usize], triangle as usize)
+    }
+}
+
+impl Source for TopSource<'_> {
+    fn triangle_count(&self) -> usize {
+        self.own.len()
+    }
+
+    fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        let (top, triangle) = self.at(triangle);
+        top.triangles[triangle].map(|vertex| top.positions[vertex as usize])
+    }
+
+    fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>) {
+        let corners = self.corners(triangle);
+        let (top, triangle) = self.at(triangle);
+        for weights in points.iter().flat_map(|points| points.weights()) {
+            let point = (0..3).map(|k| corners[k] * f64::from(weights[k])).sum();
+            top.sample(triangle, point, f64::from(footprint), values);
+        }
+    }
+}

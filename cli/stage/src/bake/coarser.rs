@@ -1,0 +1,495 @@
+//! Texels of a patch from those of finer patches, as points of the surface ([`Surfels`]).
+//!
+//! A point belongs where the patch is closest to it: so who looks at the patch sees it where it would be looked for, and parts of a surface that lie
+//! one above the other do not get each other's colours.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use lodpack::decode::texels::Map;
+
+use super::BakedPatch;
+use super::blocks::Blocks;
+use super::closest::{Below, Finder, OnMap, Places, Weight};
+use super::fill::finished;
+use super::lanes::{LANES, whole};
+use super::raster::Drawn;
+use super::strangers::Strangers;
+use super::surfels::{Run, Surfels};
+use super::values::{Kept, Sums};
+use crate::certify::{AROUND, Hint, Numbers, TOGETHER};
+use lodpack_mesh::NONE;
+
+/// Points stand for squares. Those that are larger than this share of a texel are taken for four, so that no texel between them is left out.
+const LARGE: f64 = 0.71;
+
+/// The values of all texels that are used, from the texels of finer patches.
+pub(super) fn gather_surfels<'a>(
+    patch: &BakedPatch<'_>,
+    map: &Map,
+    drawn: &Drawn,
+    surfels: impl Iterator<Item = &'a Surfels>,
+    sums: Sums<'_>,
+) -> Kept {
+    let finder = Finder::on_map(patch, map, drawn);
+    let mut gathering = Gathering {
+        strangers: Strangers::new(patch, map, &[]),
+        of_opposite: Weight::of_opposite(sums.storage),
+        finder: &finder,
+        bytes: sums.storage.packed_bytes(),
+        sums,
+        hint: Hint::default(),
+        values: vec![],
+    };
+    let mut hint = Hint::default();
+    let least = finder.places.least_size();
+    for surfels in surfels {
+        for run in &surfels.runs {
+            // Long texels lie along long ones, so areas say which are larger.
+            let fineness = if f64::from(run.size).sqrt() > LARGE * least { 2 } else { 1 };
+            let points = Lattice::new(surfels, run, patch.origin(), fineness);
+            finder.divide(&points, &mut hint, |block, below| gathering.add(&points, block, &below));
+        }
+    }
+    finished(gathering.sums, patch, map, drawn)
+}
+
+/// What texels are made of.
+struct Gathering<'a> {
+    finder: &'a Finder<'a, OnMap<'a>>,
+    strangers: Strangers,
+    /// What points count whose closest triangle faces the other way.
+    of_opposite: Weight,
+    sums: Sums<'a>,
+    /// Bytes of the values of a point.
+    bytes: usize,
+    hint: Hint,
+    /// Memory for the values of a point.
+    values: Vec<f32>,
+}
+
+/// Where points are shown that are closest to a triangle.
+#[derive(Clone, Copy, Default)]
+struct Target {
+    /// Its place in the map is this, and so much more for each of two numbers or three.
+    place: [[f32; 2]; 4],
+    /// The least and the greatest place of its piece.
+    range: [[f32; 2]; 2],
+    piece: usize,
+    /// What a point counts.
+    weight: Weight,
+}
+
+impl Target {
+    /// The place of a point of which the numbers are known.
+    #[inline(always)]
+    fn place<const N: usize>(&self, numbers: [f32; N]) -> [f32; 2] {
+        let mut place = self.place[0];
+        for (number, growth) in numbers.iter().zip(&self.place[1..]) {
+            (0..2).for_each(|k| place[k] += number * growth[k]);
+        }
+        place
+    }
+
+    /// The texel of a place: what lies beyond the piece is taken to its edge, since other pieces lie there.
+    #[inline(always)]
+    fn texel(&self, place: [f32; 2], width: u32) -> u32 {
+        let [low, high] = self.range;
+        let along = |k: usize| {
+            let place = if place[k] > low[k] { place[k] } else { low[k] };
+            whole(if place < high[k] { place } else { high[k] })
+        };
+        along(1) * width + along(0)
+    }
+}
+
+impl Gathering<'_> {
+    /// Adds points to the texels that are closest to them.
+    fn add(&mut self, points: &Lattice<'_>, block: &Square, below: &Below) {
+        let (finder, width) = (self.finder, self.finder.places.map.size[0]);
+        match below {
+            Below::One(triangle) => {
+                // Over one triangle places grow by the same from point to point.
+                let target = self.target(points, *triangle, points.frame().map(|point| finder.foot(*triangle, point)));
+                if target.weight.all > 0.0 {
+                    points.for_each(block, |some| {
+                        let mut texels = [0; TOGETHER];
+                        for (k, texel) in texels.iter_mut().enumerate() {
+                            *texel = target.texel(target.place([some.at[0][k], some.at[1][k], some.at[2][k]]), width);
+                        }
+                        for (&number, texel) in some.numbers[..some.count].iter().zip(texels) {
+                            self.add_point(points, number, &target, texel);
+                        }
+                    });
+                }
+            }
+            Below::Any(Some(around)) => {
+                let few = finder.bvh.few(around, points.origin);
+                let mut targets = [Target::default(); AROUND];
+                let of_triangles = finder.bvh.numbers(around).zip(finder.bvh.frames(around));
+                for (target, (triangle, [start, along, across])) in targets.iter_mut().zip(of_triangles) {
+                    let frame = [start, start + along, start + across, start];
+                    *target = self.target(points, triangle, frame.map(|point| finder.places.place(triangle, point)));
+                }
+                let steps = points.run.steps.map(|step| step.to_array());
+                points.for_each(block, |some| {
+                    let mut places = [[0.0; TOGETHER]; 3];
+                    for (axis, places) in places.iter_mut().enumerate() {
+                        for (k, place) in places.iter_mut().enumerate() {
+                            *place = (0..3).map(|step| steps[step][axis] * some.at[step][k]).sum();
+                        }
+                    }
+                    let feet = few.closest(&places);
+                    for (k, &number) in some.numbers[..some.count].iter().enumerate() {
+                        let target = &targets[feet.which[k] as usize];
+                        let texel = target.texel(target.place([feet.at[0][k], feet.at[1][k]]), width);
+                        self.add_point(points, number, target, texel);
+                    }
+                });
+            }
+            Below::Any(None) => points.for_each(block, |some| {
+                for (k, &number) in some.numbers[..some.count].iter().enumerate() {
+                    let at = some.at.map(|at| f64::from(at[k]));
+                    let closest = finder.bvh.closest(points.place(at), &mut self.hint);
+                    if closest.triangle != NONE {
+                        let place = finder.places.place(closest.triangle, closest.point);
+                        let target = self.target(points, closest.triangle, [place; 4]);
+                        self.add_point(points, number, &target, target.texel(target.place([]), width));
+                    }
+                }
+            }),
+        }
+    }
+
+    /// Where the points of a run are shown that are closest to a triangle; it is known which place has the first of some points, and which the one has
+    /// where one number is larger by 1.
+    fn target(&self, points: &Lattice<'_>, triangle: u32, [first, others @ ..]: [[f64; 2]; 4]) -> Target {
+        let [x, y, z] = others.map(|place| [0, 1].map(|k| (place[k] - first[k]) as f32));
+        let share = if self.finder.faces(triangle, points.run.normal) { Weight::even(1.0) } else { self.of_opposite };
+        Target {
+            place: [first.map(|x| x as f32), x, y, z],
+            range: self.finder.places.range(triangle).map(|corner| corner.map(|x| x as f32)),
+            piece: usize::from(self.finder.places.map.labels[triangle as usize]),
+            weight: share.times(points.weight),
+        }
+    }
+
+    /// Adds a point to a texel.
+    #[inline]
+    fn add_point(&mut self, points: &Lattice<'_>, number: u32, target: &Target, texel: u32) {
+        let (number, texel) = (number as usize, texel as usize);
+        let is_wanted = target.weight.all > 0.0 && self.finder.places.drawn.is_used[texel];
+        if is_wanted && !self.is_strange(points, number, target.piece) {
+            self.sums.add_packed(texel, points.surfels.packed(number, self.bytes), target.weight, &mut self.values);
+        }
+    }
+
+    /// Whether a piece must not show a point.
+    #[inline]
+    fn is_strange(&self, points: &Lattice<'_>, number: usize, piece: usize) -> bool {
+        !self.strangers.of(piece).is_empty()
+            && points.surfels.area(points.run, number).is_some_and(|area| self.strangers.has(piece, area))
+    }
+}
+
+/// Some points of a run.
+struct SomePoints {
+    /// The texel of each.
+    numbers: [u32; TOGETHER],
+    /// Column, row and depth of each.
+    at: [Numbers; 3],
+    count: usize,
+}
+
+/// The points of a run: its texels, or four of each.
+struct Lattice<'a> {
+    surfels: &'a Surfels,
+    run: &'a Run,
+    /// The number of the first texel of each row.
+    starts: [usize; LANES],
+    /// Points for each texel along both directions.
+    fineness: usize,
+    /// The middle of the first texel, relative to the patch's first vertex.
+    origin: DVec3,
+    /// From a texel to the one beside it, to the one below it, and along the axis by one step of depth.
+    steps: [DVec3; 3],
+    /// What a point counts.
+    weight: f32,
+}
+
+/// Some points of a run.
+struct Square {
+    columns: Range<usize>,
+    rows: Range<usize>,
+}
+
+impl<'a> Lattice<'a> {
+    fn new(surfels: &'a Surfels, run: &'a Run, origin: DVec3, fineness: usize) -> Self {
+        let (mut starts, mut next) = ([0; LANES], run.first);
+        for (start, bits) in starts.iter_mut().zip(run.rows) {
+            *start = next;
+            next += bits.count_ones() as usize;
+        }
+        Self {
+            surfels,
+            run,
+            starts,
+            fineness,
+            origin: run.origin - origin,
+            steps: run.steps.map(|step| step.as_dvec3()),
+            weight: run.size / (fineness * fineness) as f32,
+        }
+    }
+
+    /// The column or row of a point, in steps of the run.
+    fn at(&self, number: usize) -> f64 {
+        (number as f64 + 0.5) / self.fineness as f64 - 0.5
+    }
+
+    fn place(&self, at: [f64; 3]) -> DVec3 {
+        self.origin + (0..3).map(|k| self.steps[k] * at[k]).sum::<DVec3>()
+    }
+
+    /// The first point, and those of which the column, the row or the depth is larger by 1.
+    fn frame(&self) -> [DVec3; 4] {
+        let [beside, below, deeper] = self.steps;
+        [self.origin, self.origin + beside, self.origin + below, self.origin + deeper]
+    }
+
+    /// The texels of a row of the run that have points in some columns.
+    fn texels(&self, row: usize, columns: &Range<usize>) -> Range<usize> {
+        let below = |column: usize| (1_u32 << column) - 1;
+        let bits = u32::from(self.run.rows[row]);
+        let [before, until] = [columns.start / self.fineness, columns.end.div_ceil(self.fineness)]
+            .map(|column| (bits & below(column)).count_ones() as usize);
+        self.starts[row] + before..self.starts[row] + until
+    }
+
+    /// The rows of the run that have points in a block.
+    fn rows(&self, block: &Square) -> Range<usize> {
+        block.rows.start / self.fineness..block.rows.end.div_ceil(self.fineness)
+    }
+
+    /// Calls a function with the points of a block.
+    #[inline]
+    fn for_each(&self, block: &Square, mut visit: impl FnMut(&SomePoints)) {
+        let mut some = SomePoints { numbers: [0; TOGETHER], at: [[0.0; TOGETHER]; 3], count: 0 };
+        let fineness = self.fineness;
+        for y in block.rows.clone() {
+            let (row, down) = (y / fineness, self.at(y) as f32);
+            let mut bits = self.run.rows[row] >> (block.columns.start / fineness);
+            let mut column = block.columns.start / fineness;
+            for number in self.texels(row, &block.columns) {
+                let gap = bits.trailing_zeros();
+                (bits, column) = (bits >> gap, column + gap as usize);
+                let depth = f32::from(self.surfels.depths[number]);
+                let own =
+                    (column * fineness).max(block.columns.start)..((column + 1) * fineness).min(block.columns.end);
+                for x in own {
+                    some.numbers[some.count] = number as u32;
+                    [some.at[0][some.count], some.at[1][some.count], some.at[2][some.count]] =
+                        [self.at(x) as f32, down, depth];
+                    some.count += 1;
+                    if some.count == TOGETHER {
+                        visit(&some);
+                        some.count = 0;
+                    }
+                }
+                (bits, column) = (bits >> 1, column + 1);
+            }
+        }
+        if some.count > 0 {
+            visit(&some);
+        }
+    }
+}
+
+impl Blocks for Lattice<'_> {
+    type Block = Square;
+    type Corners = [DVec3; 8];
+
+    fn whole(&self) -> Square {
+        let all = 0..LANES * self.fineness;
+        Square { columns: all.clone(), rows: all }
+    }
+
+    fn bounds(&self, block: &Square) -> (usize, [DVec3; 8]) {
+        let (mut count, mut low, mut high) = (0, u16::MAX, 0);
+        for row in self.rows(block) {
+            let texels = self.texels(row, &block.columns);
+            count += texels.len();
+            for &depth in &self.surfels.depths[texels] {
+                (low, high) = (low.min(depth), high.max(depth));
+            }
+        }
+        let ends = |range: &Range<usize>| [range.start, range.end - 1].map(|number| self.at(number));
+        let of = [ends(&block.columns), ends(&block.rows), [low, high].map(f64::from)];
+        let [along, down, up] = [0, 1, 2].map(|k| of[k].map(|at| self.steps[k] * at));
+        let corner = |corner: usize| self.origin + along[corner & 1] + down[corner >> 1 & 1] + up[corner >> 2];
+        // Those at an edge may have half of their points in another block.
+        (count * self.fineness * self.fineness, std::array::from_fn(corner))
+    }
+
+    fn halves(&self, block: Square) -> [Square; 2] {
+        let Square { columns, rows } = block;
+        if columns.len() >= rows.len() {
+            let middle = columns.start.midpoint(columns.end);
+            [columns.start..middle, middle..columns.end].map(|columns| Square { columns, rows: rows.clone() })
+        } else {
+            let middle = rows.start.midpoint(rows.end);
+            [rows.start..middle, middle..rows.end].map(|rows| Square { columns: columns.clone(), rows })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lodpack::LatticePoint;
+    use lodpack::decode::texels::Image;
+
+    use super::super::{Baker, Coarse, Located, MAX_TEXELS, Points, Source, Storage, Stored};
+    use super::*;
+    use lodpack_mesh::srgb::srgb_byte;
+
+    /// Two floors, one 12 above the other: dark below, bright above.
+    struct Floors(Vec<[DVec3; 3]>);
+
+    const TRIANGLES: [[u32; 3]; 4] = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+
+    fn corners() -> [LatticePoint; 8] {
+        let floor = |z: i64| [[0, 0, z], [64, 0, z], [64, 64, z], [0, 64, z]];
+        let [low, high] = [0, 12].map(floor);
+        std::array::from_fn(|k| if k < 4 { low[k] } else { high[k - 4] })
+    }
+
+    fn light(triangle: usize) -> f32 {
+        if triangle < 2 { 0.1 } else { 0.8 }
+    }
+
+    impl Source for Floors {
+        fn triangle_count(&self) -> usize {
+            self.0.len()
+        }
+        fn corners(&self, triangle: usize) -> [DVec3; 3] {
+            self.0[triangle]
+        }
+        fn shade(&mut self, triangle: usize, points: &[Points], _: f32, values: &mut Vec<f32>) {
+            points.iter().for_each(|points| values.extend(vec![light(triangle); 3 * points.count as usize]));
+        }
+    }
+
+    #[test]
+    fn floors_show_nothing_of_one_another_however_far_the_patch_may_be() {
+        let positions = corners();
+        let point = |vertex: u32| DVec3::from(positions[vertex as usize].map(|x| x as f64));
+        let mut source = Located::new(Floors(TRIANGLES.iter().map(|corners| corners.map(point)).collect()));
+        let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
+        let mut baker = Baker::new(&storage);
+        let patch = BakedPatch {
+            positions: &positions,
+            triangles: &TRIANGLES,
+            reach: 0.0,
+            areas: None,
+            finer: 0,
+            is_sharp: false,
+        };
+        let fine = baker.bake(&patch, &mut source, 4).expect("it has an image").surfels;
+        // As large, or twice as large; and finer than what they are made of.
+        for exponent in [4, 6, 3] {
+            let coarse = BakedPatch { reach: 40.0, ..patch };
+            const NO_SOURCE: Option<&mut Located<Floors>> = None;
+            let streams = baker
+                .bake_coarser(&coarse, std::iter::once(&fine), NO_SOURCE, Coarse::even(exponent))
+                .expect("it has an image")
+                .streams;
+            let map = Map::decode(&streams[0], &positions, &TRIANGLES, MAX_TEXELS).expect("sound");
+            let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+            for (triangle, corners) in TRIANGLES.iter().enumerate() {
+                let [a, b, c] = corners.map(point);
+                let wanted = f64::from(srgb_byte(light(triangle)));
+                for weights in (1..20).flat_map(|i| (1..20 - i).map(move |j| [i, j].map(|x| f64::from(x) / 20.0))) {
+                    let point = a + (b - a) * weights[0] + (c - a) * weights[1];
+                    let shown = image.interpolated(map.piece(triangle).unbounded(point.to_array()))[0];
+                    assert!((shown - wanted).abs() < 3.0, "{shown} {wanted} {exponent}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_lies_beyond_the_border_of_a_piece_is_not_seen_in_the_piece_beside_it() {
+        // A floor that ends earlier in the coarse patch, and a wall, which lies beside it in the image.
+        let corners = |end: i64| {
+            let wall = [[300, 0, 0], [300, 64, 0], [300, 64, 64], [300, 0, 64]];
+            let floor = [[0, 0, 0], [end, 0, 0], [end, end, 0], [0, end, 0]];
+            std::array::from_fn::<LatticePoint, 8, _>(|k| if k < 4 { floor[k] } else { wall[k - 4] })
+        };
+        let (fine, coarse) = (corners(128), corners(64));
+        let point = |vertex: u32| DVec3::from(fine[vertex as usize].map(|x| x as f64));
+        let mut source = Located::new(Floors(TRIANGLES.iter().map(|corners| corners.map(point)).collect()));
+        let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
+        let mut baker = Baker::new(&storage);
+        let patch =
+            BakedPatch { positions: &fine, triangles: &TRIANGLES, reach: 0.0, areas: None, finer: 0, is_sharp: false };
+        let surfels = baker.bake(&patch, &mut source, 2).expect("it has an image").surfels;
+        const NO_SOURCE: Option<&mut Located<Floors>> = None;
+        let patch = BakedPatch { positions: &coarse, reach: 64.0, ..patch };
+        let streams = baker
+            .bake_coarser(&patch, std::iter::once(&surfels), NO_SOURCE, Coarse::even(4))
+            .expect("it has an image")
+            .streams;
+        let map = Map::decode(&streams[0], &coarse, &TRIANGLES, MAX_TEXELS).expect("sound");
+        let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+        for (y, z) in (4..61).step_by(4).flat_map(|y| (4..61).step_by(4).map(move |z| (y, z))) {
+            let triangle = if y > z { 2 } else { 3 };
+            let place = map.piece(triangle).unbounded([300.0, f64::from(y), f64::from(z)]);
+            let (shown, wanted) = (image.interpolated(place)[0], f64::from(srgb_byte(light(triangle))));
+            assert!((shown - wanted).abs() < 3.0, "{shown} {wanted} at {y} {z}");
+        }
+    }
+
+    #[test]
+    fn blocks_of_a_run_have_each_point_once_and_lie_around_them() {
+        let positions = [[0, 0, 0], [80, 0, 40], [0, 80, 10]];
+        let patch = BakedPatch {
+            positions: &positions,
+            triangles: &[[0, 1, 2]],
+            reach: 1.0,
+            areas: None,
+            finer: 0,
+            is_sharp: false,
+        };
+        let point = |k: usize| DVec3::from(positions[k].map(|x| x as f64));
+        let mut source = Located::new(Floors(vec![[point(0), point(1), point(2)]]));
+        let storage = Storage::new(vec![Stored::Colour { components: 3, step: 1 }]);
+        let surfels = Baker::new(&storage).bake(&patch, &mut source, 2).expect("it has an image").surfels;
+        assert!(surfels.runs.len() > 4, "{}", surfels.runs.len());
+        for fineness in [1, 2] {
+            let mut found = vec![0; surfels.count()];
+            for run in &surfels.runs {
+                let points = Lattice::new(&surfels, run, DVec3::ZERO, fineness);
+                let mut open = vec![points.whole()];
+                while let Some(block) = open.pop() {
+                    let mut places = vec![];
+                    points.for_each(&block, |some| {
+                        let at = |k: usize| points.place(some.at.map(|at| f64::from(at[k])));
+                        places.extend((0..some.count).map(|k| (some.numbers[k] as usize, at(k))));
+                    });
+                    let (count, around) = points.bounds(&block);
+                    assert!(places.len() <= count);
+                    if places.is_empty() {
+                        continue;
+                    }
+                    let middle = around.iter().sum::<DVec3>() / 8.0;
+                    let radius = around.iter().map(|corner| corner.distance(middle)).fold(0.0, f64::max);
+                    assert!(places.iter().all(|(_, place)| place.distance(middle) <= radius + 1e-3));
+                    match count {
+                        1..=4 => places.iter().for_each(|&(number, _)| found[number] += 1),
+                        _ => open.extend(points.halves(block)),
+                    }
+                }
+            }
+            assert!(found.iter().all(|&times| times == fineness * fineness), "{fineness} {found:?}");
+        }
+    }
+}

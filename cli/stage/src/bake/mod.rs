@@ -1,0 +1,452 @@
+//! Baking: gives a patch an image of what the input shows where the patch lies.
+//!
+//! The patch is divided into pieces that can be projected (`pieces`), the pieces are packed into one image ([`lodpack::write::encode_map`]),
+//! and the input's triangles are projected along the same axes (`gather`). So neither side needs texture coordinates, and seams of the
+//! input's textures are not seen by the result. The texels of coarser patches are means of those of finer ones as they were before they
+//! were quantised ([`Surfels`]): each point of the input is looked at once, and nothing is lost twice.
+
+mod blocks;
+mod borders;
+mod cells;
+mod closest;
+mod coarser;
+mod coded;
+mod fill;
+mod gather;
+mod grouped;
+mod images;
+mod joined;
+mod lanes;
+mod long;
+mod pieces;
+mod projection;
+mod raster;
+mod rim;
+mod settled;
+mod sharpen;
+mod shown;
+mod sizes;
+mod strangers;
+mod strip;
+mod surfels;
+mod values;
+mod watched;
+
+use glam::DVec3;
+use lodpack::{
+    LatticePoint,
+    decode::texels::Map,
+    write::{encode_map, texel_size},
+};
+
+use crate::areas::Areas;
+use borders::Borders;
+pub use borders::Located;
+pub use cells::{Sampled, Seen};
+use closest::{Means, doubled_area, show_closest};
+use coarser::gather_surfels;
+use coded::Steps;
+use fill::finished;
+pub use gather::barycentric;
+use gather::gather;
+pub use grouped::Grouped;
+pub use images::Images;
+use lodpack_mesh::NONE;
+pub use long::{growth_over, weight_growth};
+use pieces::{Pieces, divide};
+use raster::Drawn;
+use rim::{Outline, Rim};
+use sharpen::sharpen;
+use shown::{Scratch, Shown, Wanted};
+use sizes::{Sizes, covered_area};
+pub use sizes::{area_of_texel, larger};
+pub use surfels::Surfels;
+use values::{Kept, Sums};
+pub use values::{Storage, Stored};
+pub use watched::Watched;
+
+/// The largest exponent of a texel's size.
+pub const MAX_EXPONENT: u32 = 127;
+/// The most texels of a patch.
+pub const MAX_TEXELS: u64 = 1 << 24;
+/// And of a reduced cut, which is a single patch with a single map: what lies in pieces of few triangles fills a third of it.
+pub const MAX_TEXELS_OF_CUT: u64 = 1 << 25;
+/// Texels of a reduced cut that are larger than those of the cut by this power of the root of two, or by less, show about as much.
+const LITTLE_LARGER: u32 = 1;
+/// Bytes of a texel of a patch as its map shows it.
+const DRAWN_BYTES: usize = 16;
+/// And of its number among those of its borders.
+const NUMBER_BYTES: usize = 4;
+/// How much larger steps of quantisation are where texels are [`sharpen`]ed. As many bytes show more then: a city's tile has 3.36 MB and 32.2 dB in
+/// place of 3.37 MB and 29.9 dB, a bunny with a photograph 326 kB and 40.8 dB in place of 365 kB and 40.5 dB.
+const STEPS_WHERE_SHARP: f64 = 9.0 / 7.0;
+/// How often a patch is divided further because pieces overlap themselves.
+const MAX_ROUNDS: usize = 3;
+
+/// A patch whose image is wanted.
+#[derive(Clone, Copy, Debug)]
+pub struct BakedPatch<'a> {
+    /// Its vertices as they decode.
+    pub positions: &'a [LatticePoint],
+    /// Its triangles.
+    pub triangles: &'a [[u32; 3]],
+    /// How far it may be from the input, lattice units.
+    pub reach: f64,
+    /// The areas of its triangles, if colours jump between some.
+    pub areas: Option<Areas<'a>>,
+    /// How much finer its texels are than usual, as a power of the root of two. Its steps of quantisation are as much larger: what its texels
+    /// show together is as exact.
+    pub finer: u32,
+    /// Whether its texels are samples, from which those are made that show colours best between them.
+    pub is_sharp: bool,
+}
+
+impl BakedPatch<'_> {
+    /// To what points are relative where single precision must hold them: its first vertex.
+    fn origin(&self) -> DVec3 {
+        self.positions.first().map_or(DVec3::ZERO, |&point| to_f64(point))
+    }
+
+    /// The area of a triangle, square lattice units.
+    fn area(&self, corners: [u32; 3]) -> f64 {
+        0.5 * doubled_area(corners.map(|corner| self.position(corner))).length()
+    }
+
+    /// That of all.
+    fn whole_area(&self) -> f64 {
+        self.triangles.iter().map(|&corners| self.area(corners)).sum()
+    }
+
+    /// A vertex relative to the origin.
+    fn position(&self, vertex: u32) -> DVec3 {
+        to_f64(self.positions[vertex as usize]) - self.origin()
+    }
+}
+
+fn to_f64(point: LatticePoint) -> DVec3 {
+    DVec3::from(point.map(|x| x as f64))
+}
+
+/// The surface that images show.
+pub trait Source {
+    /// The number of its triangles.
+    fn triangle_count(&self) -> usize;
+
+    /// The corners of a triangle, lattice units.
+    fn corners(&self, triangle: usize) -> [DVec3; 3];
+
+    /// The area of a triangle; [`NONE`] if that is not known.
+    fn area(&self, _triangle: usize) -> u32 {
+        NONE
+    }
+
+    /// Areas that lie beyond the patch alone: a piece shows them only if no colours jump there.
+    fn areas_beyond(&self) -> Vec<u32> {
+        vec![]
+    }
+
+    /// Whether the surface ends along the edge of the patch's border that begins at a point: then nothing lies beyond.
+    fn ends_along(&self, _start: LatticePoint) -> bool {
+        false
+    }
+
+    /// Whether its texels have several sizes.
+    fn has_sizes(&self) -> bool {
+        false
+    }
+
+    /// How much larger the texels of a triangle are than the smallest, as a power of the root of two.
+    fn larger(&self, _triangle: usize) -> u8 {
+        0
+    }
+
+    /// Whether its texels are longer than wide somewhere.
+    fn has_long(&self) -> bool {
+        false
+    }
+
+    /// How fast two coordinates that count texels grow over a triangle, per size of a texel that is not longer than wide.
+    fn growth(&self, _triangle: usize) -> Option<[DVec3; 2]> {
+        None
+    }
+
+    /// Appends the values at points of a triangle: of each point those of all channels. They are means over `footprint` lattice units.
+    fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>);
+}
+
+/// Points of a triangle on a line, as far from one another: a row of texels.
+#[derive(Clone, Copy, Debug)]
+pub struct Points {
+    /// The weights of the triangle's corners at the first one.
+    pub first: [f64; 3],
+    /// What is added to the weights from each point to the next.
+    pub growth: [f64; 3],
+    /// How many.
+    pub count: u32,
+}
+
+impl Points {
+    /// A single one.
+    pub fn one(weights: [f64; 3]) -> Self {
+        Self { first: weights, growth: [0.0; 3], count: 1 }
+    }
+
+    /// The weights at each of them.
+    pub fn weights(self) -> impl Iterator<Item = [f32; 3]> {
+        let Self { first, growth, count } = self;
+        (0..count).map(move |k| [0, 1, 2].map(|corner| (first[corner] + f64::from(k) * growth[corner]) as f32))
+    }
+}
+
+/// What a block stores of its images.
+#[derive(Clone, Debug, Default)]
+pub struct Baked {
+    /// The map, then the image of each channel.
+    pub streams: Vec<Vec<u8>>,
+    /// Its texels as points, before they were quantised: for the images of coarser patches.
+    pub surfels: Surfels,
+    /// Whether it has fewer texels than were asked for, because a map holds no more.
+    pub is_full: bool,
+}
+
+/// How large the texels of a coarse patch are.
+#[derive(Clone, Copy, Debug)]
+pub struct Coarse {
+    /// 2^(exponent / 2) lattice units, if all are alike.
+    pub exponent: u32,
+    /// About how many there are, if not.
+    pub texels: f64,
+}
+
+#[cfg(test)]
+impl Coarse {
+    /// All alike.
+    fn even(exponent: u32) -> Self {
+        Self { exponent, texels: 0.0 }
+    }
+}
+
+/// Bytes of memory that baking a map of so many texels takes: the depth and slope of each and how it is used, sums with their weights, which of its
+/// borders' texels it is, the image, and what is handed on.
+pub fn baking_bytes(texels: u64, storage: &Storage) -> u64 {
+    texels * (DRAWN_BYTES + NUMBER_BYTES + 4 * storage.stride() + 2 * storage.packed_bytes()) as u64
+}
+
+/// Gives patches images, one after another, with the memory that it took for those before: a build has billions of texels, and the system
+/// clears each page that it hands out.
+pub struct Baker<'s> {
+    storage: &'s Storage,
+    drawn: Drawn,
+    kept: Kept,
+    scratch: Scratch,
+    image: Vec<u8>,
+}
+
+impl<'s> Baker<'s> {
+    /// For images that are stored like this.
+    pub fn new(storage: &'s Storage) -> Self {
+        Self { storage, drawn: Drawn::default(), kept: Kept::default(), scratch: Scratch::default(), image: vec![] }
+    }
+
+    /// Bytes of memory that it keeps.
+    pub fn bytes(&self) -> u64 {
+        let of_texels = DRAWN_BYTES * self.drawn.depth.capacity() + 4 * self.kept.sums.capacity();
+        (of_texels + self.scratch.bytes() + self.image.capacity()) as u64
+    }
+
+    /// The images of a patch, with texels of 2^(exponent / 2) lattice units, or as many of several sizes. None if nothing can be projected.
+    pub fn bake<S: Source>(&mut self, patch: &BakedPatch<'_>, source: &mut Located<S>, exponent: u32) -> Option<Baked> {
+        let sizes = Sizes::of_source(patch, source);
+        let exponent = sizes.exponent(patch, exponent, || patch.whole_area() / area_of_texel(exponent));
+        let mapped = self.mapped(patch, (exponent, Room::Usual), sizes, None)?;
+        let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
+        let sums = gather(patch, &mapped.map, (&self.drawn, &[]), &mut source.source, sums);
+        self.kept = finished(sums, patch, &mapped.map, &self.drawn);
+        let mut surfels = self.surfels(patch, &mapped);
+        let is_full = mapped.is_full;
+        let streams;
+        (streams, surfels.rim) = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
+        Some(Baked { streams, surfels, is_full })
+    }
+
+    /// As [`Baker::bake`], of a patch that may be far from a source: texels show what lies closest to them, and borders what the source does.
+    pub fn bake_closest<S: Source>(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        source: &mut Located<S>,
+        exponent: u32,
+    ) -> Option<Baked> {
+        let mapped =
+            self.closest(patch, &mut source.source, (exponent, Room::Usual), Sizes::default(), Means::Light)?;
+        let is_full = mapped.is_full;
+        let (streams, _) = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
+        // Nobody makes coarser ones of them.
+        Some(Baked { streams, surfels: Surfels::default(), is_full })
+    }
+
+    /// As [`Baker::bake_closest`], of a cut that is looked at as closely as its source, but both sides of borders show the mean of what both do.
+    /// `finer` is how much finer its texels are than those of the source, as a power of the root of two.
+    pub fn bake_cut<S: Source>(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        source: &mut Located<S>,
+        exponent: u32,
+        finer: u32,
+    ) -> Option<Baked> {
+        let sizes = Sizes::of_source(patch, source);
+        let mapped = self.closest(patch, &mut source.source, (exponent, Room::OfCut { finer }), sizes, Means::Roots)?;
+        let is_full = mapped.is_full;
+        let (streams, _) = self.streams(patch, mapped, |_, shown| shown.means(patch));
+        Some(Baked { streams, surfels: Surfels::default(), is_full })
+    }
+
+    /// Gives texels what lies closest to them.
+    fn closest(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        source: &mut impl Source,
+        (exponent, room): (u32, Room),
+        sizes: Sizes,
+        means: Means,
+    ) -> Option<Mapped> {
+        let mapped = self.mapped(patch, (exponent, room), sizes, None)?;
+        let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
+        let taken = show_closest(patch, &mapped.map, &self.drawn, source, &mut sums, means);
+        let sums = gather(patch, &mapped.map, (&self.drawn, &taken), source, sums);
+        self.kept = finished(sums, patch, &mapped.map, &self.drawn);
+        Some(mapped)
+    }
+
+    /// As [`Baker::bake`], from the texels of finer patches.
+    pub fn bake_coarser<'a, S: Source>(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        finer: impl Iterator<Item = &'a Surfels> + Clone,
+        source: Option<&mut Located<S>>,
+        coarse: Coarse,
+    ) -> Option<Baked> {
+        let outline = Outline::new(finer.clone().map(|surfels| &surfels.rim));
+        let sizes = Sizes::of_surfels(patch, finer.clone());
+        // A piece covers less than the surface that it shows.
+        let wanted = || coarse.texels * patch.whole_area() / covered_area(finer.clone());
+        let exponent = sizes.exponent(patch, coarse.exponent, wanted);
+        let mapped = self.mapped(patch, (exponent, Room::Usual), sizes, Some(&outline))?;
+        let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
+        self.kept = gather_surfels(patch, &mapped.map, &self.drawn, finer, sums);
+        let mut surfels = self.surfels(patch, &mapped);
+        let is_full = mapped.is_full;
+        let streams;
+        (streams, surfels.rim) = self.streams(patch, mapped, |map, shown| {
+            let mut wanted = match source {
+                Some(source) => shown.of_source(patch, map, source),
+                None => shown.of_outline(patch, &outline),
+            };
+            shown.add_beside_finer(&outline, &mut wanted);
+            wanted
+        });
+        Some(Baked { streams, surfels, is_full })
+    }
+
+    fn surfels(&self, patch: &BakedPatch<'_>, Mapped { map, usual, .. }: &Mapped) -> Surfels {
+        Surfels::new(patch, (map, usual), &self.drawn, &self.kept.sums, self.storage)
+    }
+
+    /// The map and the image of each channel, and what the outer border should show. `wanted` says what borders should, if colours have no
+    /// opacity.
+    fn streams(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        Mapped { map, bytes, borders, .. }: Mapped,
+        wanted: impl FnOnce(&Map, &Shown<'_>) -> Wanted,
+    ) -> (Vec<Vec<u8>>, Rim) {
+        let Self { storage, drawn, kept: Kept { sums: values, .. }, scratch, image } = self;
+        let mut streams = vec![bytes];
+        let others = texel_size(patch.finer);
+        let mut steps = Steps { opaque_colours: others, are_finer_in_grain: patch.is_sharp, others };
+        if patch.is_sharp {
+            sharpen(&map, &drawn.is_covered, values, storage);
+            steps.opaque_colours *= STEPS_WHERE_SHARP;
+        }
+        let is_covered = drawn.is_covered.as_slice();
+        let mut rim = Rim::default();
+        let seen = if storage.opaque_colours().is_empty() {
+            Borders::default().seen(&map, is_covered)
+        } else {
+            let mut shown = Shown { storage, values, is_covered, borders: &borders };
+            let wanted = wanted(&map, &shown);
+            shown.show_all(&wanted, scratch);
+            rim = Rim::new(&wanted, patch.origin(), storage.opaque_colours().len());
+            borders.seen(&map, is_covered)
+        };
+        streams.extend(storage.encode(&map, values, &drawn.is_used, &seen, steps, image));
+        (streams, rim)
+    }
+
+    /// Finds a map whose pieces do not overlap themselves by much, and draws the patch on it.
+    fn mapped(
+        &mut self,
+        patch: &BakedPatch<'_>,
+        (mut exponent, room): (u32, Room),
+        sizes: Sizes,
+        outline: Option<&Outline<'_>>,
+    ) -> Option<Mapped> {
+        let BakedPatch { positions, triangles, .. } = *patch;
+        let (wanted, mut most) = (exponent, MAX_TEXELS);
+        let mut pieces = divide(patch, sizes);
+        for round in 0.. {
+            let Pieces { shapes, labels, .. } = &pieces;
+            let Ok((map, bytes)) = encode_map(positions, triangles, exponent, shapes, labels, most) else {
+                // Fewer texels, until they fit.
+                exponent += 1;
+                if let (Room::OfCut { finer }, MAX_TEXELS) = (room, most)
+                    && exponent > wanted + finer + LITTLE_LARGER
+                {
+                    (exponent, most) = (wanted + finer, MAX_TEXELS_OF_CUT);
+                }
+                if exponent > MAX_EXPONENT {
+                    return None;
+                }
+                continue;
+            };
+            self.drawn.draw(patch, &map);
+            if round < MAX_ROUNDS && !self.drawn.hidden.is_empty() {
+                pieces.separate(&self.drawn.hidden, patch);
+                continue;
+            }
+            self.drawn.complete(patch, &map);
+            let borders = Borders::new(patch, &map, outline.filter(|outline| !outline.is_empty()));
+            borders.add_used(&mut self.drawn.is_used);
+            let usual = pieces.usual_areas(&map, exponent);
+            return Some(Mapped { map, bytes, borders, usual, is_full: exponent > wanted });
+        }
+        None
+    }
+}
+
+/// How many texels a map may have.
+#[derive(Clone, Copy)]
+enum Room {
+    Usual,
+    /// More, if its texels would be larger than those of the source by more than a little. They are finer than these by a power of the root of two,
+    /// which shows little.
+    OfCut {
+        finer: u32,
+    },
+}
+
+/// A map, and the borders of its pieces.
+struct Mapped {
+    map: Map,
+    /// As it is stored.
+    bytes: Vec<u8>,
+    borders: Borders,
+    /// Of each piece the area of texels that are not longer than wide.
+    usual: Vec<f64>,
+    /// Whether its texels are larger than they should be, because it holds no more.
+    is_full: bool,
+}
+
+#[cfg(test)]
+mod size_tests;
+#[cfg(test)]
+mod tests;
