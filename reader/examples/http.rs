@@ -1,4 +1,4 @@
-//! Reads a cut of at most so many triangles from a web server: http URL TRIANGLES
+//! Reads a cut of at most TRIANGLES triangles from a web server: http URL TRIANGLES
 
 use lodpack::{
     Error, File, Limits, Query,

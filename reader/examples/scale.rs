@@ -20,7 +20,7 @@ use lodpack::{
 const LEAST: Duration = Duration::from_millis(200);
 /// Nodes of the large cut.
 const NODES: u64 = 10_000;
-/// So many that their processor time can be measured, although the system counts it in steps of some milliseconds.
+/// Enough that their processor time can be measured, although the system counts it in steps of some milliseconds.
 const FRAMES: u32 = 300;
 
 type Opened<'f> = File<&'f Recording<std::fs::File>>;

@@ -10,7 +10,7 @@ usage: cluster.py measure JOB [-o COSTS.json]
 `measure` reads the reports that `lodpack work` has left in a job's directory, after `lodpack merge`. `run` simulates jobs of other sizes on any
 number of workers by discrete events: a task reads, computes and writes; all transfers share the bandwidth of the disk evenly; a
 worker takes the next task that is free (of regions the longest), and a stage begins when the one before it is done. `table` prints the Markdown table of
-tests/RESULTS.md, and `limits` from which size of a job and which bandwidth of the disk on so many workers are so many times as fast as one. `check` runs the simulator's own tests.
+tests/RESULTS.md, and `limits` the size of a job and the bandwidth of the disk from which a number of workers is as many times faster as it should be. `check` runs the simulator's own tests.
 
 Costs grow in proportion to the input: ranges and regions keep their size, so there are more of them. Their CPU seconds are drawn from the
 measured tasks, so the skew between regions stays. What one process does grows with the number of ranges (`cut`), of regions
@@ -161,7 +161,7 @@ def run_stage(tasks, workers, cluster, start, dice):
 
 
 def stage_tasks(costs, stage, triangles, parts, workers, cluster, dice):
-    """The tasks of a stage of a job of so many triangles."""
+    """The tasks of a stage of a job, given its triangles."""
     measured, grow = costs["stages"].get(stage, {"cpu": 0.0, "bytes": 0, "skew": [1.0]}), triangles / costs["triangles"]
     known = {name: costs[f"{name}_bytes"] for name in ("input", "stats", "heads")}
     handed_on = lambda name: known[name] if name in known else costs["stages"].get(name, {}).get("bytes", 0)

@@ -23,7 +23,7 @@ from scipy.sparse.csgraph import connected_components
 import colours
 
 VIEWS, SIDE, SLANT, LINE = 200, 384, 50, 8
-# Pixels of one surface are at most so many of their widths apart.
+# Pixels of one surface are at most this many of their widths apart.
 NEAR = 4
 
 

@@ -161,7 +161,7 @@ def distance(work, whole, mesh, bound):
 
 
 def delatin(grid, spacing, count):
-    """Delatin's meshes of at most so many triangles inside, one for each way to fill what lacks."""
+    """Delatin's meshes of at most the given number of triangles inside, one for each way to fill what lacks."""
     has = grid != NODATA
     nearest = ndimage.distance_transform_edt(~has, return_distances=False, return_indices=True)
     low = grid[has].min() - 4.0 * (grid[has].max() - grid[has].min())

@@ -21,7 +21,7 @@ const SQUARES: u32 = 28;
 /// Storeys of a wall that have triangles of their own.
 const BANDS: u32 = 2;
 
-/// Writes a city of so many tiles, nearly in a square, to a folder, and returns the number of its triangles. Textures have `side` texels along each
+/// Writes a city with the given number of tiles, nearly in a square, to a folder, and returns the number of its triangles. Textures have `side` texels along each
 /// side. One tile is held at a time.
 ///
 /// # Errors

@@ -143,7 +143,7 @@ pub struct Fractal {
 }
 
 impl Fractal {
-    /// The octaves that a grid needs whose wider side has so many samples.
+    /// The octaves that a grid needs, given the samples of its wider side.
     pub fn of_samples(seed: u64, samples: u32) -> Self {
         Self { seed, octaves: samples.max(16).ilog2().saturating_sub(2) }
     }

@@ -63,7 +63,7 @@ pub fn lit_file() -> Vec<u8> {
     folder.read("lit.lodpack")
 }
 
-/// Writes that torus as OBJ, with so many vertices around.
+/// Writes that torus as OBJ, with the given number of vertices around.
 pub(crate) fn save_lit(folder: &Folder, count: u32) {
     let torus = torus(count);
     let mut text = String::from("mtllib lit.mtl\n");

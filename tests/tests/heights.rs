@@ -374,7 +374,7 @@ fn glb(path: &Path) -> (serde_json::Value, Vec<u8>) {
     (serde_json::from_slice(&bytes[20..20 + length]).expect("JSON"), bytes[28 + length..].to_vec())
 }
 
-/// What an accessor of a GLB has for each vertex, as numbers of so many bytes.
+/// What an accessor of a GLB has for each vertex, as numbers of the given size in bytes.
 fn numbers<const N: usize>(
     (json, bytes): &(serde_json::Value, Vec<u8>),
     name: &str,

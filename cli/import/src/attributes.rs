@@ -190,7 +190,7 @@ impl AttributeSink {
         self.written[0] + self.written[1] + (vertex_values.len() + corner_values.len()) as u64
     }
 
-    /// Ends a file that has so many vertices and triangles; the next one begins after so many of all files. Images whose decoding takes
+    /// Ends a file, given its vertices and triangles; the next one begins after those of all files before it. Images whose decoding takes
     /// more than `memory` are not looked at. Returns what a user should know of the file.
     pub(super) fn end_file(
         &mut self,
@@ -406,7 +406,7 @@ impl AttributeSink {
     }
 }
 
-/// Adds blank records until there are so many, and says whether any was missing.
+/// Adds blank records until there are `records`, and says whether any was missing.
 fn fill(values: &mut Vec<f32>, layout: &AttributeLayout, records: u64, there: u64) -> bool {
     if layout.stride == 0 {
         return false;

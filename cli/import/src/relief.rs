@@ -21,12 +21,12 @@ pub(super) enum Relief {
     Colours,
 }
 
-/// At most so many rows are looked at, evenly spread.
+/// At most this many rows are looked at, evenly spread.
 const MOST_ROWS: u32 = 64;
 /// By how much the length of a normal may be off 1. Averages are shorter, and codecs move colours: of 40 images of normals in models of
 /// controllers, at least 99.7 % of the texels of each are within this, and of no image of colours or factors beside them more than 9.1 %.
 const OFF_LENGTH: f64 = 0.15;
-/// Red, green and blue of grey differ by at most so many of 255: JPEG changes them.
+/// Red, green and blue of grey differ by at most this many of 255: JPEG changes them.
 const GREY: u8 = 8;
 /// The share of texels that has to agree.
 const NEARLY_ALL: f64 = 0.95;

@@ -367,7 +367,7 @@ impl MeshSink {
         self.make_room()
     }
 
-    /// Declares that the parser of the current file holds so many bytes, beside what it holds in any case.
+    /// Declares how many bytes the parser of the current file holds, beside what it holds in any case.
     pub(super) fn hold_beside(&mut self, bytes: u64) {
         self.held = bytes;
     }

@@ -67,7 +67,7 @@ impl Run {
 }
 
 impl Files {
-    /// Opens the files of a task, which have to have so many vertices and triangles.
+    /// Opens the files of a task, which have to have the given numbers of vertices and triangles.
     fn open(folder: &Path, task: u32, vertices: u64, triangles: u64) -> Result<Self, WorkError> {
         let [vertex_file, triangle_file, polygon_file] = file_names(task).map(|name| folder.join(name));
         let (lookup, reader) = (Lookup::open(&vertex_file)?, RecordReader::<[u32; 3]>::open(&triangle_file)?);

@@ -95,7 +95,7 @@ fn is_cut_short(mut encoded: impl EncodedImage) -> std::io::Result<bool> {
     }
     let end = encoded.seek(SeekFrom::End(0))?;
     let mut at = encoded.seek(SeekFrom::Start(8))?;
-    // A chunk is its length, its name, so many bytes, and a checksum.
+    // A chunk is its length, its name, as many bytes as its length says, and a checksum.
     while at + 12 <= end {
         encoded.read_exact(&mut start)?;
         let [a, b, c, d, name @ ..] = start;

@@ -153,7 +153,7 @@ impl Appearance {
         self.layout.scalars.iter().filter(|(name, _)| is_label(name)).map(|(_, place)| *place).collect()
     }
 
-    /// Texels of images for each of so many triangles: a power of two, or 0, so that it changes rarely when more is added.
+    /// Texels of images for each of `triangles` triangles: a power of two, or 0, so that it changes rarely when more is added.
     pub fn texels_each(&self, triangles: u64) -> u64 {
         let texels = self.texels / triangles.max(1);
         if texels > 0 { 1 << texels.ilog2() } else { 0 }

@@ -66,7 +66,7 @@ impl AttributeLayout {
         }
     }
 
-    /// Adds sets of coordinates until there are so many.
+    /// Adds sets of coordinates until there are `sets`.
     pub fn add_uv(&mut self, sets: usize) {
         while self.uv.len() < sets {
             let place = self.grow(2);
@@ -344,7 +344,7 @@ impl RegionAttributes {
         (12 * self.corners.len() + 4 * numbers + 2 * self.materials.len()) as u64
     }
 
-    /// Whether a region of so many triangles can have these attributes.
+    /// Whether a region with this number of triangles can have these attributes.
     pub fn fits(&self, triangles: usize) -> bool {
         let of_all = |count: usize| count == 0 || count == triangles;
         [self.corners.len(), self.materials.len(), self.charts.len()].into_iter().all(of_all)

@@ -59,7 +59,7 @@ pub(super) fn rounding_around(origin: [f64; 3], positions: &[[f64; 3]]) -> f64 {
 ///
 /// # Errors
 ///
-/// Any error of the writer; [`io::ErrorKind::InvalidInput`] if the format cannot hold so many vertices or such
+/// Any error of the writer; [`io::ErrorKind::InvalidInput`] if the format cannot hold that many vertices or such
 /// coordinates.
 pub fn write_mesh(
     out: impl Write,

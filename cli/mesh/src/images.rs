@@ -321,11 +321,11 @@ fn most_bytes_of_one_colour(texels: u64) -> u64 {
     (1 << 14) + texels / 16
 }
 
-/// An image of which less than one texel in so many counts is looked at, however many bytes it has.
+/// An image is looked at, however many bytes it has, if less than one texel in this many counts.
 const SMALL_PART: u64 = 64;
 
 /// Red, green, blue and alpha that all texels within some columns and rows have, of 65535. None where texels differ, where the image has
-/// so many bytes that they certainly do, and where decoding takes more than `memory`.
+/// enough bytes that they certainly do, and where decoding takes more than `memory`.
 ///
 /// # Errors
 /// What is wrong with it.

@@ -44,7 +44,7 @@ static LEAST_OF_NEXT: [f32; 256] = {
     table
 };
 
-/// The parts into which linear light is divided for a first guess: so many that no part has more than two bytes.
+/// The number of parts into which linear light is divided for a first guess: enough that no part has more than two bytes.
 const PARTS: usize = 4096;
 
 /// The byte at the beginning of each part.

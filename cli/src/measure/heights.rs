@@ -12,9 +12,9 @@ use crate::import::ImportError;
 use crate::import::raster::HeightSource;
 use crate::progress::Progress;
 
-/// So many problems of one kind are named.
+/// The most problems of one kind that are named.
 const MAX_NAMED: usize = 5;
-/// So many tiles are decoded that the file does not have, because they follow from level ones.
+/// The most tiles that are decoded although the file does not have them, because they follow from level ones.
 const MOST_LEVEL_DECODED: u64 = 4096;
 /// A share that two ways of computing a distance may differ by.
 const ROUNDING: f64 = 1e-7;

@@ -11,7 +11,7 @@ use super::TilesetError;
 use super::quantized::{Content, LAST, Tile, degrees_of, encoded, normal_at, quantized, range_of};
 use crate::heights::{Uneven, triangulate_uneven};
 
-/// Lines so many spacings apart are one.
+/// Lines at most this many spacings apart are one.
 const SAME: f64 = 1e-6;
 
 /// A column or a row of a tile.

@@ -33,7 +33,7 @@ const SAMPLE_SHARE: f64 = 0.02;
 /// Cells along the side of a tile.
 const TILE_CELLS: usize = 64;
 const TILE_SIDE: usize = TILE_CELLS + 1;
-/// Samples of the last level are at most so many times as far apart as those of the file: half of a step between levels.
+/// Samples of the last level are at most this many times as far apart as those of the file: half of a step between levels.
 const NEARLY_AS_CLOSE: f64 = std::f64::consts::SQRT_2;
 /// Cells of the file in a tile of the last level at most, so that the numbers of its vertices have 16 bits.
 const MOST_CELLS: usize = 250;
@@ -45,7 +45,7 @@ pub(super) const LAST: f64 = 32_767.0;
 const RADII: [f64; 3] = [A, A, 6_356_752.314_245_179];
 /// Cesium numbers tiles with 32 bits.
 const MAX_LEVEL: u32 = 28;
-/// A point so many radii away is never behind the horizon.
+/// A point this many radii away is never behind the horizon.
 const NEVER_HIDDEN: f64 = 1e3;
 /// Normals of vertices follow triangles.
 const NORMALS: u8 = 1;
@@ -302,7 +302,7 @@ struct Sampler<'a, S> {
 }
 
 impl<'a, S: ReadAt> Sampler<'a, S> {
-    /// A sampler for places that are so many degrees apart.
+    /// A sampler for places that are `step` degrees apart.
     fn new(file: &'a Heights<S>, step: f64) -> Self {
         let (grid, surface) = (file.grid(), file.surface());
         let spacing = surface.spacing[0].max(-surface.spacing[1]);

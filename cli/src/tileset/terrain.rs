@@ -28,9 +28,9 @@ const NEARLY_FINEST: f64 = 1.25;
 const STEPS_IN_ERROR: f64 = 64.0;
 /// Bits of the largest coordinate in lattice steps.
 const COORDINATE_BITS: i32 = 60;
-/// A skirt reaches below what a tile so many depths above draws.
+/// A skirt reaches below what a tile this many depths above draws.
 const DEPTHS_APART: usize = 2;
-/// A tile so many depths above has sides of four times the length, which the globe bends away from sixteen times as far.
+/// A tile this many depths above has sides of four times the length, which the globe bends away from sixteen times as far.
 const BENDS_IN_SKIRT: f64 = 17.0;
 /// Metres: nowhere is the ellipsoid of WGS 84 curved more.
 const LEAST_RADIUS: f64 = 6_335_000.0;

@@ -38,7 +38,7 @@ impl Cubes {
     }
 }
 
-/// Whether clusters on cubes with the given edge length have more than so many triangles. It is known soon if they have.
+/// Whether clusters on cubes with the given edge length have more than `most` triangles. It is known soon if they have.
 pub fn has_more_triangles(mesh: &Mesh, edge: f64, most: usize) -> bool {
     let cubes = Cubes { low: mesh.bounds()[0], edge };
     let mut found: HashSet<[[i64; 3]; 3]> = HashSet::new();

@@ -61,7 +61,7 @@ pub fn group(charts: &Charts, unit: f64) -> Vec<Vec<Vec<u32>>> {
     result
 }
 
-/// Divides charts into so many sets of about equal weight, or fewer if there are fewer charts.
+/// Divides charts into the given number of sets of about equal weight, or fewer if there are fewer charts.
 pub fn divide(charts: &Charts, sets: usize) -> Vec<Vec<u32>> {
     let mut result = vec![];
     if !charts.weights.is_empty() {
@@ -92,7 +92,7 @@ impl<'a> Halving<'a> {
         set.iter().map(|&chart| self.charts.weights[chart as usize]).sum()
     }
 
-    /// Divides a set into so many parts, or fewer if there are fewer charts.
+    /// Divides a set into the given number of parts, or fewer if there are fewer charts.
     fn divide(&mut self, mut set: Vec<u32>, parts: usize, out: &mut Vec<Vec<u32>>) {
         if parts < 2 || set.len() < 2 {
             out.push(set);

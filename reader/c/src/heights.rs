@@ -34,7 +34,7 @@ pub struct HeightsInfo {
     pub wraps: i32,
     /// Whether the file has a ramp of colours.
     pub has_ramp: i32,
-    /// The tolerance of a query is met by tiles of so many depths.
+    /// The tolerance of a query is met by tiles of at most this many depths.
     pub depth_count: u32,
     /// Columns of samples.
     pub column_count: u64,

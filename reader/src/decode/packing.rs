@@ -60,7 +60,7 @@ fn by_height(islands: &[Island]) -> Vec<usize> {
     order
 }
 
-/// Packs shapes, in this order, into pages with at most so many texels in a row, and so many rows.
+/// Packs shapes, in this order, into pages with at most the given number of texels in a row, and of rows.
 fn pack_shapes(shapes: &[Shape], cell: u32, [width, height]: [u32; 2]) -> Packed {
     let mut pages: Vec<Page> = vec![];
     // Where the search for one more of about a size begins: before it, the last one found no room.

@@ -11,9 +11,9 @@ use crate::error::{Error, Result};
 pub const CELLS: usize = 64;
 /// Samples along a side of a tile.
 pub const SIDE: usize = CELLS + 1;
-/// A grid has at most so many cells along a side.
+/// A grid has at most this many cells along a side.
 pub const MAX_CELLS: u64 = 1 << 30;
-/// At most so many tiles lie at depth 0, in a row or in a column.
+/// At most this many tiles lie at depth 0, in a row or in a column.
 const MAX_ROOTS: u64 = 2;
 
 /// A tile: its depth, and its place among the tiles of this depth.
@@ -130,7 +130,7 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// A grid of so many columns and rows of cells. It `wraps` if the last column of cells ends at the first column of samples; its first
+    /// A grid, given its columns and rows of cells. It `wraps` if the last column of cells ends at the first column of samples; its first
     /// and its last row of samples may be one point each, a pole.
     ///
     /// # Errors
@@ -164,7 +164,7 @@ impl Grid {
         self.poles
     }
 
-    /// The triangles of so many columns and rows of cells, between a first and a last row of samples: two in each cell, but one at a pole.
+    /// The triangles of `columns` by `rows` cells, between a first and a last row of samples: two in each cell, but one at a pole.
     pub fn face_count(&self, [columns, rows]: [u64; 2], [first, last]: [u64; 2]) -> u64 {
         let [is_first, is_last] = self.poles;
         let poles = u64::from(is_first && first == 0) + u64::from(is_last && last == self.cells()[1]);

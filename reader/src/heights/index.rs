@@ -27,7 +27,7 @@ use crate::{
     source::{Fetched, requests::plan},
 };
 
-/// The first two index pages take no more than so many bytes, or nearly: each has 85 tiles, of about 45 bytes.
+/// The first two index pages take no more than this many bytes, or nearly: each has 85 tiles, of about 45 bytes.
 const FIRST_PAGES_BYTES: u64 = 8 << 10;
 
 /// The index of a file of heights: it reads nothing itself, and says what is missing. Sessions and programs that read elsewhere use it;

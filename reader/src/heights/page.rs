@@ -20,9 +20,9 @@ use crate::{
 
 /// Depths of tiles in a page.
 pub(super) const PAGE_DEPTHS: u32 = 4;
-/// A tile has so many resolutions at most.
+/// A tile has at most this many resolutions.
 pub const MAX_RESOLUTIONS: usize = 8;
-/// A tile has so many triangles at most.
+/// A tile has at most this many triangles.
 const MAX_TRIANGLES: u64 = 8192;
 
 /// One way to draw a tile.
@@ -82,7 +82,7 @@ impl TileRecord {
     }
 }
 
-/// So many level tiles are divided whose quarters follow from them: these take no bytes, so the size of a file does not bound their number.
+/// The most level tiles that are divided and whose quarters follow from them: these take no bytes, so the size of a file does not bound their number.
 pub const MOST_LEVEL: u64 = 1 << 16;
 
 /// What a tile below a level one has of its parent's error beyond the least one: a quarter, as globes bend, and what rounding may add.

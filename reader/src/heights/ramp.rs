@@ -5,7 +5,7 @@ use crate::{
     error::{Error, Result},
 };
 
-/// A ramp has so many stops at most.
+/// A ramp has at most this many stops.
 const MOST_STOPS: usize = 1024;
 
 /// A colour at a height.

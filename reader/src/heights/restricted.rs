@@ -14,7 +14,7 @@ const ALWAYS: f64 = f64::INFINITY;
 /// much once more.
 const AT_BORDER: f64 = 2.0;
 
-/// Distances are compared in so many lanes, which do not wait for each other.
+/// Distances are compared in this many lanes, which do not wait for each other.
 const LANES: usize = 4;
 
 fn largest([a, b, c, d]: [f64; LANES]) -> f64 {

@@ -213,7 +213,7 @@ impl PerformanceMode {
 mod tests {
     use super::*;
 
-    /// A renderer: so many triangles for a tolerance and a node budget, so much time for these.
+    /// A renderer: the triangles that a tolerance and a node budget take, and the time for these.
     struct Renderer {
         /// Times per millisecond.
         speed: f64,

@@ -7,7 +7,7 @@ use std::{
 
 /// More is not kept.
 const MOST_BYTES: usize = 64 << 10;
-/// After so many reads the beginning is forgotten.
+/// After this many reads the beginning is forgotten.
 const MOST_READS: usize = 64;
 
 /// The bytes of the first read. Each is handed out once: what is asked for again was damaged on the way, and has to be fetched anew.

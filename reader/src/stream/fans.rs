@@ -249,7 +249,7 @@ struct Around {
 
 /// Of an edge: whether the border runs to the vertex.
 const RUNS_HERE: u64 = 1 << 31;
-/// So many corners are compared with each other. More are sorted: their number may be any.
+/// At most this many corners are compared with each other. More are sorted: their number may be any.
 const FEW: usize = 8;
 
 impl Around {

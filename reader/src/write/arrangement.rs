@@ -232,7 +232,7 @@ impl ClusterContent {
     }
 }
 
-/// Divides the order of the file into clusters of so many roots, or fewer where these have many half-arcs.
+/// Divides the order of the file into clusters of the given number of roots, or fewer where these have many half-arcs.
 fn clusters_of<'o>(order: &'o [u32], cluster_roots: usize, roots: &[RootEntry]) -> Vec<&'o [u32]> {
     let mut clusters = Vec::with_capacity(order.len().div_ceil(cluster_roots));
     for mut rest in order.chunks(cluster_roots) {

@@ -81,7 +81,7 @@ impl Lists {
         self.top.iter().filter_map(|branch| branch.entry.index_bytes()).sum()
     }
 
-    /// Writes section INDEX; `copy` writes the next so many bytes of index blocks.
+    /// Writes section INDEX; `copy` writes the next bytes of index blocks, as many as it is told.
     pub fn write_index<W: Write>(
         &self,
         out: &mut W,

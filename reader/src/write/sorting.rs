@@ -145,7 +145,7 @@ impl ClusterSymbols {
         self.bytes.len()
     }
 
-    /// Makes room for so many blocks, runs of arcs and texel streams, all empty yet.
+    /// Makes room for the given numbers of blocks, runs of arcs and texel streams, all empty yet.
     #[cfg(feature = "serde")]
     pub(super) fn make_room(&mut self, blocks: usize, arcs: usize, texels: usize) {
         self.blocks.resize(blocks, [const { 0..0 }; 2]);

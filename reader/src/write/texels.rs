@@ -19,7 +19,7 @@ pub(super) struct TexelRuns {
 }
 
 impl TexelRuns {
-    /// Appends the texels of a block, which has so many streams.
+    /// Appends the texels of a block, given its number of streams.
     pub fn push(&mut self, streams: &[Vec<u8>], stream_count: usize) -> Result<()> {
         if !streams.is_empty() && streams.len() != stream_count {
             let found = streams.len();
@@ -32,7 +32,7 @@ impl TexelRuns {
         Ok(())
     }
 
-    /// Whether it has so many streams, and nothing else. A piece may come from a damaged file.
+    /// Whether it has that number of streams, and nothing else. A piece may come from a damaged file.
     pub fn is_sound(&self, count: usize) -> bool {
         let end = self.ends.last().copied().unwrap_or(0);
         self.ends.len() == count && self.ends.is_sorted() && end == self.all.len() as u64

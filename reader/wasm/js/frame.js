@@ -1,6 +1,6 @@
 // What a frame changes, as typed arrays to upload and numbers of roots to drop.
 
-/** The number of the overview among roots. No file has so many. */
+/** The number of the overview among roots. No file has that many. */
 export const OVERVIEW = 0xffff_ffff;
 
 // Bits of an upload's flags.

@@ -260,7 +260,7 @@ impl State {
         let node = |pair: &[u8; 8]| {
             let mut numbers = words(pair);
             let (root, level) = (numbers.next().unwrap_or(u32::MAX), numbers.next().unwrap_or(u32::MAX));
-            // No file has so many levels, so this one does not exist.
+            // No file has that many levels, so this one does not exist.
             Node { root, level: u8::try_from(level).unwrap_or(u8::MAX) }
         };
         if rest.is_empty() {

@@ -102,7 +102,7 @@ def unpack(archive, folder):
 
 
 def files(cache, largest, most):
-    """Distinct files (format, package, path, hash), at most so many of one format from a package; which ones, their hashes say."""
+    """Distinct files (format, package, path, hash), at most `most` of one format from a package; which ones, their hashes say."""
     seen, found = set(), []
     for package, folder in fetch(cache):
         own = {}

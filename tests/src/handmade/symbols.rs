@@ -17,7 +17,7 @@ fn gamma(g: u64) -> [(u64, u32); 2] {
     [(1 << k, k + 1), (g - (1 << k), k)]
 }
 
-/// The numbers of section TABLES: one table, 16 for each token, used by so many contexts from 0 on.
+/// The numbers of section TABLES: one table, 16 for each token, used by the given number of contexts from 0 on.
 pub(super) fn flat_table_numbers(context_count: u64) -> Vec<(u64, u32)> {
     let mut numbers = gamma(2).to_vec();
     for _ in 0..255 {
@@ -36,7 +36,7 @@ pub(super) fn contexts(count: u64) -> Vec<(u64, u32)> {
     numbers
 }
 
-/// Section TABLES with one flat table for so many contexts.
+/// Section TABLES with one flat table for the given number of contexts.
 pub fn flat_tables(context_count: u64) -> Vec<u8> {
     pack_bits(&flat_table_numbers(context_count))
 }

@@ -99,7 +99,7 @@ impl AtlasProduct {
         self.resolution_for(0.5 * vertex_count as f64)
     }
 
-    /// The resolution at which all images together have at least so many samples.
+    /// The resolution at which all images together have at least the given number of samples.
     pub(super) fn resolution_for(&self, samples: f64) -> u32 {
         let wanted = samples / self.root_count().max(1) as f64;
         // A root adds 4^r samples, since it shares its border.

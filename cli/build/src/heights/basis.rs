@@ -22,9 +22,9 @@ use lodpack_runtime::progress::Progress;
 const UNIT_DEPTHS: u32 = 4;
 /// Units are taken larger rather than that more tiles than this lie above them.
 const MAX_ABOVE: u64 = 700;
-/// The symbols of so many units say how often each symbol occurs.
+/// The symbols of this many units say how often each symbol occurs.
 const SAMPLED_UNITS: usize = 64;
-/// Of more units than this, not all tiles are taken, but for so many depths one of four.
+/// Of more units than this, not all tiles are taken, but for this many depths one of four.
 const FEW_UNITS: usize = 4;
 const THINNED_DEPTHS: u32 = 2;
 /// `auto` is this share of how far samples are from the middle of their neighbours on average.

@@ -4,7 +4,7 @@ use super::samples::{Stored, Window};
 
 /// Cells along a side of a block, coarse to fine. Blocks share the samples on their borders.
 pub const BLOCK_SIDES: [usize; 2] = [16, 4];
-/// Distances are compared in so many lanes, which do not wait for each other.
+/// Distances are compared in this many lanes, which do not wait for each other.
 const LANES: usize = 4;
 
 /// How rough the blocks of a window are.
@@ -57,7 +57,7 @@ pub fn largest(run: &[Stored], least: f64, off: impl Fn(f64, Stored) -> f64) -> 
     of_two(of_two(most[0], most[1]), of_two(most[2], most[3]))
 }
 
-/// For each block of so many cells along a side, row by row, how far its samples are at most from what is straight between its four corners,
+/// For each block of `SIDE` cells along a side, row by row, how far its samples are at most from what is straight between its four corners,
 /// in steps and rounded up; infinite where some have no data.
 fn roughness<const SIDE: usize>(stored: &[Stored], width: usize) -> Vec<f32> {
     let height = stored.len() / width.max(1);

@@ -10,7 +10,7 @@ use super::facets::{Corner, Judge, Plane, ROUNDED_DOWN, Steps};
 
 /// Distances are sums of a few products, of which each is rounded.
 const ROUNDED_UP: f64 = 1.0 + 1e-12;
-/// Triangles have sides of up to so many cells, a power of two.
+/// Triangles have sides of up to this many cells, a power of two.
 const SIZES: usize = CELLS.ilog2() as usize + 1;
 
 /// A tile with its samples at a distance of a power of two, all of whose samples lie in a window.
@@ -128,7 +128,7 @@ fn bends(judge: &Judge<'_>, distance: u64, rows: [u64; 2]) -> [[Bend; SIZES]; 3]
     // No radius of curvature is larger.
     let radius = axis / (1.0 - eccentricity).sqrt() + judge.highest.max(0.0);
     let [to_east, to_south] = judge.surface.spacing.map(|degrees| degrees.abs().to_radians() * distance as f64);
-    // Of a side over so many cells: the second derivative, and the angle that it spans.
+    // Of a side over that many cells: the second derivative, and the angle that it spans.
     let side = |across: f64, down: f64| {
         let [x, y] = [across * to_east, down * to_south];
         let vertical = radius * (cosine * cosine * x * x + y * y);

@@ -84,7 +84,7 @@ pub struct Judge<'a> {
 }
 
 impl<'a> Judge<'a> {
-    /// Looks at a window. `highest` is the highest sample of the grid, in units of coordinates. The tile of the window has so many `cells` along a side,
+    /// Looks at a window. `highest` is the highest sample of the grid, in units of coordinates. The tile of the window has `cells` cells along a side,
     /// and its diagonal `falls` from the north-west, or rises.
     pub fn new(
         (window, cells, falls): (&'a Window, usize, bool),

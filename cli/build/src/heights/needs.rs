@@ -64,7 +64,7 @@ pub struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
-    /// The squares of so many cells of the tile, and the number of the first one in a row of the tile.
+    /// The squares of the tile's cells, and the number of the first one in a row of the tile.
     fn row(&self, size: usize, row: usize) -> (&'a Squares, usize) {
         let squares = &self.squares[(size << self.shift).ilog2() as usize - 1];
         let [column, first] = self.first.map(|at| at / squares.size);

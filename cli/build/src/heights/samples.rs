@@ -49,7 +49,7 @@ pub struct About {
     pub error: f64,
     /// The lowest and the highest step.
     pub range: [i32; 2],
-    /// XXH3 hashes of the bands of a named file, each of so many rows.
+    /// XXH3 hashes of the bands of a named file, each of this many rows.
     bands: Vec<u64>,
     band_rows: u64,
 }
@@ -237,7 +237,7 @@ impl<'a> Gather<'a> {
 
 /// One and a half times 2^52: adding it rounds a number to an integer, whose bits are then the last ones.
 const SHIFT: f64 = 6_755_399_441_055_744.0;
-/// So many samples are rounded side by side.
+/// The number of samples that are rounded side by side.
 const LANES: usize = 4;
 
 /// Appends a row in which no sample lacks data, and returns the largest error, and the lowest and the highest step; none if there is something in
@@ -335,7 +335,7 @@ impl Samples {
         Ok(Self { store: Store::File(Mutex::new(disk)), columns: grid.samples()[0], wraps: grid.wraps(), about })
     }
 
-    /// Reads samples of one row: so many from a column on. The last column of a grid that wraps is its first one.
+    /// Reads samples of one row, from a column on. The last column of a grid that wraps is its first one.
     fn read(&self, row: u64, column: u64, out: &mut [Stored]) -> Result<(), HeightsError> {
         let mut column = column;
         let mut out = out;

@@ -6,7 +6,7 @@
 //! Slopes are a difference of heights by a power of two; in numbers of 24 bits, heights that differ by no more than 2^16 steps have exact distances
 //! in squares of up to 64 cells, and nearly exact ones in larger ones. Small squares are looked at side by side, large ones row by row.
 
-/// Heights differ by so many steps at most.
+/// Heights differ by at most this many steps.
 pub const MOST_STEPS: i64 = 1 << 16;
 /// Cells along a side of the largest squares whose distances are exact.
 const EXACT: usize = 64;
@@ -296,7 +296,7 @@ fn square(ground: &Ground, [column, row]: [usize; 2], size: usize, falls: bool) 
 pub mod tests {
     use super::*;
 
-    /// Rough ground of so many samples a side.
+    /// Rough ground with the given number of samples a side.
     pub fn steps(side: usize) -> Vec<i32> {
         let mut state = 7u32;
         let mut noise = || {

@@ -335,7 +335,7 @@ impl Exact {
     const SHARES: f64 = CELLS as f64;
     /// Numbers lose less than this share of the largest height when they are computed from heights.
     const ROUNDING: f64 = 1.0 / (1u64 << 44) as f64;
-    /// Heights of 31 bits, steps of so many and shares of six fit into a number of 53 bits.
+    /// Heights of 31 bits, steps of this many and shares of six fit into a number of 53 bits.
     const FEW_BITS: u32 = 14;
 
     fn new(setting: &Setting<'_>, range: [i32; 2]) -> Self {

@@ -53,7 +53,7 @@ pub struct Submitted {
 }
 
 impl SlurmScripts {
-    /// Scripts for the rest of a job, with so many threads for each task.
+    /// Scripts for the rest of a job, with the given number of threads for each task.
     ///
     /// # Errors
     /// If the job is not planned, or a path cannot be written in a shell script.

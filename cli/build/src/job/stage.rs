@@ -139,7 +139,7 @@ impl Stages {
         }
     }
 
-    /// The share of a task in so many things, where each range of the input has one.
+    /// The share of a task in `count` things, of which each range of the input has a share.
     pub fn range(&self, task: u32, count: u64) -> Range<u64> {
         let at = |task: u32| (u128::from(count) * u128::from(task) / u128::from(self.ranges.max(1))) as u64;
         at(task)..at(task + 1)
@@ -180,7 +180,7 @@ pub(super) fn encoder_file(job: &Path, task: u32) -> PathBuf {
     job.join(STAGES_NAME).join(format!("{}-{task}.encoder", Stage::Arrange))
 }
 
-/// Divides the numbers of things that follow each other into so many runs of about equal size. Some runs are empty where there are fewer
+/// Divides consecutive things into the given number of runs of about equal size. Some runs are empty where there are fewer
 /// things.
 pub(super) fn even_runs(sizes: impl Iterator<Item = u64> + Clone, runs: u32) -> Vec<Range<u32>> {
     let total: u64 = sizes.clone().sum();

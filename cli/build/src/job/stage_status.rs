@@ -9,7 +9,7 @@ use super::stage::TaskFiles;
 use super::{PartReport, Stage};
 use lodpack_runtime::storage::Lock;
 
-/// A running task is late once it takes so many times as long as those that are done.
+/// A running task is late once it takes this many times as long as those that are done.
 const LATE: f64 = 2.0;
 /// The least share of a job that has to be done before the rest is estimated.
 const ENOUGH: f64 = 0.02;

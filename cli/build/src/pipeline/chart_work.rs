@@ -146,7 +146,7 @@ impl ChartWork<'_> {
         error
     }
 
-    /// The chart's triangles where the patch is farther from them, or they from the patch, than so many tolerances, ascending.
+    /// The chart's triangles where the patch is farther from them, or they from the patch, than the given number of tolerances, ascending.
     pub fn exceeding(&mut self, compared: &mut Comparison, tolerances: f64) -> Vec<u32> {
         let start = thread_cpu_time();
         let found = compared.exceeding(self.charted.scale.tolerance * tolerances, u64::MAX);

@@ -121,7 +121,7 @@ fn coarsest_levels(model: &Model) -> Model {
     }
 }
 
-/// The surface with about so many triangles inside its boundary, which stays. None if it cannot be simplified.
+/// The surface with about the given number of triangles inside its boundary, which stays. None if it cannot be simplified.
 fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
     let chart = surface.chart()?;
     let Mesh { positions, triangles } = collapsed(&chart, triangles)?;
@@ -129,7 +129,7 @@ fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
     Some(CoarseSurface { positions, triangles, error })
 }
 
-/// A surface simplified to so many triangles with its topology and the border that it has to keep; more triangles where these need
+/// A surface simplified to the given number of triangles with its topology and the border that it has to keep; more triangles where these need
 /// more.
 pub(super) fn collapsed(chart: &ChartMesh, triangles: usize) -> Option<Mesh> {
     collapsed_in_areas(chart, None, triangles, &STOPS, None).map(|(mesh, _)| mesh)

@@ -24,7 +24,7 @@ use lodpack_stage::chart::ChartMesh;
 
 /// How many of the first cuts are collapsed again, those first that show most,
 const WAYS: usize = 3;
-/// unless they are so many times as bad as the best;
+/// unless they are this many times as bad as the best;
 const WORSE: f64 = 1.4;
 /// how often at most,
 const MOST_ROUNDS: usize = 12;
@@ -38,13 +38,13 @@ const STEPS: [f32; 2] = [30.0, 5.0];
 /// difference, another one each time that it has not become better.
 const STEP_AT_TOP: f32 = 5.0;
 const SHARES_AT_TOP: [f64; 4] = [0.15, 0.08, 0.04, 0.5];
-/// So many of the best of all are moved nearer, which takes as long as to collapse and to compare them.
+/// The number of the best of all that are moved nearer, which takes as long as to collapse and to compare them.
 const MOVED: usize = 4;
 /// Of a cut with more triangles one way is collapsed again, with one factor, and nothing is moved nearer, which takes long.
 const LARGE: usize = 20_000;
-/// Vertices of a cut that has at most so many triangles are moved one at a time at last. With more, little is gained for the time that it takes.
+/// Vertices of a cut that has at most this many triangles are moved one at a time at last. With more, little is gained for the time that it takes.
 const FEW: usize = 200;
-/// With at most so many, those of more than the best cut are, and at last those of the best one [again](moved_again). With more, that gains nothing.
+/// With at most this many, those of more than the best cut are, and at last those of the best one [again](moved_again). With more, that gains nothing.
 const VERY_FEW: usize = 100;
 /// How many cuts these are.
 const MOVED_SINGLY: usize = 2;

@@ -9,11 +9,11 @@ use lodpack_stage::bake::larger;
 const ALIKE: f64 = 1.5;
 /// What has fewer texels of the input has no size of its own.
 const FEW: f64 = 256.0;
-/// What has so many times the mean density counts as finest.
+/// What has this many times the mean density counts as finest.
 const MOST: f64 = 16.0;
-/// Texels get larger where they are so many times as fine as they would have to be after that.
+/// Texels get larger where they are this many times as fine as they would have to be after that.
 const SPARE: f64 = 1.19;
-/// An image that has so many times the texels along one direction as it has in the mean of both is stretched.
+/// An image that has this many times the texels along one direction as it has in the mean of both is stretched.
 const STRETCHED: f64 = 2.0;
 /// Where more than this share of a surface shows stretched images, as walls do in pictures from above, texels may be longer than wide.
 const MOST_STRETCHED: f64 = 0.05;

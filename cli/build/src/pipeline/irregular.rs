@@ -32,7 +32,7 @@ const NEAREST_FAILURES: u32 = 3;
 /// Factor on the finest threshold with every failure after those.
 const FINER: f64 = 0.4;
 
-/// In a mesh of at most so many triangles, a chart that is off by more than this share of the tolerance is made again, with more weight where
+/// In a mesh of at most this many triangles, a chart that is off by more than this share of the tolerance is made again, with more weight where
 /// it is off by more than that. That is a tenth of the charts, so that large meshes would take a tenth longer; in small ones a largest
 /// distance in one place shows.
 const SMALL: usize = 250_000;
@@ -302,13 +302,13 @@ fn areas_in_order(level_patch: &LevelPatch, patch: &Patch, order: &[u32]) -> Vec
     patch.triangles.iter().map(area).collect()
 }
 
-/// Raises the weights of some of so many vertices.
+/// Raises the weights of some of `count` vertices.
 fn raise(importance: &mut Vec<f32>, vertices: &[u32], count: usize) {
     importance.resize(count, 1.0);
     vertices.iter().for_each(|&v| importance[v as usize] *= IMPORTANCE_STEP);
 }
 
-/// The vertices of some triangles of a mesh with so many rings of triangles, these included, ascending.
+/// The vertices of some triangles of a mesh and of the rings of triangles around them, ascending.
 pub(super) fn with_rings(mesh: &[[u32; 3]], mut triangles: Vec<u32>, rings: usize) -> Vec<u32> {
     let mut vertices = vec![];
     for _ in 0..rings {

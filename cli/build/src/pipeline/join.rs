@@ -28,7 +28,7 @@ const WAITING_BYTES: usize = 1 << 20;
 
 /// Clusters (of some ten kilobytes each) that every thread encodes before their bytes are written,
 const CLUSTERS_A_THREAD: usize = 8;
-/// unless they have so many bytes before that: those with texels may be a thousand times as large.
+/// unless they have this many bytes before that: those with texels may be a thousand times as large.
 const CLUSTER_BYTES: usize = 16 << 20;
 
 /// The products of all regions in the order of the regions. They can be visited repeatedly.

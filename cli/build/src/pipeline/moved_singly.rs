@@ -18,9 +18,9 @@ const LAST_STEP: f64 = 0.03;
 const ROUNDS: usize = 40;
 /// It ends where a round leaves more than this share of what counts.
 const GAIN: f64 = 0.997;
-/// Edges of so many triangles that show most wrongly are split,
+/// The number of triangles, of those that show most wrongly, whose edges are split,
 const WORST: usize = 4;
-/// and the new vertex is moved so often before they are compared.
+/// and the new vertex is moved this often before they are compared.
 const ROUNDS_OF_NEW: usize = 6;
 
 /// A reduced cut with its vertices moved to where it shows most of a surface for its distance from that. None if nothing is seen of it.
@@ -45,7 +45,7 @@ pub(super) fn moved_again(surface: &Sampled, reduced: &Mesh, most: usize) -> Opt
     Some((Mesh { positions: watched.positions().to_vec(), triangles: watched.triangles().to_vec() }, parts_of))
 }
 
-/// A patch with the edge in two that gains most. None if none does with at most so many triangles.
+/// A patch with the edge in two that gains most. None if none does with at most the given number of triangles.
 fn best_split<'a>(watched: &Watched<'a>, most: usize) -> Option<(Watched<'a>, Vec<u32>)> {
     let room = most.saturating_sub(watched.triangles().len());
     let mut best: Option<(Watched<'a>, Vec<u32>)> = None;

@@ -259,7 +259,7 @@ impl Default for ModelOptions {
 }
 
 impl ModelOptions {
-    /// How an input of so many triangles is divided into regions: those of textured inputs have fewer triangles where these have many
+    /// How an input is divided into regions, given its number of triangles: those of textured inputs have fewer triangles where these have many
     /// texels.
     pub(crate) fn division(&self, triangles: u64, appearance: &Appearance) -> Division {
         let texels = appearance.texels_each(triangles);

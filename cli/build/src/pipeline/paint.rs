@@ -313,7 +313,7 @@ impl Painted {
     }
 }
 
-/// Exponents of texels that are so many levels coarser: twice as large with each.
+/// Exponents of texels that are `levels` levels coarser: twice as large with each.
 fn coarser(exponent: u32, levels: usize) -> u32 {
     (exponent + 2 * levels as u32).min(MAX_EXPONENT)
 }

@@ -37,7 +37,7 @@ const FINE_TEXELS: f64 = 4_194_304.0;
 const MORE: f64 = 1.01;
 /// How many times as large as the cut what was made from it has to be for its texels to be larger.
 const MUCH_LARGER: f64 = 2.0;
-/// A reduced cut may be so many times as far off as the nearest one, if it shows more.
+/// A reduced cut may be this many times as far off as the nearest one, if it shows more.
 const FARTHER: f64 = 3.0;
 /// About how many cells of a reduced cut are compared,
 const CELLS: f64 = 131_072.0;
@@ -91,7 +91,7 @@ impl<'a> CutPainter<'a> {
         })
     }
 
-    /// The size of texels of which the cut has about so many.
+    /// The size of texels at which the cut has about `texels` of them.
     fn exponent_for(&self, texels: f64) -> u32 {
         let Mesh { positions, triangles, .. } = &self.cut.mesh;
         exponent_of((area(positions, triangles) / texels).sqrt() / self.lattice.step())

@@ -22,12 +22,12 @@ use lodpack_stage::repair::RepairReport;
 use lodpack_stage::segment::{SegmentOptions, halve_heavy, keep_charts, segment_charts};
 use lodpack_stage::subdivide::texel_shares;
 
-/// The tops of regions to which more may be added bring along what those of so many regions do. A merge of more leaves some of it out.
+/// The tops of regions to which more may be added bring along what those of this many regions do. A merge of more leaves some of it out.
 const REGIONS_OF_EXTENSIBLE: u32 = 4;
 
-/// Where images repeat, as those of bricks do, a file shows the surface with so many times their texels at most,
+/// Where images repeat, as those of bricks do, a file shows the surface with at most this many times their texels,
 const MOST_REPEATS: f64 = 16.0;
-/// or with so many where that is more: they take 100 MB, about.
+/// or with this many where that is more: they take 100 MB, about.
 const MOST_REPEATED: f64 = 1_073_741_824.0;
 
 /// What is known once all regions are cut into charts. With it each region can be built by itself.
@@ -76,7 +76,7 @@ impl Plan {
         if self.extensible { REGIONS_OF_EXTENSIBLE } else { self.regions }
     }
 
-    /// Whether the file has, or may later have, so many roots that it may need an overview.
+    /// Whether the file has, or may later have, enough roots to need an overview.
     pub fn has_overview(&self) -> bool {
         self.levels == LevelChoice::All && (self.extensible || self.charts >= OVERVIEW_FROM_ROOTS)
     }
@@ -274,7 +274,7 @@ impl Whole {
     }
 }
 
-/// The share that a file shows of so many texels on the surface, where images have so many.
+/// The share that a file shows of the texels on the surface, given those of the images.
 fn texel_share(on_surface: f64, of_images: u64) -> f64 {
     let most = MOST_REPEATED.max(MOST_REPEATS * of_images as f64);
     if on_surface > most { most / on_surface } else { 1.0 }

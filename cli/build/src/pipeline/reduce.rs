@@ -222,7 +222,7 @@ impl Reducing<'_> {
         }
     }
 
-    /// The same so many times again, with ever more weight where the last one was farthest off. `last` is the number of the first one.
+    /// Repeats this `rounds` times, with ever more weight where the last one was farthest off. `last` is the number of the first one.
     fn collapse_again(&mut self, way: Way<'_>, mut last: usize, rounds: usize, weights: &mut FarWeights<'_>) {
         weights.reset();
         for _ in 0..rounds {

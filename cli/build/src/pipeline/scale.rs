@@ -56,7 +56,7 @@ const TOP_SHARE: f64 = 0.02;
 /// The largest step along the normal in a file with groups, over the diagonal. However far the threshold of a coarse level would let
 /// them be, surfaces of a few hundred triangles are .002 of the diagonal off on average.
 const LARGEST_STEP: f64 = 0.0032;
-/// Where more may be added, the diagonal of a region is taken to have as many edges as the root of its triangles, each so many tolerances long,
+/// Where more may be added, the diagonal of a region is taken to have as many edges as the root of its triangles, each this many tolerances long,
 /// as at the automatic tolerance. With a finer one, levels above are a little finer than they need to be.
 const TOLERANCES_PER_EDGE: f64 = 2.0;
 /// The most texels of images in a chart, about: the map of a chart is baked at once, and takes some 100 bytes of memory for each.
@@ -68,14 +68,14 @@ const CHART_LEVELS: usize = 1;
 /// The most levels: more would only repeat patches that cannot get any coarser.
 const MAX_LEVELS: usize = 16;
 
-/// The most triangles of a chart that the input brings, whose images have so many texels for each triangle: twice those of the largest
+/// The most triangles of a chart that the input brings, given the texels of its images for each triangle: twice those of the largest
 /// that are made here, as a chart may have that is made here.
 pub(super) fn largest_chart(texels_each: u64) -> u32 {
     let [_, most] = Effort::Best.chart_size();
     2 * textured_chart(texels_each).unwrap_or(u64::MAX).min(most as u64) as u32
 }
 
-/// The most triangles of a chart whose images have so many texels for each triangle; none without texels.
+/// The most triangles of a chart, given the texels of its images for each triangle; none without texels.
 fn textured_chart(texels_each: u64) -> Option<u64> {
     CHART_TEXELS.checked_div(texels_each).map(|triangles| triangles.max(FEWEST_TEXTURED))
 }
@@ -154,7 +154,7 @@ pub(super) struct Heights {
 }
 
 impl LevelPlan {
-    /// The level that is so many steps coarser than the finest one.
+    /// The level that is `steps_up` steps coarser than the finest one.
     fn new(tolerance: f64, steps_up: usize, fineness: u8) -> Self {
         let factor = factor_of(steps_up);
         let quantisation = match (steps_up, fineness) {
@@ -251,7 +251,7 @@ impl Scale {
         Ok(())
     }
 
-    /// Derives everything from the repaired input, whose images have so many texels for each triangle.
+    /// Derives everything from the repaired input and the texels of its images for each triangle.
     ///
     /// # Errors
     /// [`PipelineError::Tolerance`] if a metric tolerance meets an input of unknown unit, or the tolerance is too fine

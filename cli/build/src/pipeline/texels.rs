@@ -25,11 +25,11 @@ const NEGLIGIBLE: f64 = 0.01;
 pub(super) const DENSITY: f64 = 1.4;
 /// How much finer texels are where images are even but for a few sharp edges, which each texel that lies across blurs.
 const FINER_IF_SHARP: f64 = 2.0;
-/// In a mesh of at most so many triangles,
+/// In a mesh of at most this many triangles,
 const SMALL: usize = 1000;
-/// charts that do not look alike everywhere have so many texels,
+/// charts that do not look alike everywhere have this many texels,
 const SMALL_TEXELS: f64 = 4096.0;
-/// or so many times as many along each direction: they take next to no bytes, and what few texels blur is all that there is.
+/// or this many times as many along each direction: they take next to no bytes, and what few texels blur is all that there is.
 const SMALL_FINER: f64 = 16.0;
 /// How much larger than wanted texels may be, because their size is a power of the root of two.
 const LARGER: f64 = 1.1;
@@ -84,7 +84,7 @@ fn colour_components(appearance: &Appearance) -> u8 {
     if appearance.has_alpha { 4 } else { 3 }
 }
 
-/// The value of number 0 of a scalar, and the step between numbers: 1 for whole values, if so many numbers are enough.
+/// The value of number 0 of a scalar, and the step between numbers: 1 for whole values, if there are enough numbers.
 fn numbers(range: &ScalarRange) -> [f64; 2] {
     let [low, high] = [range.low, range.high].map(f64::from);
     // No value at all.
@@ -219,7 +219,7 @@ impl InputSource<'_> {
         Some([if sharpness.is_sharp() { FINER_IF_SHARP * mean } else { mean }, area])
     }
 
-    /// How fast texels grow, per size of those that each triangle has if there are so many in the mean.
+    /// How fast texels grow, relative to the size of each triangle's texels, whose mean is `mean`.
     fn growths_per_size(&mut self, densities: &[Density], mean: f64) -> Vec<Option<[DVec3; 2]>> {
         let fewer: Vec<f64> = (0..self.own.len()).map(|triangle| area_of_texel(self.larger(triangle).into())).collect();
         let area: f64 = densities.iter().map(|density| density.area).sum();

@@ -35,7 +35,7 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Measures a mesh of so many components.
+    /// Measures a mesh, given its number of components.
     pub fn of(mesh: &Mesh, adjacency: &Adjacency, component_count: u64) -> Self {
         let (mut doubled, mut inner_edges, mut bends) = (0.0, 0, 0.0);
         let normals: Vec<DVec3> = (0..mesh.triangles.len() as u32)

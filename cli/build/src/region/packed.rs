@@ -18,7 +18,7 @@ pub(super) fn put_triangles(bytes: &mut Vec<u8>, triangles: &[[u32; 3]]) {
     }
 }
 
-/// So many triangles. None if there are fewer.
+/// The given number of triangles. None if there are fewer.
 pub(super) fn get_triangles(bytes: &mut &[u8], count: usize) -> Option<Vec<[u32; 3]>> {
     // Each takes three bytes at least.
     if count > bytes.len() / 3 {
@@ -41,7 +41,7 @@ pub(super) fn put_ascending(bytes: &mut Vec<u8>, numbers: &[u32]) {
     }
 }
 
-/// So many ascending numbers. None if there are fewer.
+/// The given number of ascending numbers. None if there are fewer.
 pub(super) fn get_ascending(bytes: &mut &[u8], count: usize) -> Option<Vec<u32>> {
     if count > bytes.len() {
         return None;
@@ -69,7 +69,7 @@ pub(super) fn put_opposites(bytes: &mut Vec<u8>, opposites: &[u32]) {
     }
 }
 
-/// The partners of so many half-edges. None if there are fewer, or two have the same.
+/// The partners of the given number of half-edges. None if there are fewer, or two have the same.
 pub(super) fn get_opposites(bytes: &mut &[u8], count: usize) -> Option<Vec<u32>> {
     // At most two are said by a byte.
     if count > bytes.len().saturating_mul(2) {
@@ -100,7 +100,7 @@ pub(super) fn put_labels(bytes: &mut Vec<u8>, labels: &[u32]) {
     }
 }
 
-/// So many labels. None if there are fewer or more.
+/// The given number of labels. None if there are fewer or more.
 pub(super) fn get_labels(bytes: &mut &[u8], count: usize) -> Option<Vec<u32>> {
     let (mut labels, mut before) = (vec![], 0_u32);
     while labels.len() < count {
@@ -127,7 +127,7 @@ pub(super) fn put_positions(bytes: &mut Vec<u8>, positions: &[DVec3]) {
     }
 }
 
-/// So many positions. None if there are fewer.
+/// The given number of positions. None if there are fewer.
 pub(super) fn get_positions(bytes: &mut &[u8], count: usize) -> Option<Vec<DVec3>> {
     let (&all_single, rest) = bytes.split_first()?;
     let each = if all_single == 1 { 3 * f32::BYTES } else { DVec3::BYTES };

@@ -45,7 +45,7 @@ pub struct RunFile {
 }
 
 impl RunList {
-    /// Adds the triangles of each region to those in `counts`. None if there are not so many regions.
+    /// Adds the triangles of each region to those in `counts`. None if there are fewer regions.
     pub fn add_to(&self, counts: &mut [u64]) -> Option<()> {
         self.runs.iter().try_for_each(|run| {
             *counts.get_mut(run.region as usize)? += u64::from(run.triangles);

@@ -8,7 +8,7 @@ use super::boundary::RegionBoundary;
 use super::matching::{EdgeId, Matching, firsts};
 use super::sketch::{BoundarySketch, LoopSketch};
 
-/// The most edges in an arc of a seam: among so many, every vertex can be a sample.
+/// The most edges in an arc of a seam: with this many, every vertex can be a sample.
 const MAX_EDGES: usize = 4096;
 /// The fewest half-arcs in a loop, if it has as many edges.
 const LEAST_SIDES: usize = 3;

@@ -150,7 +150,7 @@ impl RegionDirectory {
         Self { directory, job, count, at_once: at_once.max(1), reversed: vec![], sync: false }
     }
 
-    /// The regions of a job that several processes plan. This one may have so many in memory at a time.
+    /// The regions of a job that several processes plan. This one may have `at_once` of them in memory at a time.
     pub fn shared(directory: WorkDirectory, job: JobId, count: usize, at_once: usize) -> Self {
         Self { sync: true, ..Self::new(directory, job, count, at_once) }
     }

@@ -44,7 +44,7 @@ impl<'b> Arrays<'b> {
         Array::find(self.document, self.buffers, self.primitive.indices?.into())
     }
 
-    /// The indices of a primitive of so many vertices, in memory; none if it has more than `most`.
+    /// The indices of a primitive with `vertex_count` vertices, in memory; none if it has more than `most`.
     pub(super) fn all_indices(&self, source: &Source, vertex_count: usize, most: usize) -> Parsed<Option<Vec<u32>>> {
         let indices = match (self.decoded_indices(), self.indices()) {
             (Some(indices), _) if indices.len() <= most => indices.to_vec(),

@@ -157,7 +157,7 @@ impl<'a> Buffers<'a> {
         })
     }
 
-    /// Declares that so many more bytes are read. Views lie anywhere in any number of files, so all of their pages are
+    /// Declares how many more bytes are read. Views lie anywhere in any number of files, so all of their pages are
     /// dropped once enough of them may be resident.
     #[inline]
     pub(super) fn touch(&self, bytes: usize) {

@@ -44,7 +44,7 @@ fn compressed(name: &str, views: &[(u64, usize, &str, &str, Vec<u8>)], accessors
     glb(&document, &binary)
 }
 
-/// The square, with so many bytes an index.
+/// The square, with `index_bytes` bytes an index.
 fn square(name: &str, mode: &str, index_bytes: u64) -> Vec<u8> {
     let indices = match mode {
         "TRIANGLES" => encode_index_buffer(&CORNERS, 4).unwrap(),

@@ -52,7 +52,7 @@ pub(super) struct DracoDecoder {
 }
 
 impl DracoDecoder {
-    /// A decoder beside a build that may use so many bytes. A small primitive is never too large.
+    /// A decoder beside a build that may use the given number of bytes. A small primitive is never too large.
     pub(super) fn new(memory: u64) -> Self {
         Self { memory: (memory / 4).max(LEAST_MEMORY), kept: RefCell::default(), kept_bytes: Cell::new(0) }
     }

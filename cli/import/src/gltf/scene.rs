@@ -11,7 +11,7 @@ use crate::check_size;
 use crate::error::{Location, Parsed};
 use crate::source::Source;
 
-/// So many instances are drawn of a primitive before the next one is read.
+/// The number of instances of a primitive that are drawn before the next one is read.
 const INSTANCES_AT_ONCE: usize = 1 << 14;
 
 /// Walks the default scene; without one, the first scene; without any scene, all root nodes; without nodes, the meshes as they are.

@@ -206,7 +206,7 @@ fn instances_of_counts_that_lie_are_errors() {
     missing.0["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] = json!(7);
     assert!(refusal(&missing).contains("node 0: has instances with accessor 7 for TRANSLATION"));
     assert!(refusal(&instanced(&[("ROTATION", places.clone())])).contains("accessor 1: has values of 3 components"));
-    // Many copies of one point have bytes each, but no mesh of so many triangles can be numbered.
+    // Many copies of one point have bytes each, but no mesh of that many triangles can be numbered.
     let mut dense = instanced(&[("TRANSLATION", floats(&[0.0; 3 * 65536], "VEC3"))]);
     let primitive = dense.0["meshes"][0]["primitives"][0].clone();
     dense.0["meshes"][0]["primitives"] = json!(vec![primitive; 30_000]);

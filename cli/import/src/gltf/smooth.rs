@@ -10,7 +10,7 @@ use crate::source::Source;
 /// From this mean angle on, in degrees, normals are worth their bytes. Scans have a few degrees of noise, and triangles so small that
 /// nobody sees it.
 const LEAST_ANGLE: f64 = 8.0;
-/// Primitives of more vertices are dense. So many are read before anything else is, too.
+/// Primitives of more vertices are dense. This many are read before anything else is, too.
 const MOST_VERTICES: usize = 1 << 16;
 const MOST_VERTICES_IN_ALL: usize = 1 << 20;
 

@@ -345,7 +345,7 @@ impl<'a> Statements<'a> {
         Self { source, at, end: usize::MAX, lines_passed: 0, joined: Vec::new() }
     }
 
-    /// The statements that begin in a range, after so many lines.
+    /// The statements that begin in a range, given the number of lines before it.
     fn within(source: Source<'a>, range: Range<usize>, lines_passed: u64) -> Self {
         let mut statements = Self { end: range.end, lines_passed, ..Self::new(source) };
         if range.start > 0 {

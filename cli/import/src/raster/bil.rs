@@ -26,7 +26,7 @@ impl Number {
     /// That of `.gtx`.
     pub const BIG_FLOAT: Self = Self { bytes: 4, is_float: true, is_signed: true, is_big_endian: true };
 
-    /// Of so many bytes, at most 8.
+    /// Of `bytes` bytes, at most 8.
     pub fn new(bytes: usize, is_float: bool, is_signed: bool, is_big_endian: bool) -> Self {
         Self { bytes, is_float, is_signed, is_big_endian }
     }

@@ -15,7 +15,7 @@ use super::{ImportError, Parsed, grid_error};
 use crate::error::Location;
 use lodpack_mesh::images::unread_exr_compression;
 
-/// An image has at most so many samples: a gigabyte of them.
+/// An image has at most this many samples: a gigabyte of them.
 const MAX_SAMPLES: usize = 1 << 28;
 /// Names of the channel with heights, where there are several.
 const NAMES: [&str; 4] = ["Z", "Y", "height", "R"];

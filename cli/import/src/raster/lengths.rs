@@ -96,7 +96,7 @@ pub(super) fn of_code(code: u16) -> Option<f64> {
     CODES.iter().find(|(known, _)| *known == code).map(|&(_, metres)| metres)
 }
 
-/// The EPSG code of a unit of so many metres.
+/// The EPSG code of a unit, given its length in metres.
 pub fn code_of(metres: f64) -> Option<u16> {
     CODES.iter().find(|(_, known)| (metres / known - 1.0).abs() < SAME).map(|&(code, _)| code)
 }

@@ -16,7 +16,7 @@ use crate::source::FileBytes;
 
 /// How files begin: those of version 2 and later, and those of version 1.
 pub(super) const MAGICS: [&[u8]; 2] = [b"Lerc2 ", b"CntZImage "];
-/// A file has at most so many samples: half a gigabyte of them, which is the most that the crate decodes.
+/// A file has at most this many samples: half a gigabyte of them, which is the most that the crate decodes.
 const MAX_SAMPLES: u64 = 1 << 27;
 
 /// What a blob decodes to, sample by sample.

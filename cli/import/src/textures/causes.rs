@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use lodpack_mesh::images::shown_name;
 use lodpack_runtime::text::count;
 
-/// So many things are named for each cause. The others are counted.
+/// The number of things that are named for each cause. The others are counted.
 const MOST_NAMES: usize = 10;
 
 /// Why things were left out, in the order in which each cause was first found.

@@ -19,7 +19,7 @@ pub fn unread_exr_compression(encoded: impl BufRead) -> io::Result<Option<String
     if start[..4] != [0x76, 0x2f, 0x31, 1] {
         return Ok(None);
     }
-    // Attributes have a name, a kind, so many bytes, and a value; the last one has no name.
+    // Attributes have a name, a kind, the size of their value in bytes, and the value; the last one has no name.
     loop {
         let (name, _kind) = (word(&mut encoded)?, word(&mut encoded)?);
         let mut length = [0; 4];

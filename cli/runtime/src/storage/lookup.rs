@@ -23,7 +23,7 @@ pub struct Windows {
 }
 
 impl Windows {
-    /// None of a file of so many bytes.
+    /// None of a file of `bytes` bytes.
     pub fn new(bytes: usize) -> Self {
         Self { touched: RefCell::new(vec![false; bytes / WINDOW_BYTES + 1]), count: Cell::new(0) }
     }
@@ -96,7 +96,7 @@ impl Lookup {
     /// Copies 32-bit numbers from a file of such numbers, beginning with a place.
     ///
     /// # Panics
-    /// Where there are not so many.
+    /// Where there are not that many.
     #[inline]
     pub fn floats(&self, place: u64, values: &mut [f32]) {
         let bytes: &[u8] = self.map.as_deref().unwrap_or_default();

@@ -44,7 +44,7 @@ const BAKED_BYTES: u64 = 100;
 /// The most memory for decoded images.
 const IMAGE_BYTES: u64 = 1 << 30;
 
-/// How much of the memory of a build in memory goes to images of so many texels. Nothing where it has none.
+/// How much of the memory of a build in memory goes to images, given their texels. Nothing where it has none.
 pub fn texel_bytes(texels: u64, memory: u64) -> u64 {
     let [images, maps] = texel_memory(memory);
     (texels as f64 * KEPT_BYTES) as u64 + BAKED_BYTES.saturating_mul(texels).min(images + 2 * maps)
@@ -85,12 +85,12 @@ pub struct Pool {
 }
 
 impl Pool {
-    /// With so many bytes.
+    /// With the given number of bytes.
     pub fn new(limit: u64) -> Self {
         Self { limit, held: Mutex::default(), freed: Condvar::new() }
     }
 
-    /// Waits until so many bytes are free, or nobody else holds any: what needs more than there is has to be done, too. Whoever holds some
+    /// Waits until the given number of bytes is free, or nobody else holds any: what needs more than there is has to be done, too. Whoever holds some
     /// must not wait for others who may be waiting here.
     pub fn hold(&self, bytes: u64) -> Held<'_> {
         let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);

@@ -190,7 +190,7 @@ impl<R: Record> RecordReader<R> {
     /// Visits a range of records in order.
     ///
     /// # Errors
-    /// If there are not so many, or the disk fails.
+    /// If there are not that many, or the disk fails.
     pub fn for_each_of(mut self, range: Range<u64>, mut visit: impl FnMut(R)) -> Result<(), WorkError> {
         let bytes = range.start * R::BYTES as u64;
         let sought = self.file.seek(SeekFrom::Start(bytes));

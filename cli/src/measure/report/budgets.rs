@@ -209,7 +209,7 @@ impl Tree {
         })
     }
 
-    /// The hierarchy with up to so many resolutions a node.
+    /// The hierarchy with up to the given number of resolutions a node.
     fn hierarchy(&self, resolutions: u8) -> Result<Hierarchy, Error> {
         // What lies one height below each node, drawn together; then two.
         let mut below: Vec<Resolution> = self.own.iter().map(|own| own.last().cloned().unwrap_or_default()).collect();

@@ -19,7 +19,7 @@ const FLOOR: f64 = 0.01;
 const ROUNDING: f64 = 1e-9;
 /// The most points over which the root mean square is taken.
 const RMS_POINTS: usize = 100_000;
-/// Of this many random cuts one is measured too, but never fewer than [`MIN_MEASURED_CUTS`] if there are so many.
+/// Of this many random cuts one is measured too, but never fewer than [`MIN_MEASURED_CUTS`] if there are that many.
 const MEASURED_CUTS: u32 = 100;
 const MIN_MEASURED_CUTS: u32 = 4;
 /// A model is far from the origin if its coordinates are this many times larger than it is.

@@ -157,7 +157,7 @@ pub(super) fn expand(
     Ok(())
 }
 
-/// Tiles of so many levels.
+/// Tiles of the given number of levels.
 fn tile_count(axes: u32, levels: u64) -> u64 {
     ((1u64 << (u64::from(axes) * levels)) - 1) / ((1 << axes) - 1)
 }

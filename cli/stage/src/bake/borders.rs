@@ -26,7 +26,7 @@ const INWARDS: f64 = 0.05;
 const MOST_INWARDS: f64 = 0.3;
 /// The border of finer patches is not looked for further away than the patch may be off, and this many texels.
 const MOST_BESIDE: f64 = 2.0;
-/// Where it lies so many texels beside a point, it is looked at by itself. With 0 as much differs, for more work.
+/// Where it lies more than this many texels beside a point, it is looked at by itself. With 0 as much differs, for more work.
 const FAR: f64 = 0.25;
 
 /// A source whose triangles can be found by place, if anybody asks.

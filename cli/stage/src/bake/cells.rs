@@ -8,12 +8,12 @@ use super::blocks::Rows;
 use super::closest::{Finder, NOWHERE, OPPOSITE, Places, SHARE_OF_OPPOSITE, SPACING, doubled_area};
 use crate::certify::{Closest, Hint, TriangleBvh};
 
-/// Of the points whose colours are farthest off those are kept whose square is so many times the mean one.
+/// Of the points whose colours are farthest off those are kept whose square is this many times the mean one.
 const FAR: f64 = 2.0;
 /// The most cells of a patch, unless it has more triangles: they become larger if need be.
 pub(super) const MOST_CELLS: u64 = 1 << 22;
 
-/// About so many points of a patch tell how far it is from the surface.
+/// About this many points of a patch tell how far it is from the surface.
 const OWN_POINTS: f64 = 16384.0;
 
 /// Points of a surface with their colours.
@@ -76,7 +76,7 @@ impl Seen {
 }
 
 impl Sampled {
-    /// Of the triangles of a surface, seen with about so many cells that are no smaller than `least`. `colour` says what a triangle shows where its
+    /// Of the triangles of a surface, seen with about the given number of cells that are no smaller than `least`. `colour` says what a triangle shows where its
     /// corners have some weights.
     pub fn new(
         triangles: Vec<[DVec3; 3]>,

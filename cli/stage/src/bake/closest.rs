@@ -23,7 +23,7 @@ const CHUNK: usize = 1024;
 const POINTS_OF_CHUNK: f64 = 4_194_304.0;
 /// Blocks of so few points are not divided.
 const FEW: usize = 48;
-/// What is so many texels beyond a plane may be taken to lie in it.
+/// What is at most this many texels beyond a plane may be taken to lie in it.
 const SAME_PLANE: f64 = 0.25;
 /// No texel.
 pub(super) const NOWHERE: u32 = u32::MAX;
@@ -42,12 +42,12 @@ pub(super) struct Weight {
 }
 
 impl Weight {
-    /// So much, all of it.
+    /// The same weight for all and for directions.
     pub fn even(weight: f32) -> Self {
         Self { all: weight, directions: weight }
     }
 
-    /// So many times as much.
+    /// Both, times a factor.
     pub fn times(self, factor: f32) -> Self {
         Self { all: self.all * factor, directions: self.directions * factor }
     }
@@ -406,7 +406,7 @@ impl<'a, P: Places> Finder<'a, P> {
     }
 }
 
-/// The sum of squares of so many numbers, each of which is larger than the one before by as much.
+/// The sum of squares of `count` numbers, each of which is larger than the one before by the same step.
 fn squares_of_row(first: f64, growth: f64, count: f64) -> f64 {
     let last = count - 1.0;
     count * (first * first + first * growth * last + growth * growth * last * (2.0 * last + 1.0) / 6.0)

@@ -108,7 +108,7 @@ impl Steps {
     }
 }
 
-/// A step that is so many times as large, or the largest there is. Without a step there still is none.
+/// A step that is `factor` times as large, or the largest there is. Without a step there still is none.
 fn larger(step: u8, factor: f64) -> u8 {
     (f64::from(step) * factor).round().min(255.0) as u8
 }

@@ -4,7 +4,7 @@
 use glam::{DMat3, DVec3};
 use lodpack::write::{LongTexels, texel_size};
 
-/// Texels are at most so many times as long as wide,
+/// Texels are at most this many times as long as wide,
 const LONGEST: f64 = 16.0;
 /// which is this power of two,
 const MOST_COARSER: u8 = 4;
@@ -13,7 +13,7 @@ const SHORTEST: f64 = 1.99;
 /// Along the direction in which an image has fewest texels, this share of the square of the usual number is added to that of theirs: a wall in a picture from
 /// above has none, but what is above and below it is not where its texels are.
 const LEAST: f64 = 0.125;
-/// What one shape of texels shows may take so many times the texels that it would take apart, squared.
+/// What one shape of texels shows may take this many times the texels that it would take apart, squared.
 const MOST_MORE: f64 = 6.0;
 /// What differs by less from a power of two is one.
 const ROUNDED: f64 = 1.01;

@@ -226,7 +226,7 @@ impl Coarse {
     }
 }
 
-/// Bytes of memory that baking a map of so many texels takes: the depth and slope of each and how it is used, sums with their weights, which of its
+/// Bytes of memory that baking a map takes, given its texels: the depth and slope of each and how it is used, sums with their weights, which of its
 /// borders' texels it is, the image, and what is handed on.
 pub fn baking_bytes(texels: u64, storage: &Storage) -> u64 {
     texels * (DRAWN_BYTES + NUMBER_BYTES + 4 * storage.stride() + 2 * storage.packed_bytes()) as u64

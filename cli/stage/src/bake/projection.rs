@@ -72,7 +72,7 @@ impl Projection {
         low.cmple(self.bounds[1]).all() && high.cmpge(self.bounds[0]).all()
     }
 
-    /// The texels of the piece's rectangle, in an image of so many columns.
+    /// The texels of the piece's rectangle, in an image of `width` columns.
     pub fn texels(&self, width: usize) -> impl Iterator<Item = usize> + use<> {
         let [[left, top], [right, bottom]] = self.range.map(|place| place.map(|x| x as usize));
         (top..=bottom).flat_map(move |row| row * width + left..=row * width + right)

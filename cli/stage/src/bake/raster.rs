@@ -12,7 +12,7 @@ use lodpack_mesh::NONE;
 
 /// A point is moved by no more texels than patches are widened by.
 const MAX_STEP: f32 = 1.5;
-/// Up to so many columns, looking at each takes less time than finding which of them are inside.
+/// Up to this many columns, looking at each takes less time than finding which of them are inside.
 const FEW_COLUMNS: usize = 8;
 /// Depths that differ by less than this many texels are those of one sheet.
 const SAME_SHEET: f32 = 2.0;
@@ -215,7 +215,7 @@ impl Span {
         Along { first: of(self.first), growth: of(self.growth) }
     }
 
-    /// So many of its points.
+    /// The points of some columns.
     pub fn points(&self, columns: Range<u32>) -> Points {
         let first = [0, 1, 2].map(|k| self.first[k] + f64::from(columns.start) * self.growth[k]);
         Points { first, growth: self.growth, count: columns.len() as u32 }

@@ -280,7 +280,7 @@ struct Trial {
     sum: Vector,
 }
 
-/// Adds what a step counts at a point, of which so many texels are looked at.
+/// Adds what a step counts at a point, given the number of its texels that are looked at.
 #[inline(always)]
 fn attempt<const TEXELS: usize>(texels: &mut [Trial], joint: &Joint, weight: Vector) {
     // As loops, of which compilers make vectors, over numbers of which they see that they stay.

@@ -110,7 +110,7 @@ pub fn area_of_texel(exponent: u32) -> f64 {
     size * size
 }
 
-/// By how much texels are larger that may be so many times as large, as a power of the root of two: sizes differ by powers of two, so that pieces are
+/// By how much texels are larger that may be `times` times as large, as a power of the root of two: sizes differ by powers of two, so that pieces are
 /// few.
 pub fn larger(times: f64) -> u8 {
     let mut larger = 0;

@@ -16,7 +16,7 @@ pub(super) struct Strip {
 }
 
 impl Strip {
-    /// None yet, of a map of so many.
+    /// Empties it, for a map of `count` texels.
     pub fn clear(&mut self, count: usize) {
         self.texels.drain(..).for_each(|texel| self.numbers[texel as usize] = NONE);
         self.numbers.resize(count.max(self.numbers.len()), NONE);

@@ -76,7 +76,7 @@ impl Surfels {
         }
     }
 
-    /// The values of a texel, of which each has so many bytes.
+    /// The values of a texel, which has `bytes` bytes.
     #[inline]
     pub(super) fn packed(&self, number: usize, bytes: usize) -> &[u8] {
         &self.values[number * bytes..][..bytes]

@@ -11,9 +11,9 @@ use super::grouped::{Bounds, Grouped};
 use crate::certify::{Feet, Numbers, Single, TOGETHER};
 use lodpack_mesh::sides;
 
-/// About so many points of a patch tell how far it is from the surface.
+/// About this many points of a patch tell how far it is from the surface.
 const OWN_POINTS: f64 = 4096.0;
-/// A patch with so many times the cells of the surface, or more, is not watched. A triangle has those of the rectangle around it, so usual patches have twice
+/// A patch with this many times the cells of the surface, or more, is not watched. A triangle has those of the rectangle around it, so usual patches have twice
 /// as many.
 const MUCH_LARGER: f64 = 8.0;
 /// A triangle may turn until the cosine of the angle is this.

@@ -108,7 +108,7 @@ impl Comparison {
         bounds.fold(Bound { lower, upper: lower, worst, work: 0 }, Bound::or_worse)
     }
 
-    /// Squared distances of every so many vertices of the finer surface from the coarser one, or from the part that corresponds.
+    /// Squared distances of every `stride`-th vertex of the finer surface from the coarser one, or from the part that corresponds.
     pub fn squares(&self, stride: usize) -> Vec<f64> {
         let mut squares = vec![];
         for pair in &self.pairs {

@@ -120,7 +120,7 @@ fn height(members: &[&Facing], place: impl Fn(u32) -> DVec3) -> Option<f64> {
 pub(super) mod tests {
     use super::*;
 
-    /// A fan around the middle of a polygon with so many corners on a circle; the middle is the last vertex.
+    /// A fan around the middle of a polygon with the given number of corners on a circle; the middle is the last vertex.
     pub fn cap(count: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         // Without sines, which differ between machines.
         let corner = |k: u32| {

@@ -19,7 +19,7 @@ use lodpack_mesh::NONE;
 /// If more than this share of the drawn triangles are others and not flat, a map of all is faster.
 const MOST_CHANGED: f64 = 0.02;
 
-/// Of so many vertices at most it is asked where else they were.
+/// The most vertices of which it is asked where else they were.
 const MOST_OTHERS: usize = 16;
 
 /// Two parts without a border, and how their vertices correspond.

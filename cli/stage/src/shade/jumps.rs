@@ -28,7 +28,7 @@ const FEWEST_TEXELS: f64 = 2.0;
 const MOST_LOOKS: usize = 1000;
 /// An image of which triangles show more colours than this is no palette, and a material whose vertices have more is of no parts.
 const MOST_COLOURS: usize = 256;
-/// Where colours of vertices change at more edges than so many for each triangle, they are noise: where each four triangles have another colour, six
+/// Where colours of vertices change at more edges than this many for each triangle, they are noise: where each four triangles have another colour, six
 /// edges are around them, each of two sides. Pieces for less would keep all their edges at all levels: a sphere whose triangles have
 /// colours at random would have 20,464 in place of 2,430, and take 48 times as long.
 const MOST_CHANGES: f64 = 0.75;

@@ -27,7 +27,7 @@ use texture::{Meaning, Texture};
 
 /// Texels for each sample where a triangle looks alike everywhere, in each direction.
 const EVEN: f32 = 0.25;
-/// So many texels of an image, or less of one, look alike.
+/// At most this many texels of an image look alike.
 const ALIKE: f64 = 0.5;
 
 /// Evaluates the surface of an input. Threads share it, and the images that it has decoded.

@@ -25,7 +25,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// Up to so many bytes in memory, the rest in a folder.
+    /// Up to the given number of bytes in memory, the rest in a folder.
     pub fn new(folder: &Path, most: u64) -> Self {
         Self { folder: folder.to_owned(), most, alone: Mutex::default() }
     }
@@ -35,12 +35,12 @@ impl Place {
         self.alone.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether so many bytes are in a file.
+    /// Whether that many bytes are in a file.
     pub fn is_file(&self, bytes: u64) -> bool {
         bytes > self.most
     }
 
-    /// Keeps what a function hands on, piece after piece: so many bytes in all.
+    /// Keeps what a function hands on, piece after piece, given the bytes of all.
     ///
     /// # Errors
     /// If a file cannot be made, written or read.

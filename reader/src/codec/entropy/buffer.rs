@@ -69,7 +69,7 @@ impl SymbolBuffer {
         self.extra.truncate(mark.extra as usize);
     }
 
-    /// Makes room for so many more symbols.
+    /// Makes room for `count` more symbols.
     pub(crate) fn reserve(&mut self, count: usize) {
         self.tokens.reserve(SYMBOL_BYTES * count);
     }

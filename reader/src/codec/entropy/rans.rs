@@ -69,7 +69,7 @@ struct Words {
 }
 
 impl Words {
-    /// Makes room for so many more.
+    /// Makes room for `count` more.
     fn reserve(&mut self, count: usize) {
         self.words.resize(self.count + count, 0);
     }

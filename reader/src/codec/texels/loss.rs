@@ -6,7 +6,7 @@ use super::{
     transform::{AREA, MOST, SIDE, forward, inverse},
 };
 
-/// One of so many blocks is looked at, row after row.
+/// One of this many blocks is looked at, row after row.
 const LOOKED_AT: usize = 13;
 
 /// What quantisation with a step loses of an image in three components: the mean of squares of what a component is off by, in squares of the step.
@@ -47,7 +47,7 @@ pub(super) struct Errors {
 const WORTH: f32 = 0.15;
 
 impl Errors {
-    /// A finer step than that with which an image has so many bytes, if most of what it loses is in its means, and the bytes are worth it.
+    /// A finer step than that with which an image has `bytes` bytes, if most of what it loses is in its means, and the bytes are worth it.
     pub fn better_step(&self, step: u8, components: usize, bytes: usize) -> Option<u8> {
         if self.of_constants(step, components) <= self.others {
             return None;

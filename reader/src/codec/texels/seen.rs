@@ -53,7 +53,7 @@ pub struct Seen<'a> {
 }
 
 impl<'a> Seen<'a> {
-    /// Texels whose own values are seen, and points of borders of an image of so many columns and rows.
+    /// Texels whose own values are seen, and points of borders of an image, given its columns and rows.
     pub fn new(is_covered: &'a [bool], size: [u32; 2], points: impl IntoIterator<Item = SeenPoint>) -> Self {
         let all: Vec<SeenPoint> = points.into_iter().collect();
         let blocks = size.map(|length| (length as usize).div_ceil(SIDE));

@@ -78,7 +78,7 @@ fn frames_go_on_where_even_the_coarsest_cut_breaks_a_budget() {
     }
 }
 
-/// Two roots with so many children each. At a tolerance of 0.1 the first one's children save triangles, at 0.01 the second one's
+/// Two roots with the given number of children each. At a tolerance of 0.1 the first one's children save triangles, at 0.01 the second one's
 /// save more, and the first one's hardly any.
 fn two_trees(child_count: u64) -> Arc<Hierarchy> {
     let node = |parent: Option<u32>, resolutions: &[(f64, u64)]| {

@@ -267,7 +267,7 @@ impl Seams {
         tiles.extend(users.filter(|user| overlap(user.range, range)).map(|user| user.tile));
     }
 
-    /// The triangles along a tile's border; its surface has so many vertices.
+    /// The triangles along a tile's border; given the number of vertices of its surface.
     fn strip(&self, grid: &Grid, id: TileId, shown: &Shown, vertex_count: u32) -> Strip {
         let own_lines = grid.lines(id);
         let mut lines: BTreeMap<LineName, Vec<OnLine>> =

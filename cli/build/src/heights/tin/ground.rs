@@ -6,7 +6,7 @@ use super::delaunay::Delaunay;
 
 /// How far from a side of a triangle a sample lies on it, in columns: sides pass others at a distance of at least one over their length.
 const ON_SIDE: f64 = 1e-6;
-/// Distances are compared in so many lanes.
+/// Distances are compared in this many lanes.
 const LANES: usize = 4;
 
 /// Samples of a rectangle.

@@ -29,9 +29,9 @@ pub use uneven::{Uneven, triangulate_uneven};
 /// Cells along a side of a block: 33 MB of heights, and 300 MB of triangles where nearly every sample is one.
 const BLOCK_CELLS: u64 = 2048;
 const _: () = assert!(BLOCK_CELLS as i64 <= MAX_SIDE);
-/// Heights are known to so many of their largest one: what is less is lost by rounding.
+/// Heights are known to this share of the largest one: what is less is lost by rounding.
 const ROUNDING: f64 = 1e-14;
-/// Positions on a globe are rounded by so much of them.
+/// Positions on a globe are rounded by this share of them.
 const ROUNDING_OF_GLOBE: f64 = 1e-15;
 
 /// A mesh whose vertices are samples.

@@ -256,7 +256,7 @@ fn windings_agree_across_regions_or_are_cut_once() {
     }
     let regions = regions(strip(60, 1), 100);
     assert!(regions.store.count() > 4);
-    // Eight edges lie across the strip; it is cut along a line of about so many.
+    // Eight edges lie across the strip; it is cut along a line of about eight.
     let cut = regions.repairs.unorientable_edges_cut;
     assert!((8..=24).contains(&cut), "{cut}");
     assert_eq!(regions.repairs.boundary_edges, 120 + 2 * cut);

@@ -7,7 +7,7 @@ use lodpack_import::Ways;
 use lodpack_mesh::appearance::Channels;
 use lodpack_mesh::tolerance::Tolerance;
 
-/// Begins a job of so many parts, in ranges of so many bytes.
+/// Begins a job with the given number of parts and bytes of a range.
 fn begin(scene: &Scene, name: &str, parts: u32, range_bytes: u64) -> PathBuf {
     let job = scene.path(name);
     let parts = PartOptions { count: Some(parts), memory: None, range_bytes: Some(range_bytes) };

@@ -55,7 +55,7 @@ pub(in super::super) struct TopSurface {
 }
 
 impl Top {
-    /// Keeps of what lies below the top as much as this top of so many regions may bring along.
+    /// Keeps of what lies below the top as much as this top, one of `regions`, may bring along.
     pub fn keep_share(&mut self, regions: u32) {
         let Some(TopSurface { below, samples, .. }) = &mut self.surface else { return };
         below.truncate(fitting(below.iter().map(|surface| surface.triangles.len()), share(regions)));
@@ -72,12 +72,12 @@ impl Top {
     }
 }
 
-/// The most triangles of what lies below the top of one of so many regions.
+/// The most triangles of what lies below the top of a region, given the number of regions.
 fn share(regions: u32) -> usize {
     MOST_BELOW / regions.max(1) as usize
 }
 
-/// How many levels below a top can be brought along: the first one, and further ones as long as all have at most so many triangles.
+/// How many levels below a top can be brought along: the first one, and further ones as long as all of them together have at most `most` triangles.
 fn fitting(triangles: impl Iterator<Item = usize>, most: usize) -> usize {
     let mut sum = 0;
     let fits = |(number, triangles): &(usize, usize)| {
@@ -92,7 +92,7 @@ fn finest_of_samples(level: u8, below: &[CoarseSurface]) -> u8 {
     level + (below.len() as u8).max(1)
 }
 
-/// The tops of a region's records, which weigh so much together, with what one of so many regions may bring along.
+/// The tops of a region's records, which weigh `weight` together, with what one of `regions` regions may bring along.
 pub(in super::super) fn tops(forest: &Forest, weight: u64, regions: u32) -> Vec<Top> {
     let [end, _] = forest.levels;
     let tops = || (0..).zip(&forest.records).filter(|(_, record)| record.parent.is_none());

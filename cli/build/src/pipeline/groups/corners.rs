@@ -13,7 +13,7 @@ use glam::DVec3;
 use lodpack_mesh::NONE;
 use lodpack_stage::arcs::closest_on_segment;
 
-/// The top of a file has so many corners that its border is nearer than its level asks for: a few hundred triangles have no use for a rough
+/// The top of a file has at least this many corners, so that its border is nearer than its level asks for: a few hundred triangles have no use for a rough
 /// outline.
 const CORNERS_OF_TOP: usize = 64;
 /// How often the distance that a border may have is halved for that.
@@ -182,7 +182,7 @@ impl Level<'_> {
         points
     }
 
-    /// Keeps so many points between the ends, if there are so many: those that are farthest off. Samples that coarser levels lack do not
+    /// Keeps at least `count` points between the ends, if there are that many: those that are farthest off. Samples that coarser levels lack do not
     /// count, since no corner between them could come back there.
     fn keep_at_least(&self, points: &mut [Point], count: usize) {
         let lasts = |p: &&Point| p.lasts || p.stays && p.candidate.is_some();

@@ -468,7 +468,7 @@ fn members_of<'a>(nodes: &[&'a Node]) -> Vec<Part<'a>> {
     nodes.iter().map(|node| Part { loops: &node.loops, surface: &node.surface }).collect()
 }
 
-/// The surfaces of nodes so many levels below those that are one level finer; none unless all have one of the same level, and not too
+/// The surfaces of nodes `depth` levels below those that are one level finer; none unless all have one of the same level, and not too
 /// many triangles.
 fn below_of<'a>(nodes: &[&'a Node], depth: usize) -> Option<Vec<Part<'a>>> {
     let parts: Option<Vec<Part>> =

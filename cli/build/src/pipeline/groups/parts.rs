@@ -100,7 +100,7 @@ fn small_parts(vertex_count: usize, triangles: &[[u32; 3]], border: impl Iterato
     component.iter().map(|&component| counts[component as usize] <= SMALL).collect()
 }
 
-/// A level of a surface with so many triangles, however far it is off then; more where topology needs more.
+/// A level of a surface with the given number of triangles, however far it is off then; more where topology needs more.
 pub(super) fn collapsed(surface: &Joined, level: usize, wanted: usize) -> Option<LevelPatch> {
     let thresholds = vec![f64::INFINITY; level + 1];
     let options = SimplifyOptions {

@@ -206,7 +206,7 @@ impl Joined {
         self
     }
 
-    /// The same surface, where every edge inside with so many ends at the border, one or two, has a vertex in its middle: then no border
+    /// The same surface, where every edge inside with the given number of ends at the border, one or two, has a vertex in its middle: then no border
     /// vertex is kept only because removing it would pinch the surface.
     pub fn with_divided_edges(mut self, ends: usize) -> Self {
         let mut on_border = vec![false; self.positions.len()];

@@ -21,7 +21,7 @@ const WORTHWHILE: f64 = 0.75;
 /// A top that has a block of few triangles gets another instead if its error is at most this share of that.
 const NEARER: f64 = 0.8;
 
-/// And if what it stands for has at least so many triangles: fewer are hardly more than the block itself.
+/// And if what it stands for has at least this many triangles: fewer are hardly more than the block itself.
 const WORTH_ANOTHER: usize = 2000;
 
 /// Leaves out coarse blocks with hardly fewer triangles than finer ones: there topology decides, not the error.
@@ -38,7 +38,7 @@ pub(super) fn leave_out(blocks: &mut [Option<BlockRecord>]) {
 }
 
 /// Makes coarse levels of a top with a border anew where they have hardly fewer triangles than finer ones: each has half of the finer level's, as
-/// far as its border allows. `coarser` makes a level of about so many triangles.
+/// far as its border allows. `coarser` makes a level of about the number of triangles that it is given.
 pub(super) fn halve_levels(
     levels: &mut [Option<LevelPatch>],
     most: usize,

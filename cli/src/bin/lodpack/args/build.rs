@@ -129,7 +129,7 @@ pub struct BuildArgs {
     pub model: ModelArgs,
     #[command(flatten)]
     pub run: RunArgs,
-    /// Build with so many processes of this machine, which share memory and threads evenly. The result does not depend on it.
+    /// Build with this number of processes of this machine, which share memory and threads evenly. The result does not depend on it.
     #[arg(long, value_name = "N", conflicts_with = "job", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub workers: Option<u32>,
     /// Keep the grid of rasters: the file gets a height for each sample in place of triangles, which makes it smaller and its build many times

@@ -15,7 +15,7 @@ use lodpack_cli::pipeline::Topology;
 /// How many tiles or samples a mesh was made of, and which of both.
 pub type Nodes = (u64, &'static str);
 
-/// A budget is met after so many attempts, or not at all.
+/// A budget is met after at most this many attempts, or not at all.
 const ATTEMPTS: usize = 24;
 
 /// The mesh that was asked for, and how many tiles it has.
