@@ -22,7 +22,7 @@ use lodpack_stage::bake::{Sampled, Seen};
 use lodpack_stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
 use lodpack_stage::chart::ChartMesh;
 
-/// How many of the first cuts are collapsed again, those first that show most,
+/// The number of cuts that are collapsed again, those that show most first,
 const WAYS: usize = 3;
 /// unless they are this many times as bad as the best;
 const WORSE: f64 = 1.4;
@@ -32,7 +32,7 @@ const MOST_ROUNDS: usize = 12;
 const PATIENCE: usize = 4;
 /// The share of the squared difference of colours that the worst points have together.
 const WORST: f64 = 0.3;
-/// Factors on the quadrics of vertices around these. Of what comes of them each round goes on with the best.
+/// Factors on the quadrics of vertices around these. Each round goes on with the best result.
 const STEPS: [f32; 2] = [30.0, 5.0];
 /// The best of all is collapsed again beside these in each round, with this factor around points that have one of these shares of the squared
 /// difference, another one each time that it has not become better.
@@ -46,7 +46,7 @@ const LARGE: usize = 20_000;
 const FEW: usize = 200;
 /// With at most this many, those of more than the best cut are, and at last those of the best one [again](moved_again). With more, that gains nothing.
 const VERY_FEW: usize = 100;
-/// How many cuts these are.
+/// The number of these cuts.
 const MOVED_SINGLY: usize = 2;
 
 /// A reduced cut, what colours are seen on it, and how bad that is.
@@ -132,8 +132,8 @@ impl<'a> Recollapse<'a> {
         })
     }
 
-    /// The best of some reduced cuts, the first of which are best already, of those that are made in the same ways with other weights, and of
-    /// the best of these moved nearer: the best first. `compare` says what colours are seen on a cut.
+    /// The best of some reduced cuts, which come with the best first, of those that are made in the same ways with other weights, and of
+    /// the best of these moved nearer: again with the best first. `compare` says what colours are seen on a cut.
     pub fn best(&self, firsts: Vec<Compared>, compare: &(impl Fn(Finished) -> Compared + Sync)) -> Vec<Compared> {
         let (ways, steps) = if self.is_large() { (1, &STEPS[..1]) } else { (WAYS, &STEPS[..]) };
         let most = firsts.first().map_or(0.0, |first| WORSE * first.value);
@@ -168,7 +168,7 @@ impl<'a> Recollapse<'a> {
             } else {
                 failed_at_top += 1;
             }
-            // Of each way the best is gone on with.
+            // Each way goes on with its best.
             last.clear();
             for (made, compared, is_of_last) in all {
                 if is_of_last && last.iter().all(|other| !other.made.is_way(&made.made)) {
@@ -188,7 +188,7 @@ impl<'a> Recollapse<'a> {
         moved
     }
 
-    /// What is made in the same way with more weight around the points that have a share of all squares.
+    /// A cut made in the same way, with more weight around the points that have a share of all squares.
     fn again(
         &self,
         last: &Last,

@@ -39,11 +39,11 @@ fn sums<'a>(densities: impl Iterator<Item = &'a Density>) -> [f64; 2] {
 pub(super) struct Asked {
     /// How much larger those of each triangle may be than the smallest, as a power of the root of two; nothing if all are alike.
     pub larger: Vec<u8>,
-    /// How many there are per unit of length, as a root of the mean of squares, where images are stretched: then texels may be longer than wide.
+    /// The texels per unit of length, as a root of the mean of squares, where images are stretched: then texels may be longer than wide.
     pub stretched: Option<f64>,
 }
 
-/// What the images of triangles ask for. Where images are stretched, what has more texels than the mean gets as many as it has, and what has fewer as many
+/// What the images of triangles ask for. Where images are stretched, what has more texels than the mean gets as many as it has, and what has fewer gets as many
 /// as the mean: few texels cost little, and an image that is not in line with them needs more.
 pub(super) fn asked_by_images(triangles: &[[u32; 3]], densities: &[Density]) -> Asked {
     let [sum, area] = sums(densities.iter());

@@ -9,13 +9,13 @@ use lodpack_mesh::Mesh;
 use lodpack_stage::certify::{Hint, TriangleBvh, exceeding};
 use lodpack_stage::chart::ChartMesh;
 
-/// Far are places beyond this share of the largest distance.
+/// Places beyond this share of the largest distance are far.
 const FAR: f64 = 0.7;
 /// Factor on a vertex's quadric, with every round, in a far place.
 const STEP: f32 = 3.0;
 /// Where more vertices than these are far, as on large rough surfaces, weights would only say that everything matters.
 const MANY: usize = 2000;
-/// Most weight: beyond it nothing is collapsed there any more.
+/// The largest weight: beyond it nothing is collapsed there any more.
 const MOST: f32 = 1e6;
 /// Closest-point queries and cuts that finding them may take in each direction, after one pass over all triangles.
 const WORK: u64 = 30_000;

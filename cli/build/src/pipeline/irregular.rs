@@ -24,9 +24,9 @@ use std::collections::HashMap;
 /// Factor on a vertex's quadric where the bound was above the tolerance: five times as near there. After two failures hardly anything is
 /// collapsed there any more.
 const IMPORTANCE_STEP: f32 = 32.0;
-/// How many failures are answered locally, where the bound was exceeded.
+/// The number of failures that are answered locally, where the bound was exceeded.
 const LOCAL_FAILURES: u32 = 6;
-/// How many of these are answered by weights at the triangles in question alone. Only then their neighbourhood, or the step along the
+/// The number of these that are answered by weights at the triangles in question alone. Only then their neighbourhood, or the step along the
 /// surface, is taken to be the cause.
 const NEAREST_FAILURES: u32 = 3;
 /// Factor on the finest threshold with every failure after those.
@@ -38,7 +38,7 @@ const FINER: f64 = 0.4;
 const SMALL: usize = 250_000;
 const NEAR: f64 = 0.9;
 const FAR: f64 = 0.75;
-/// How many times as many triangles it may take then.
+/// The factor by which its triangles may grow then.
 const HARDLY_MORE: f64 = 1.02;
 
 /// How often the tangential step is halved where colours jump.

@@ -17,7 +17,7 @@ const POINTS: usize = 12;
 const LEAST_POINTS: usize = 4000;
 /// How often points are compared and vertices moved.
 const ROUNDS: usize = 4;
-/// By how much more a point weighs that is as far off as all are in the mean square.
+/// The additional weight of a point whose square is the mean square of all.
 const FAR: f64 = 0.5;
 /// Weight of what lies between two points along the surface, where it hardly matters, beside that across it.
 const ALONG: f64 = 0.05;
@@ -25,7 +25,7 @@ const ALONG: f64 = 0.05;
 const STAYS: f64 = 0.01;
 /// Steps of conjugate gradients.
 const STEPS: usize = 40;
-/// A triangle may turn until the cosine of the angle is this.
+/// The cosine of the largest angle by which a triangle may turn.
 const TURNS: f64 = 0.5;
 /// Closest-point queries and cuts that finding what is far may take in each direction, after one pass over all triangles.
 const WORK: u64 = 30_000;

@@ -16,7 +16,7 @@ const FIRST_STEP_AGAIN: f64 = 0.25;
 const LAST_STEP: f64 = 0.03;
 /// How often all vertices are moved.
 const ROUNDS: usize = 40;
-/// It ends where a round leaves more than this share of what counts.
+/// The search ends where a round leaves more than this share of the value.
 const GAIN: f64 = 0.997;
 /// The number of triangles, of those that show most wrongly, whose edges are split,
 const WORST: usize = 4;
@@ -31,8 +31,8 @@ pub(super) fn moved_singly(surface: &Sampled, reduced: &Mesh) -> Option<Mesh> {
     Some(Mesh { positions: watched.positions().to_vec(), triangles: reduced.triangles.clone() })
 }
 
-/// The same once more by a finer surface, and with one edge in two where that is better and makes no more than `most` triangles. And of each triangle the
-/// number of the one that it was or was a part of.
+/// Moves the vertices once more, by a finer surface, and divides an edge where that is better and leaves at most `most` triangles. Also returns for each
+/// triangle the number of the one that it was or was a part of.
 pub(super) fn moved_again(surface: &Sampled, reduced: &Mesh, most: usize) -> Option<(Mesh, Vec<u32>)> {
     let points = Grouped::new(surface);
     let mut watched = Watched::new(&points, reduced.positions.clone(), reduced.triangles.clone())?;
@@ -45,7 +45,7 @@ pub(super) fn moved_again(surface: &Sampled, reduced: &Mesh, most: usize) -> Opt
     Some((Mesh { positions: watched.positions().to_vec(), triangles: watched.triangles().to_vec() }, parts_of))
 }
 
-/// A patch with the edge in two that gains most. None if none does with at most the given number of triangles.
+/// A patch with that edge divided which gains most. None if none does with at most the given number of triangles.
 fn best_split<'a>(watched: &Watched<'a>, most: usize) -> Option<(Watched<'a>, Vec<u32>)> {
     let room = most.saturating_sub(watched.triangles().len());
     let mut best: Option<(Watched<'a>, Vec<u32>)> = None;

@@ -10,7 +10,7 @@ use lodpack_stage::resample::Solid;
 /// Edge collapse does harm once it has fewer triangles than this per handle and per component.
 const TRIANGLES_A_HANDLE: usize = 60;
 const TRIANGLES_A_PART: usize = 12;
-/// Where nothing else is possible, parts are resampled to as few.
+/// The fewest triangles to which parts are resampled where nothing else is possible.
 const LEAST_A_PART: usize = 4;
 /// A surface that may have fewer than this many times the triangles that its topology needs is also tried with another topology.
 pub(super) const CROWDED: usize = 3;

@@ -1,4 +1,4 @@
-//! Who gets texels when: a group right after its members, so that few of them wait for one another, however large a region is.
+//! Decides when blocks get texels: a group right after its members, so that few texels wait, however large a region is.
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -84,7 +84,7 @@ struct Painting<'a> {
     members: Vec<Vec<u32>>,
     around: TrianglesAround,
     storage: &'a Storage,
-    /// What no thread bakes with now.
+    /// Memory with which no thread bakes now.
     bakers: Mutex<Vec<Baker<'a>>>,
     streams: Vec<Mutex<Streams>>,
     nanoseconds: AtomicU64,
@@ -253,13 +253,13 @@ impl<'a> Painting<'a> {
         (painted, streams)
     }
 
-    /// One that nobody bakes with.
+    /// A baker with which no thread bakes.
     fn baker(&self) -> Baker<'a> {
         let idle = self.bakers.lock().ok().and_then(|mut bakers| bakers.pop());
         idle.unwrap_or_else(|| Baker::new(self.storage))
     }
 
-    /// Lays it by for the next map, unless it keeps too much memory.
+    /// Keeps it for the next map, unless it holds too much memory.
     fn keep(&self, baker: Baker<'a>) {
         if let (true, Ok(mut bakers)) = (baker.bytes() <= self.region.studio.kept, self.bakers.lock()) {
             bakers.push(baker);
@@ -299,7 +299,7 @@ struct Painted {
 }
 
 impl Painted {
-    /// How many texels stand for its own at a coarser level.
+    /// The number of texels that stand for its own at a coarser level.
     fn texels_at(&self, level: usize) -> f64 {
         self.surfels.usual_count() / area_of_texel(2 * self.level.saturating_sub(level) as u32)
     }

@@ -31,11 +31,11 @@ const STEP: u8 = 1;
 const UNSEEN: f64 = 1e-4;
 /// Where colours jump, texels may be finer than those of the cut, as a power of the root of two: lines lie across them.
 const FINER: u32 = 4;
-/// So that there are no more than about this many.
+/// Their number is bounded by about this.
 const FINE_TEXELS: f64 = 4_194_304.0;
 /// Sizes of texels that differ by less are alike.
 const MORE: f64 = 1.01;
-/// How many times as large as the cut what was made from it has to be for its texels to be larger.
+/// A reduced cut gets larger texels if its area is this many times that of the cut.
 const MUCH_LARGER: f64 = 2.0;
 /// A reduced cut may be this many times as far off as the nearest one, if it shows more.
 const FARTHER: f64 = 3.0;
@@ -97,8 +97,8 @@ impl<'a> CutPainter<'a> {
         exponent_of((area(positions, triangles) / texels).sqrt() / self.lattice.step())
     }
 
-    /// The size of texels that a reduced cut gets. What is much larger than the cut, as where parts that lie far apart have merged, has no more of them
-    /// than the cut would have, since it has no more to show.
+    /// The size of texels that a reduced cut gets. A reduced cut that is much larger than the cut, as where parts that lie far apart have merged, has no more
+    /// of them than the cut would have, since it has no more to show.
     fn exponent_on(&self, finished: &Finished) -> u32 {
         let (shown, cut) = (self.shown_exponent(), &self.cut.mesh);
         let spread = area(&finished.positions, &finished.triangles) / area(&cut.positions, &cut.triangles);

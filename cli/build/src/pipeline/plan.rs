@@ -30,7 +30,7 @@ const MOST_REPEATS: f64 = 16.0;
 /// or with this many where that is more: they take 100 MB, about.
 const MOST_REPEATED: f64 = 1_073_741_824.0;
 
-/// What is known once all regions are cut into charts. With it each region can be built by itself.
+/// What is known once all regions are cut into charts: enough to build each region by itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Plan {
     pub scale: Scale,
@@ -186,7 +186,7 @@ impl Whole {
         Ok(Self { extent, scale, largest_chart, alone, appearance, texel_share })
     }
 
-    /// Says so where files show less than the texels on the surface.
+    /// Notes it if the file shows fewer texels than there are on the surface.
     pub fn note_repeats(&self, progress: &dyn Progress) {
         if self.texel_share < 1.0 {
             let [all, kept] = [1.0, self.texel_share].map(|share| share * self.extent.texels / 1e6);

@@ -30,13 +30,13 @@ const FARTHER: f64 = 1.2;
 /// Ways to collapse edges, as [`SimplifyOptions::stops`](lodpack_stage::simplify::SimplifyOptions): all are tried, since which is nearest differs
 /// from surface to surface.
 pub(super) const ALL_STOPS: [&[f64]; 3] = [&[], &STOPS, &[4.0, 2.0, 1.4]];
-/// Input triangles that are collapsed again, in all ways together, with more weight where the surface was farthest off; where something of
-/// the size is there already; what measuring a surface costs beside its triangles; and how often one is made in each way at most.
+/// Input triangles that are collapsed again, in all ways together, with more weight where the surface was farthest off; the same where
+/// there is something of that size already; what measuring a surface costs beside its triangles; and the most rounds of each way.
 const COLLAPSED_AGAIN: usize = 900_000;
 const COLLAPSED_QUICKLY: usize = 30_000;
 const MEASURING: usize = 8000;
 const MOST_ROUNDS: usize = 16;
-/// How often vertices of a surface that was moved nearer are taken back where it is farther off than before.
+/// The most rounds in which vertices of a surface that was moved nearer are taken back where it is farther off than before.
 const TAKEN_BACK: usize = 2;
 /// Points at which the candidates are compared, of each surface.
 const COMPARED_POINTS: usize = 4000;
@@ -45,7 +45,7 @@ const COMPARED_POINTS: usize = 4000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Topology {
-    /// That of the surface.
+    /// It is that of the surface.
     Kept,
     /// The solid was resampled: handles and cavities are closed, thin parts gone.
     Resampled,

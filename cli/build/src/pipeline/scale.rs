@@ -41,7 +41,7 @@ const LEVEL_RATIO_LOG2: i32 = 2;
 const STEP_PER_THRESHOLD: f64 = 1.4;
 /// Lattice steps for each texel of the input's images, about, of which not all need be on the surface.
 const STEPS_PER_TEXEL: f64 = 64.0;
-/// But the lattice's step is halved at most so often for that.
+/// But the lattice's step is halved at most this often for that.
 const MOST_FINER: i32 = 3;
 /// Sizes of models that can be built, in input units. Solving quadrics takes products of up to six lengths, which have to stay within
 /// the range of f64.
@@ -127,7 +127,7 @@ pub struct Scale {
     pub chart_triangles: u32,
     /// Maps lattice coordinates to world positions. Its origin is a whole number of steps.
     pub lattice: Lattice,
-    /// How often the lattice's step was halved because the input has images.
+    /// The number of times that the lattice's step was halved because the input has images.
     pub fineness: u8,
     /// Coarsest first.
     pub levels: Vec<LevelPlan>,

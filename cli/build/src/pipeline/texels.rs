@@ -18,7 +18,7 @@ use lodpack_stage::shade::Painter;
 
 /// Steps between the least and the largest value of a scalar that is not whole: 12 bits, of which neighbours predict most.
 const SCALAR_STEPS: f64 = 4095.0;
-/// The share of a step that nobody asks for.
+/// A share of a step that is too small to matter.
 const NEGLIGIBLE: f64 = 0.01;
 /// Texels for each texel or vertex of the input, along each direction. Texels lie askew to those of the input: with as many, a bunny with a photograph
 /// had 36 dB at any quality.
@@ -31,7 +31,7 @@ const SMALL: usize = 1000;
 const SMALL_TEXELS: f64 = 4096.0;
 /// or this many times as many along each direction: they take next to no bytes, and what few texels blur is all that there is.
 const SMALL_FINER: f64 = 16.0;
-/// How much larger than wanted texels may be, because their size is a power of the root of two.
+/// The factor by which texels may be larger than wanted, because their size is a power of the root of two.
 const LARGER: f64 = 1.1;
 
 /// The channels of a file whose input looks like this, and of whose colours nothing is lost if they are exact.

@@ -7,20 +7,20 @@ use glam::DVec3;
 use super::Points;
 use super::closest::doubled_area;
 
-/// Points that can be divided into blocks of those which lie together.
+/// Points that can be divided into blocks whose points lie close together.
 pub(super) trait Blocks {
-    /// Some of them.
+    /// Some of the points.
     type Block;
-    /// What holds points.
+    /// The corners of a body that holds points.
     type Corners: AsRef<[DVec3]>;
 
-    /// All of them.
+    /// The block of all points.
     fn whole(&self) -> Self::Block;
 
     /// How many points of a block there are, and the corners of a convex body that holds all of them, if there are any.
     fn bounds(&self, block: &Self::Block) -> (usize, Self::Corners);
 
-    /// A block, divided along its longer side.
+    /// The two halves of a block, which is divided along its longer side.
     fn halves(&self, block: Self::Block) -> [Self::Block; 2];
 }
 

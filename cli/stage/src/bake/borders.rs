@@ -1,6 +1,6 @@
 //! Borders of the pieces of a map: texels beside a piece are seen there, and nowhere else.
 //!
-//! A patch with a finer neighbour is drawn up to the border of that, which runs a little beside its own: it is seen there, too.
+//! A patch with a finer neighbour is drawn up to that neighbour's border, which runs a little beside its own: so it is seen there, too.
 
 use std::cell::OnceCell;
 
@@ -22,14 +22,14 @@ const FINENESS: f64 = 2.0;
 const MOST_POINTS: f64 = 65_536.0;
 /// How far inside of its side a point is looked for, in texels: the source may jump at the border, and each side shows its own.
 const INWARDS: f64 = 0.05;
-/// And at most this share of the triangle.
+/// The same as a share of the triangle, at most.
 const MOST_INWARDS: f64 = 0.3;
 /// The border of finer patches is not looked for further away than the patch may be off, and this many texels.
 const MOST_BESIDE: f64 = 2.0;
-/// Where it lies more than this many texels beside a point, it is looked at by itself. With 0 as much differs, for more work.
+/// Where that border lies more than this many texels beside a point, it is looked at by itself. With 0 as many points differ, for more work.
 const FAR: f64 = 0.25;
 
-/// A source whose triangles can be found by place, if anybody asks.
+/// A source whose triangles can be found by place; the index for that is made when it is first needed.
 pub struct Located<S> {
     /// What is looked at.
     pub source: S,
@@ -37,7 +37,7 @@ pub struct Located<S> {
 }
 
 impl<S: Source> Located<S> {
-    /// Of a source that does not change.
+    /// Wraps a source that does not change.
     pub fn new(source: S) -> Self {
         Self { source, bvh: OnceCell::new() }
     }
@@ -136,9 +136,9 @@ struct Side {
 #[derive(Default)]
 pub(super) struct Borders {
     edges: Vec<Edge>,
-    /// Of each edge and each of its sides, of all points along it.
+    /// The places of all points along each edge, on each of its sides.
     places: Vec<Place>,
-    /// Of each point along edges of the outer border what lies beside it on the border of finer patches, if they are known.
+    /// For each point along edges of the outer border, what lies beside it on the border of finer patches, if these are known.
     beside: Vec<Option<Beside>>,
     /// Texels in a row.
     pub width: usize,
@@ -165,7 +165,7 @@ pub(super) struct EdgeSide<'a> {
 }
 
 impl Borders {
-    /// Those of a patch, which is made from finer ones if there is an outline of them.
+    /// The borders of a patch; `outline` is that of the finer patches from which it is made, if it is.
     pub fn new(patch: &BakedPatch<'_>, map: &Map, outline: Option<&Outline<'_>>) -> Self {
         let (projections, width) = (projections(patch, map), map.size[0] as usize);
         let (mut edges, mut places, mut found, mut hint) = (vec![], vec![], vec![], Hint::default());
@@ -302,13 +302,13 @@ impl<'a> EdgeSide<'a> {
         self.all_places().step_by(2)
     }
 
-    /// Those, and between each two of them another one.
+    /// These places, and another one between each two of them.
     pub fn all_places(&self) -> impl Iterator<Item = Place> + use<'a> {
         let first = self.side.first as usize;
         self.borders.places[first..=first + self.edge.steps as usize].iter().copied()
     }
 
-    /// Those points, and for each one that lies a little inside of the side.
+    /// These points, each with one that lies a little inside of the side.
     pub fn insides(&self) -> impl Iterator<Item = [DVec3; 2]> {
         let (middle, inwards) = (self.side.middle, INWARDS * self.edge.size);
         self.edge.points().map(move |point| {

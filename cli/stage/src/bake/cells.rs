@@ -8,7 +8,7 @@ use super::blocks::Rows;
 use super::closest::{Finder, NOWHERE, OPPOSITE, Places, SHARE_OF_OPPOSITE, SPACING, doubled_area};
 use crate::certify::{Closest, Hint, TriangleBvh};
 
-/// Of the points whose colours are farthest off those are kept whose square is this many times the mean one.
+/// Points are kept as far off if the square of their difference is this many times the mean one.
 const FAR: f64 = 2.0;
 /// The most cells of a patch, unless it has more triangles: they become larger if need be.
 pub(super) const MOST_CELLS: u64 = 1 << 22;
@@ -50,7 +50,7 @@ impl Seen {
         (self.area > 0.0).then(|| self.sum / self.area)
     }
 
-    /// How far surface and patch are from each other, in the root mean square both ways: what a patch has too much, points of the surface do not see.
+    /// How far surface and patch are from each other, in the root mean square both ways: points of the surface do not see what a patch has too much.
     pub fn distance(&self) -> f64 {
         (0.5 * (self.distances / self.area + self.of_patch)).sqrt()
     }
@@ -76,7 +76,7 @@ impl Seen {
 }
 
 impl Sampled {
-    /// Of the triangles of a surface, seen with about the given number of cells that are no smaller than `least`. `colour` says what a triangle shows where its
+    /// Samples the triangles of a surface with about the given number of cells, none smaller than `least`. `colour` says what a triangle shows where its
     /// corners have some weights.
     pub fn new(
         triangles: Vec<[DVec3; 3]>,
@@ -211,7 +211,7 @@ struct Cells {
     count: usize,
 }
 
-/// Those of one.
+/// The cells of one triangle.
 struct InTriangle {
     corner: DVec3,
     /// What is multiplied with an offset from the corner to count cells.
@@ -232,7 +232,7 @@ impl Cells {
         }
     }
 
-    /// Cells of a size, and how many there would be if numbers had no end.
+    /// Cells of a size, and how many there would be if their numbers could not overflow.
     fn of_size(positions: &[DVec3], triangles: &[[u32; 3]], size: f64) -> (Self, u64) {
         let mut count = 0_u64;
         let mut cells = |corners: &[u32; 3]| {

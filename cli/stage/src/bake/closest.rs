@@ -1,5 +1,5 @@
-//! Texels of what lies closest: where a patch is far from its source, who looks for a point of the source sees the point of the patch that is
-//! closest to it, and a texel that is the mean of all points for which it is seen is off least.
+//! Texels of what lies closest: where a patch is far from its source, a viewer who looks for a point of the source sees the closest
+//! point of the patch, and a texel is off least if it is the mean of all points for which it is seen.
 //!
 //! A projection along the axis of a piece has each point of the source somewhere on the patch, but not there: beside ridges that were cut
 //! off, and wherever the patch is inclined to the axis, by as much as the patch is far off.
@@ -19,7 +19,7 @@ use crate::certify::{Around, Closest, Hint, TriangleBvh};
 pub(super) const SPACING: f64 = 0.7;
 /// Triangles of the source that are looked at together: few enough that what is found for them hardly takes memory,
 const CHUNK: usize = 1024;
-/// nor do their points, about.
+/// and about the most points that they have together, for the same reason.
 const POINTS_OF_CHUNK: f64 = 4_194_304.0;
 /// Blocks of so few points are not divided.
 const FEW: usize = 48;
@@ -27,17 +27,17 @@ const FEW: usize = 48;
 const SAME_PLANE: f64 = 0.25;
 /// No texel.
 pub(super) const NOWHERE: u32 = u32::MAX;
-/// Beside the number of a texel: its triangle faces the other way.
+/// A flag beside the number of a texel: its triangle faces the other way.
 pub(super) const OPPOSITE: u32 = 1 << 31;
-/// What a point counts whose closest triangle faces the other way. Who looks at one side of a sheet does not see the other one, but who asks what is
-/// shown close to a point does; and where that is all that anything lies closest to, a texel shows it.
+/// Weight of a point whose closest triangle faces the other way. A viewer of one side of a sheet does not see the other one, but a judge who asks what is
+/// shown close to a point does; and where nothing else is closest to a texel, it shows that.
 pub(super) const SHARE_OF_OPPOSITE: f32 = 0.3;
 
-/// What a point counts.
+/// The weight of a point.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Weight {
     pub all: f32,
-    /// What its directions count.
+    /// The weight of its directions.
     pub directions: f32,
 }
 
@@ -52,7 +52,7 @@ impl Weight {
         Self { all: self.all * factor, directions: self.directions * factor }
     }
 
-    /// Of a point whose closest triangle faces the other way, of what is stored so.
+    /// That of a point whose closest triangle faces the other way, given how its values are stored.
     pub fn of_opposite(storage: &Storage) -> Self {
         // Directions and measured numbers of the other side say nothing.
         Self { all: if storage.is_look() { SHARE_OF_OPPOSITE } else { 0.0 }, directions: 0.0 }
@@ -62,14 +62,14 @@ impl Weight {
 /// In what colours are averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Means {
-    /// In light, as it adds up where somebody is far away.
+    /// In linear light, as it adds up for a viewer who is far away.
     Light,
-    /// In square roots of it, which are about what screens encode: where somebody is close enough to see that a texel has two colours, such a mean
+    /// In square roots of light, which are about what screens encode: for a viewer who is close enough to see two colours in a texel, such a mean
     /// is off least from both.
     Roots,
 }
 
-/// Adds to texels those points of the source that lie closest to them. Of each texel says whether there is one.
+/// Adds points of the source to the texels that are closest to them. Says of each texel whether it got any.
 pub(super) fn show_closest(
     patch: &BakedPatch<'_>,
     map: &Map,
@@ -128,7 +128,7 @@ pub(super) fn show_closest(
     is_seen
 }
 
-/// How many of some triangles are looked at together, whose points are so far from one another.
+/// How many of some triangles are looked at together, given the spacing of their points.
 fn chunk(triangles: &[[DVec3; 3]], spacing: f64) -> usize {
     let mut points = 0.0;
     let has_room = |corners: &&[DVec3; 3]| {
@@ -138,7 +138,7 @@ fn chunk(triangles: &[[DVec3; 3]], spacing: f64) -> usize {
     triangles.iter().take(CHUNK).take_while(has_room).count().max(1)
 }
 
-/// Where on images points of a patch are.
+/// Where points of a patch lie in images.
 pub(super) trait Places: Sync {
     /// The place of a point of a triangle, which is linear in it.
     fn place(&self, triangle: u32, point: DVec3) -> [f64; 2];
@@ -206,7 +206,7 @@ pub(super) struct Finder<'a, P> {
     pub bvh: TriangleBvh,
     positions: Vec<DVec3>,
     triangles: &'a [[u32; 3]],
-    /// Of each triangle.
+    /// The normal of each triangle.
     normals: Vec<DVec3>,
     /// In the plane of each triangle, at right angles to each side.
     inwards: Vec<[DVec3; 3]>,
@@ -310,7 +310,7 @@ impl<'a, P: Places> Finder<'a, P> {
         if self.faces(triangle, normal) { 0 } else { OPPOSITE }
     }
 
-    /// The texel of the closest point of a point of a triangle with such a normal.
+    /// The texel of the point that is closest to a point of a triangle with the given normal.
     fn texel(&self, Closest { point, triangle, .. }: Closest, normal: DVec3) -> u32 {
         match self.triangles.get(triangle as usize) {
             Some(_) => self.number(triangle, self.places.place(triangle, point), self.side(triangle, normal)),
@@ -387,7 +387,7 @@ impl<'a, P: Places> Finder<'a, P> {
         self.triangles[triangle as usize].map(|corner| self.positions[corner as usize])
     }
 
-    /// Notes the texels of a block of points to all of which one triangle is closest ([`Below::One`]): those of a row are as far from one another.
+    /// Notes the texels of a block of points to all of which one triangle is closest ([`Below::One`]): points of a row are evenly spaced.
     /// Returns the sum of squares of their distances.
     fn add_block(&self, rows: &Rows, block: &Block, triangle: u32, of_source: DVec3, texels: &mut [u32]) -> f64 {
         let side = self.side(triangle, of_source);

@@ -1,6 +1,6 @@
 //! Texels of a patch from those of finer patches, as points of the surface ([`Surfels`]).
 //!
-//! A point belongs where the patch is closest to it: so who looks at the patch sees it where it would be looked for, and parts of a surface that lie
+//! A point belongs where the patch is closest to it: there a viewer of the patch looks for it, and parts of a surface that lie
 //! one above the other do not get each other's colours.
 
 use std::ops::Range;
@@ -58,7 +58,7 @@ pub(super) fn gather_surfels<'a>(
 struct Gathering<'a> {
     finder: &'a Finder<'a, OnMap<'a>>,
     strangers: Strangers,
-    /// What points count whose closest triangle faces the other way.
+    /// The weight of points whose closest triangle faces the other way.
     of_opposite: Weight,
     sums: Sums<'a>,
     /// Bytes of the values of a point.
@@ -68,10 +68,10 @@ struct Gathering<'a> {
     values: Vec<f32>,
 }
 
-/// Where points are shown that are closest to a triangle.
+/// Where the points that are closest to a triangle are shown.
 #[derive(Clone, Copy, Default)]
 struct Target {
-    /// Its place in the map is this, and so much more for each of two numbers or three.
+    /// Its place in the map, then what each of two or three numbers adds to that.
     place: [[f32; 2]; 4],
     /// The least and the greatest place of its piece.
     range: [[f32; 2]; 2],
@@ -81,7 +81,7 @@ struct Target {
 }
 
 impl Target {
-    /// The place of a point of which the numbers are known.
+    /// The place of a point, given its numbers.
     #[inline(always)]
     fn place<const N: usize>(&self, numbers: [f32; N]) -> [f32; 2] {
         let mut place = self.place[0];
@@ -161,8 +161,8 @@ impl Gathering<'_> {
         }
     }
 
-    /// Where the points of a run are shown that are closest to a triangle; it is known which place has the first of some points, and which the one has
-    /// where one number is larger by 1.
+    /// Where those points of a run are shown that are closest to a triangle. Given are the places of the first of some points and of the ones
+    /// of which one number is larger by 1.
     fn target(&self, points: &Lattice<'_>, triangle: u32, [first, others @ ..]: [[f64; 2]; 4]) -> Target {
         let [x, y, z] = others.map(|place| [0, 1].map(|k| (place[k] - first[k]) as f32));
         let share = if self.finder.faces(triangle, points.run.normal) { Weight::even(1.0) } else { self.of_opposite };

@@ -12,7 +12,7 @@ use super::raster::{Drawn, texel_at};
 use super::values::{Kept, Sums};
 use crate::certify::{Hint, TriangleBvh};
 
-/// How many pieces values pass through at most until they come to one without any.
+/// The most pieces through which values pass until they come to one without any.
 const MAX_ROUNDS: usize = 16;
 
 /// The means of all texels that are used, and those of their neighbours where nothing was found.

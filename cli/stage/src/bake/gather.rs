@@ -157,7 +157,7 @@ struct Shown<'a> {
 }
 
 impl Shown<'_> {
-    /// Whether a texel shows a source that is so deep there.
+    /// Whether a texel shows a source at this depth.
     #[inline]
     fn has(&self, texel: usize, depth: f64) -> bool {
         // Comparisons with NaN are false.

@@ -1,4 +1,4 @@
-//! Points of a surface in groups of those that lie together, which are looked at at once.
+//! Points of a surface in groups that lie close together and are looked at at once.
 
 use glam::{DVec3, Vec3};
 

@@ -84,7 +84,7 @@ impl<Owned: Borrow<ChannelImage>> Images<Owned> {
     }
 }
 
-/// Calls a function for the texels that a place within a range shows, each with its share: those that lie in a square of such a width in texels.
+/// Calls a function for the texels that a place within a range shows, each with its share: those in a square whose width in texels is given.
 fn for_each_texel(place: [f64; 2], range: [[f64; 2]; 2], width: f64, mut visit: impl FnMut([u32; 2], f32)) {
     let count = width.ceil().clamp(1.0, MOST_SAMPLES) as u32;
     let offset = |k: u32| ((f64::from(k) + 0.5) / f64::from(count) - 0.5) * width;

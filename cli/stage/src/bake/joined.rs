@@ -1,4 +1,4 @@
-//! Pieces that are joined: where they grew, each took what fits it and left the rest, in parts of a triangle or two, to others. Whatever borders such parts have
+//! Joins pieces: while they grew, each took what fits it and left the rest to others, in parts of a triangle or two. The borders of such parts
 //! take texels, which must show the same as those on the other side.
 
 use glam::DVec3;
@@ -8,11 +8,11 @@ use super::closest::doubled_area;
 use super::pieces::{Pieces, direction_of, neighbours};
 use crate::areas::Areas;
 
-/// How often all triangles are looked at, at most.
+/// The most passes over all triangles.
 const MAX_ROUNDS: usize = 8;
 /// Cosine of the angle by which a single triangle may be inclined to the axis of the piece to which it goes.
 pub(super) const STEEP: f64 = 0.35;
-/// That of all triangles of a piece that goes to another one as a whole. With .4 `valve-index` loses .4 dB.
+/// The same for all triangles of a piece that goes to another one as a whole. With .4 `valve-index` loses .4 dB.
 const FLAT: f64 = 0.5;
 /// A border must get shorter by this share of a triangle's circumference.
 const LEAST_GAIN: f64 = 0.01;
@@ -31,7 +31,7 @@ impl Triangles {
         Self { areas: patch.triangles.iter().map(area).collect(), neighbours: neighbours(patch.triangles) }
     }
 
-    /// Whether a triangle is inclined to a direction by at most an angle of which the cosine is given.
+    /// Whether a triangle is inclined to a direction by at most the angle whose cosine is given.
     pub fn leans(&self, triangle: u32, direction: DVec3, cosine: f64) -> bool {
         let area = self.areas[triangle as usize];
         area.dot(direction) >= cosine * area.length()

@@ -13,7 +13,7 @@ pub(super) fn set(flags: &[bool]) -> impl Iterator<Item = usize> {
     with_any.flat_map(|(number, lane)| of_some(number * LANES, lane)).chain(of_some(lanes.len() * LANES, rest))
 }
 
-/// The least of numbers that are none of them NaN.
+/// The least of some numbers, none of which is NaN.
 #[inline(always)]
 pub(super) fn least(mut lane: [f32; LANES]) -> f32 {
     for half in [8, 4, 2, 1] {
@@ -24,7 +24,7 @@ pub(super) fn least(mut lane: [f32; LANES]) -> f32 {
     lane[0]
 }
 
-/// The largest whole number that is not greater, of a number from 0 to 2^22; otherwise anything. Conversions saturate, which takes vectors long.
+/// The largest whole number that is not above a number from 0 to 2^22; anything for other numbers. Conversions saturate, which takes vectors long.
 #[inline(always)]
 pub(super) fn whole(x: f32) -> u32 {
     let rounded = x + SHIFT;

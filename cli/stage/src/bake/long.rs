@@ -86,7 +86,7 @@ impl Growth {
         Some([product(u, u), product(u, v), product(v, v)])
     }
 
-    /// How texels are longer than wide that show this on a plane: about as many as if they were not, or fewer.
+    /// The shape of texels, longer than wide, that show this on a plane: about as many as square ones, or fewer.
     pub fn long(&self, normal: DVec3) -> Option<LongTexels> {
         let products = self.within(normal)?;
         let ([a, b, c], (u, v)) = (products, normal.any_orthonormal_pair());
@@ -116,7 +116,7 @@ fn rounded(times: f64) -> u8 {
     (1..=MOST_COARSER).take_while(|&power| texel_size(2 * u32::from(power) - 1) <= times * ROUNDED).last().unwrap_or(0)
 }
 
-/// How fast two coordinates grow over a triangle, of which the values at its corners are known. None if it has no area.
+/// How fast two coordinates grow over a triangle, given their values at its corners. None if it has no area.
 pub fn growth_over(corners: [DVec3; 3], values: [[f64; 2]; 3]) -> Option<[DVec3; 2]> {
     let [second, third] = weight_growth(corners);
     let growth = [0, 1].map(|k| second * (values[1][k] - values[0][k]) + third * (values[2][k] - values[0][k]));

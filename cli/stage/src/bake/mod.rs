@@ -69,13 +69,13 @@ pub use watched::Watched;
 pub const MAX_EXPONENT: u32 = 127;
 /// The most texels of a patch.
 pub const MAX_TEXELS: u64 = 1 << 24;
-/// And of a reduced cut, which is a single patch with a single map: what lies in pieces of few triangles fills a third of it.
+/// The same of a reduced cut, which is a single patch with a single map: what lies in pieces of few triangles fills a third of it.
 pub const MAX_TEXELS_OF_CUT: u64 = 1 << 25;
 /// Texels of a reduced cut that are larger than those of the cut by this power of the root of two, or by less, show about as much.
 const LITTLE_LARGER: u32 = 1;
 /// Bytes of a texel of a patch as its map shows it.
 const DRAWN_BYTES: usize = 16;
-/// And of its number among those of its borders.
+/// The same of its number among the texels of its borders.
 const NUMBER_BYTES: usize = 4;
 /// How much larger steps of quantisation are where texels are [`sharpen`]ed. As many bytes show more then: a city's tile has 3.36 MB and 32.2 dB in
 /// place of 3.37 MB and 29.9 dB, a bunny with a photograph 326 kB and 40.8 dB in place of 365 kB and 40.5 dB.
@@ -102,7 +102,7 @@ pub struct BakedPatch<'a> {
 }
 
 impl BakedPatch<'_> {
-    /// To what points are relative where single precision must hold them: its first vertex.
+    /// The origin of points that single precision must hold: its first vertex.
     fn origin(&self) -> DVec3 {
         self.positions.first().map_or(DVec3::ZERO, |&point| to_f64(point))
     }
@@ -112,7 +112,7 @@ impl BakedPatch<'_> {
         0.5 * doubled_area(corners.map(|corner| self.position(corner))).length()
     }
 
-    /// That of all.
+    /// The area of all triangles.
     fn whole_area(&self) -> f64 {
         self.triangles.iter().map(|&corners| self.area(corners)).sum()
     }
@@ -174,7 +174,7 @@ pub trait Source {
     fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>);
 }
 
-/// Points of a triangle on a line, as far from one another: a row of texels.
+/// Evenly spaced points of a triangle on a line: a row of texels.
 #[derive(Clone, Copy, Debug)]
 pub struct Points {
     /// The weights of the triangle's corners at the first one.
@@ -186,7 +186,7 @@ pub struct Points {
 }
 
 impl Points {
-    /// A single one.
+    /// A single point.
     pub fn one(weights: [f64; 3]) -> Self {
         Self { first: weights, growth: [0.0; 3], count: 1 }
     }
@@ -232,7 +232,7 @@ pub fn baking_bytes(texels: u64, storage: &Storage) -> u64 {
     texels * (DRAWN_BYTES + NUMBER_BYTES + 4 * storage.stride() + 2 * storage.packed_bytes()) as u64
 }
 
-/// Gives patches images, one after another, with the memory that it took for those before: a build has billions of texels, and the system
+/// Gives patches images, one after another, and reuses its memory for the next one: a build has billions of texels, and the system
 /// clears each page that it hands out.
 pub struct Baker<'s> {
     storage: &'s Storage,

@@ -95,7 +95,7 @@ impl Projection {
         self.step([place[0] - self.offset[0], place[1] - self.offset[1]], depth)
     }
 
-    /// How points differ whose places and depths do.
+    /// The difference of two points, given those of their places and depths.
     pub fn step(&self, place: [f64; 2], depth: f64) -> DVec3 {
         // The rows are at right angles, and as long as the inverses of a texel's sides.
         let steps = [place[0], place[1], depth];

@@ -1,6 +1,6 @@
 //! What patches show along their outer borders, for the patches above them: those have no input at hand, and know nothing of what lies beyond.
 //!
-//! A chart's border shows what the input does. It hands that up, and so does each group what it takes for its own border from its members: the
+//! A chart's border shows what the input does. The chart hands that up, and each group hands up what it takes for its own border from its members: the
 //! means over one of its texels. Both sides of an arc then want the same, and so do finer and coarser ones.
 
 use std::collections::{HashMap, HashSet};
@@ -18,10 +18,10 @@ const UNKNOWN: u16 = u16::MAX;
 const WHOLE: f32 = 65534.0;
 /// Places along a texel whose mean is shown.
 const PLACES: usize = 4;
-/// Edges that a texel reaches over at most, in each direction.
+/// The most edges over which a texel reaches in each direction.
 const MOST_EDGES: usize = 64;
 
-/// By so much of an edge a place may lie beside its end where it is meant to be the end.
+/// A place that is nearer to the end of an edge than this share of the edge is meant to be the end.
 const NEARLY: f64 = 1e-6;
 
 /// The outer border of a patch, but for the boundary of the mesh.
@@ -177,7 +177,7 @@ impl<'a> Outline<'a> {
         count > 0.0
     }
 
-    /// The edge that lies so far along the outline from a place, and the share of the way along it.
+    /// The edge at a distance along the outline from a place, and the share of the way along it.
     fn moved(&self, place: OnOutline, offset: f64) -> Option<(usize, f64)> {
         let (mut edge, mut along) = (place.edge, place.along + offset);
         for _ in 0..MOST_EDGES {

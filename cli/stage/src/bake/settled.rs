@@ -17,9 +17,9 @@ const MOST_BETWEEN: u8 = 5;
 const MOST_OFF: u8 = 3;
 /// Points that are off by less than this, in linear light, are not looked at closely: at their darkest they differ by less than two of 255.
 const SAME: f32 = 0.0005;
-/// What the square of a point counts beside that of a texel that changes.
+/// Weight of a border point's squared error relative to a texel's squared change.
 const WEIGHT: f32 = 40.0;
-/// How often texels are found, each time from what they are by then. Where points that are still off count four times as much each time, these steps do
+/// Rounds in which texels are found, each from what they are by then. If points that are still off count four times as much in each, these rounds do
 /// not suffice, and more points are off in the end.
 const ROUNDS: usize = 3;
 /// Steps of conjugate gradients for each of these. With 30 files are as large, and borders no better.

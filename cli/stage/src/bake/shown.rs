@@ -27,9 +27,9 @@ const SWEEPS: usize = 3;
 /// Both sides of a border want the same if their colours differ by at most this, of 255. Where the input jumps along a border, each side keeps its
 /// own: one colour for both costs `hp-mixed-reality` a quarter of a decibel.
 const ALIKE: u8 = 4;
-/// How much covered texels change, beside those that nothing else is seen of, where borders show what a source does.
+/// How strongly covered texels change, relative to those of which nothing else is seen, where borders show what a source does.
 const COVERED: f32 = 0.15;
-/// And where they show the mean of both sides, which is a guess, or what finer patches show. With .15 images take a quarter more of what means
+/// The same where they show the mean of both sides, which is a guess, or what finer patches show. With .15 images take a quarter more of what means
 /// cost, and as many points of outer borders differ.
 const COVERED_WITHOUT_SOURCE: f32 = 0.5;
 /// A triangle of the source that is as close to a point, in texels, is close enough.
@@ -38,7 +38,7 @@ const CLOSE: f64 = 0.02;
 /// What places should show.
 #[derive(Default)]
 pub(super) struct Wanted {
-    /// With how much covered texels change.
+    /// How strongly covered texels change.
     pub places: Vec<(Place, f32)>,
     /// At each of them the colours of all channels without opacity.
     pub colours: Vec<[f32; 3]>,

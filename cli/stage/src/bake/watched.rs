@@ -16,7 +16,7 @@ const OWN_POINTS: f64 = 4096.0;
 /// A patch with this many times the cells of the surface, or more, is not watched. A triangle has those of the rectangle around it, so usual patches have twice
 /// as many.
 const MUCH_LARGER: f64 = 8.0;
-/// A triangle may turn until the cosine of the angle is this.
+/// The cosine of the largest angle by which a triangle may turn.
 const TURNS: f64 = 0.5;
 
 /// Where each point of a group is seen.
@@ -30,7 +30,7 @@ struct Found {
     is_opposite: [bool; TOGETHER],
 }
 
-/// What says whether a move can change where a group is seen. All groups are asked for it at each move.
+/// Decides whether moving a vertex can change where a group is seen. All groups are asked at each move.
 #[derive(Clone, Copy)]
 struct Reach {
     bounds: Bounds,
@@ -104,7 +104,7 @@ pub struct Moved {
     found: Vec<(usize, Found)>,
     /// Of the triangles at the vertex.
     states: Vec<(u32, Triangle)>,
-    /// Of all other triangles what becomes another one.
+    /// What becomes of all other triangles that change.
     cells: Vec<(u32, u32, Cell)>,
     totals: Totals,
     /// As [`Seen::value`].

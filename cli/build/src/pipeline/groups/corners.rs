@@ -16,7 +16,7 @@ use lodpack_stage::arcs::closest_on_segment;
 /// The top of a file has at least this many corners, so that its border is nearer than its level asks for: a few hundred triangles have no use for a rough
 /// outline.
 const CORNERS_OF_TOP: usize = 64;
-/// How often the distance that a border may have is halved for that.
+/// The most halvings, for that, of the distance that a border may have.
 const MOST_HALVINGS: i32 = 12;
 
 /// The coarsest level of each corner, above nodes of the level `bottom` up to the level `end`. `group_of` names, for each height above

@@ -220,7 +220,7 @@ impl<'a> Forest<'a> {
                 let own = &mut self.corner_levels[corner as usize];
                 *own = level.min(*own);
             }
-            // Whoever has one of these corners has another border now.
+            // Nodes that have one of these corners have another border now.
             for group in &mut groups {
                 let has_corner = |node: &Node| {
                     let corners = node.loops.iter().flatten().map(|&half_arc| self.net.ends_of(half_arc)[0]);
@@ -272,7 +272,7 @@ impl<'a> Forest<'a> {
         // A hole takes five triangles at least, and scans have hundreds of small ones.
         let holes = members.holes(self.net, coarsest, scale.levels[usize::from(finest)].tolerance * WIDEST_HOLE);
         let members = members.with_caps(&holes);
-        // Of many parts few stay, however they are made: four times the triangles would cost a quarter of the build for nothing.
+        // Few of many parts stay, however they are made: four times the triangles would cost a quarter of the build for nothing.
         let is_of_small_parts = is_of_small_parts(&members);
         let depths = if is_of_small_parts { 0..0 } else { 0..scale.levels.len() };
         let parts_below = depths.map_while(|depth| below_of(&nodes, depth));
@@ -367,7 +367,7 @@ impl<'a> Forest<'a> {
                 (false, _) => Few::Surface,
             };
             let mut top = reduce_top(&below.whole(), &mut blocks, scale, few, &mut all_drawn, &mut bounds, true);
-            // Of very many parts too many may be left, however they are reduced; the members have fewer.
+            // Too many of very many parts may be left, however they are reduced; the members have fewer.
             if !top.has_few && !std::ptr::eq(below, &members) {
                 top = reduce_top(&members.whole(), &mut blocks, scale, few, &mut all_drawn, &mut bounds, true);
             }

@@ -1,5 +1,5 @@
 //! Small parts inside groups: every part keeps its topology under collapses, so a group of many has too many triangles. First errors
-//! stop to matter, then parts do: of several parts nearby the largest stays, or vertices are clustered, whichever is nearer.
+//! cease to matter, then parts do: of several parts nearby the largest stays, or vertices are clustered, whichever is nearer.
 
 use super::super::manifold::{boundary_loops, manifold};
 use super::super::other_topology::clustered;
@@ -112,7 +112,7 @@ pub(super) fn collapsed(surface: &Joined, level: usize, wanted: usize) -> Option
     simplify_chart(&surface.chart(), &options).levels.pop().flatten()
 }
 
-/// Of the small parts of a patch only the largest of each of several sets nearby, so that they have at least about `least` triangles.
+/// Keeps only the largest small part of each of several sets nearby, so that they have at least about `least` triangles.
 fn thinned(patch: &LevelPatch, wanted: usize, least: usize) -> LevelPatch {
     let border_count = patch.border.len() as u32;
     let vertex_count = patch.border.len() + patch.interior.len();

@@ -41,7 +41,7 @@ impl KnownTop {
         self.sizes[usize::from(self.map.labels[triangle])]
     }
 
-    /// The size of texels of one size of which it would have as many.
+    /// The size of its texels if all were alike and there were as many.
     fn mean_size(&self) -> f64 {
         let corners = |&corners: &[u32; 3]| corners.map(|vertex| self.positions[vertex as usize]);
         let doubled = self.triangles.iter().map(corners).map(|[a, b, c]| (b - a).cross(c - a).length());

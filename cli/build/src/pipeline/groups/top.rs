@@ -21,7 +21,7 @@ const WORTHWHILE: f64 = 0.75;
 /// A top that has a block of few triangles gets another instead if its error is at most this share of that.
 const NEARER: f64 = 0.8;
 
-/// And if what it stands for has at least this many triangles: fewer are hardly more than the block itself.
+/// And only if what it stands for has at least this many triangles: fewer are hardly more than the block itself.
 const WORTH_ANOTHER: usize = 2000;
 
 /// Leaves out coarse blocks with hardly fewer triangles than finer ones: there topology decides, not the error.
