@@ -243,7 +243,7 @@ typedef struct {
   int32_t wraps;
   // Whether the file has a ramp of colours.
   int32_t has_ramp;
-  // The tolerance of a query is met by tiles of so many depths.
+  // The tolerance of a query is met by tiles of at most this many depths.
   uint32_t depth_count;
   // Columns of samples.
   uint64_t column_count;
