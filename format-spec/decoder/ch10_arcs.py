@@ -25,9 +25,8 @@ def ends_of_arc(arc, corners):
 def decode_samples(stream, knots, level, count, tangent_shift):
     """The knots of an arc with the new ones of a level."""
     left = count
-    shortest = min(q.parameter - p.parameter for p, q in zip(knots, knots[1:]))
     width = WHOLE
-    while width >= max(shortest, 2):
+    while width >= 2:
         # Knots of this width's middles are inserted at its end: all that is read here sees those from its beginning.
         by_parameter = {knot.parameter: knot for knot in knots}
         longer = []
@@ -39,8 +38,6 @@ def decode_samples(stream, knots, level, count, tangent_shift):
                 left -= 1
                 longer.append(decode_middle(stream, p, q, level, by_parameter, tangent_shift))
         longer.append(knots[-1])
-        if len(longer) > len(knots):
-            shortest = min(shortest, width // 2)
         knots = longer
         width //= 2
     must(left == 0, "an arc has fewer samples than its index says")
