@@ -22,13 +22,13 @@ use lodpack_stage::bake::{Sampled, Seen};
 use lodpack_stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
 use lodpack_stage::chart::ChartMesh;
 
-/// The number of cuts that are collapsed again, those that show most first,
+/// The number of cuts that are collapsed again, those that show most first.
 const WAYS: usize = 3;
-/// unless they are this many times as bad as the best;
+/// A cut that is this many times as bad as the best is not collapsed again.
 const WORSE: f64 = 1.4;
-/// how often at most,
+/// The most rounds of it.
 const MOST_ROUNDS: usize = 12;
-/// and how often in a row if none of them becomes better.
+/// The most rounds in a row in which no cut becomes better.
 const PATIENCE: usize = 4;
 /// The share of the squared difference of colours that the worst points have together.
 const WORST: f64 = 0.3;

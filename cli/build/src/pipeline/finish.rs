@@ -11,13 +11,13 @@ use lodpack::{Cut, File, Lattice, Limiter, Query};
 use super::coarse::CoarseSurface;
 use super::reduce::{Reduced, Topology, Ways, reductions};
 
-/// A cut has this many times the triangles that are asked for, so that its error hardly counts beside that of the reduction,
+/// A cut has this many times the triangles that are asked for, so that its error hardly counts beside that of the reduction.
 const CUT_PER_TRIANGLE: u64 = 8;
-/// and at least this number: coarse levels have lost more by their borders than a new topology can,
+/// The fewest triangles of a cut: coarse levels have lost more by their borders than a new topology can.
 const SMALL_CUT: u64 = 20_000;
-/// but no more than this number, beyond which
+/// Beyond this number of triangles the next factor must do: time grows with the cut.
 const LARGE_CUT: u64 = 200_000;
-/// this many times must do: time grows with the cut.
+/// A cut of more has this many times the triangles that are asked for.
 const LARGE_CUT_PER_TRIANGLE: f64 = 2.5;
 
 /// A reduced cut.

@@ -26,9 +26,9 @@ use std::path::Path;
 /// Bytes of each run of pages that may wait in memory; beyond that they go to an anonymous file.
 const WAITING_BYTES: usize = 1 << 20;
 
-/// Clusters (of some ten kilobytes each) that every thread encodes before their bytes are written,
+/// Clusters (of some ten kilobytes each) that every thread encodes before their bytes are written.
 const CLUSTERS_A_THREAD: usize = 8;
-/// unless they have this many bytes before that: those with texels may be a thousand times as large.
+/// With this many bytes they are written sooner: clusters with texels may be a thousand times as large.
 const CLUSTER_BYTES: usize = 16 << 20;
 
 /// The products of all regions in the order of the regions. They can be visited repeatedly.

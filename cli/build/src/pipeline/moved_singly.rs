@@ -8,19 +8,19 @@ use glam::DVec3;
 use lodpack_mesh::Mesh;
 use lodpack_stage::bake::{Grouped, Sampled, Watched};
 
-/// Steps begin with this share of the shortest edge at a vertex,
+/// Steps begin with this share of the shortest edge at a vertex.
 const FIRST_STEP: f64 = 0.5;
-/// or where vertices have been moved before, with this one,
+/// The same where vertices have been moved before.
 const FIRST_STEP_AGAIN: f64 = 0.25;
-/// become half as long where no direction is better, and end with this share.
+/// Steps become half as long where no direction is better, and end with this share.
 const LAST_STEP: f64 = 0.03;
 /// How often all vertices are moved.
 const ROUNDS: usize = 40;
 /// The search ends where a round leaves more than this share of the value.
 const GAIN: f64 = 0.997;
-/// The number of triangles, of those that show most wrongly, whose edges are split,
+/// The number of triangles, of those that show most wrongly, whose edges are split.
 const WORST: usize = 4;
-/// and the new vertex is moved this often before they are compared.
+/// The new vertex is moved this often before the results are compared.
 const ROUNDS_OF_NEW: usize = 6;
 
 /// A reduced cut with its vertices moved to where it shows most of a surface for its distance from that. None if nothing is seen of it.

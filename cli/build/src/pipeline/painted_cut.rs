@@ -39,9 +39,9 @@ const MORE: f64 = 1.01;
 const MUCH_LARGER: f64 = 2.0;
 /// A reduced cut may be this many times as far off as the nearest one, if it shows more.
 const FARTHER: f64 = 3.0;
-/// About how many cells of a reduced cut are compared,
+/// About how many cells of a reduced cut are compared.
 const CELLS: f64 = 131_072.0;
-/// and where vertices are moved again.
+/// The same where vertices are moved again.
 const FINE_CELLS: f64 = 524_288.0;
 
 /// What gives reduced cuts the look of the cut that they were made from.

@@ -25,9 +25,9 @@ use lodpack_stage::subdivide::texel_shares;
 /// The tops of regions to which more may be added bring along what those of this many regions do. A merge of more leaves some of it out.
 const REGIONS_OF_EXTENSIBLE: u32 = 4;
 
-/// Where images repeat, as those of bricks do, a file shows the surface with at most this many times their texels,
+/// Where images repeat, as those of bricks do, a file shows the surface with at most this many times their texels.
 const MOST_REPEATS: f64 = 16.0;
-/// or with this many where that is more: they take 100 MB, about.
+/// It may always have this many, which take 100 MB, about.
 const MOST_REPEATED: f64 = 1_073_741_824.0;
 
 /// What is known once all regions are cut into charts: enough to build each region by itself.

@@ -25,11 +25,11 @@ const NEGLIGIBLE: f64 = 0.01;
 pub(super) const DENSITY: f64 = 1.4;
 /// How much finer texels are where images are even but for a few sharp edges, which each texel that lies across blurs.
 const FINER_IF_SHARP: f64 = 2.0;
-/// In a mesh of at most this many triangles,
+/// A mesh of at most this many triangles is small.
 const SMALL: usize = 1000;
-/// charts that do not look alike everywhere have this many texels,
+/// Charts of a small mesh that do not look alike everywhere have this many texels.
 const SMALL_TEXELS: f64 = 4096.0;
-/// or this many times as many along each direction: they take next to no bytes, and what few texels blur is all that there is.
+/// Or they have at most this many times as many along each direction: these take next to no bytes, and what few texels blur is all that there is.
 const SMALL_FINER: f64 = 16.0;
 /// The factor by which texels may be larger than wanted, because their size is a power of the root of two.
 const LARGER: f64 = 1.1;

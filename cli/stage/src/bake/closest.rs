@@ -17,9 +17,9 @@ use crate::certify::{Around, Closest, Hint, TriangleBvh};
 
 /// Distance between the points of the source that are looked at, in texels.
 pub(super) const SPACING: f64 = 0.7;
-/// Triangles of the source that are looked at together: few enough that what is found for them hardly takes memory,
+/// Triangles of the source that are looked at together: few enough that what is found for them hardly takes memory.
 const CHUNK: usize = 1024;
-/// and about the most points that they have together, for the same reason.
+/// About the most points that they have together, for the same reason.
 const POINTS_OF_CHUNK: f64 = 4_194_304.0;
 /// Blocks of so few points are not divided.
 const FEW: usize = 48;

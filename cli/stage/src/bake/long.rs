@@ -4,11 +4,11 @@
 use glam::{DMat3, DVec3};
 use lodpack::write::{LongTexels, texel_size};
 
-/// Texels are at most this many times as long as wide,
+/// Texels are at most this many times as long as wide.
 const LONGEST: f64 = 16.0;
-/// which is this power of two,
+/// The same as a power of two.
 const MOST_COARSER: u8 = 4;
-/// and as long as wide where images are less stretched than by about two.
+/// Texels are square where images are stretched by less than this.
 const SHORTEST: f64 = 1.99;
 /// Along the direction in which an image has fewest texels, this share of the square of the usual number is added to that of theirs: a wall in a picture from
 /// above has none, but what is above and below it is not where its texels are.
