@@ -13,9 +13,9 @@ const RUNS: usize = 64;
 const CHUNK: usize = 4096;
 /// A claim that every distance exceeds: with none in reach, each run is searched to the end.
 const NO_CLAIM: f64 = -1.0;
-/// Upper over lower bound of the largest distance, minus 1, where nobody asks for another.
+/// Upper over lower bound of the largest distance, minus 1, by default.
 pub const RELATIVE_GAP: f64 = 0.02;
-/// Distances below this share of a mean edge are not told apart, where nobody asks for another.
+/// Distances below this share of a mean edge are not told apart, by default.
 pub const FLOOR: f64 = 1e-6;
 
 /// How far one surface is from another.

@@ -39,7 +39,7 @@ pub(super) struct Stitcher {
     corners: HashMap<u32, u32>,
     /// First vertex of each arc's samples.
     arcs: HashMap<u32, u32>,
-    /// For each triangle of the mesh the one of its patch in which it lies, if somebody wants to know.
+    /// For each triangle of the mesh the one of its patch in which it lies, if that is asked for.
     origins: Option<Vec<u32>>,
 }
 

@@ -21,13 +21,13 @@ pub enum UpAxis {
     Z,
 }
 
-/// Where a surface is in the world, as far as somebody has said.
+/// Where a surface is in the world, as far as it is known.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Placement {
     /// The axis that points up.
     pub up: UpAxis,
-    /// Metres in a world unit; none if nobody has said.
+    /// Metres in a world unit; none if unknown.
     pub unit: Option<f64>,
     /// What has to be added to coordinates, once they are in metres and have z up: see the specification.
     pub origin: [f64; 3],

@@ -28,7 +28,7 @@ pub struct HeightsInfo {
     pub step: f64,
     /// No stored sample is further from the sample that it was made from, vertically and in units of heights.
     pub sample_error: f64,
-    /// Metres in a unit of heights; none if nobody has said.
+    /// Metres in a unit of heights; none if unknown.
     pub unit: Option<f64>,
     /// The name of the colour ramp to draw with; empty if there is none.
     pub ramp: String,

@@ -1,4 +1,4 @@
-//! A root's triangles for who draws with texture coordinates: maps store none, so each vertex has to lie in one piece.
+//! A root's triangles for programs that draw with texture coordinates: maps store none, so each vertex has to lie in one piece.
 
 use std::collections::HashMap;
 

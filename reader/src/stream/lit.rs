@@ -1,4 +1,4 @@
-//! A root's triangles with normals, for who draws it in smooth light.
+//! A root's triangles with normals, for programs that draw it in smooth light.
 
 use super::{fans::Fans, octahedral::Octahedral, picture::DrawnRoot};
 use crate::{

@@ -109,7 +109,7 @@ impl Content for TexelContent {
         let mut fetched = locked(&self.fetched);
         let parts = self.index.texel_parts((unit.root, unit.level), &self.channels, &fetched);
         if !matches!(parts, Ok(_) | Err(Error::Missing { .. })) {
-            // What is not sound is read again when somebody asks for it again.
+            // What is not sound is read again when it is asked for again.
             *fetched = self.index.fetched();
         }
         parts

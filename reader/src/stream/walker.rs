@@ -98,7 +98,7 @@ impl Drop for Walker {
     }
 }
 
-/// Ends a walk however it ends, so that nobody waits for a thread that has panicked.
+/// Ends a walk however it ends, so that no other thread waits for one that has panicked.
 struct Walking<'s>(&'s Shared);
 
 impl Drop for Walking<'_> {

@@ -95,7 +95,7 @@ pub struct Model {
     pub levels: Vec<LevelInfo>,
     /// What the file was made from.
     pub source: SourceInfo,
-    /// Where it is in the world, if somebody has said.
+    /// Where it is in the world, if it is known.
     pub placement: Option<Placement>,
     /// Positions of the corners.
     pub corners: Vec<LatticePoint>,

@@ -55,7 +55,7 @@ pub fn work(
                     return true;
                 }
                 match job.run(stage, task, memory, progress) {
-                    // Who waits asks for one task only, which all others end before or which is left behind. A thousand workers that
+                    // A worker that waits asks for one task only: one that others end last or leave behind. A thousand workers that
                     // asked for a thousand tasks would keep the file system busy.
                     Ok(Outcome::Taken) => {
                         stops = is_waiting;

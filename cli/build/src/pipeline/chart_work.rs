@@ -53,7 +53,7 @@ pub(super) struct DrawnPatch {
     pub areas: Vec<u32>,
 }
 
-/// The patches of a root by level; empty where nobody wants them.
+/// The patches of a root by level; empty where they are not wanted.
 pub(super) type DrawnBlocks = Vec<Option<DrawnPatch>>;
 
 /// The outcome of one attempt to fill a chart.
@@ -79,7 +79,7 @@ pub(super) struct CodedLevel {
     pub patch: Patch,
     /// The patch's vertices as they decode, relative to the lattice's origin.
     pub positions: Vec<DVec3>,
-    /// The chart-local vertex that each of these was, or [`NONE`](lodpack_mesh::NONE); empty if nobody knows.
+    /// The chart-local vertex that each of these was, or [`NONE`](lodpack_mesh::NONE); empty if unknown.
     pub was: Vec<u32>,
     /// The area of each triangle; empty if nothing is known of them.
     pub areas: Vec<u32>,

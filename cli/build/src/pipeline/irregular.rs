@@ -246,7 +246,7 @@ pub(super) struct Coded {
     pub symbols: SymbolBuffer,
     /// The area of each triangle; empty if nothing is known of them.
     pub areas: Vec<u32>,
-    /// The chart-local vertex that each vertex was; empty if nobody knows.
+    /// The chart-local vertex that each vertex was; empty if unknown.
     pub was: Vec<u32>,
 }
 

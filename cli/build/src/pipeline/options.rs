@@ -208,7 +208,7 @@ pub struct ModelOptions {
     pub tolerance: Tolerance,
     /// Unit of the input's coordinates, where it is known. Inputs that are all glTF are in metres without it.
     pub unit: Option<Unit>,
-    /// Where the surface is in the world, if somebody has said; it only goes into the file.
+    /// Where the surface is in the world, if it is known; it only goes into the file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub placement: Option<Placement>,
     /// Run time against bytes.

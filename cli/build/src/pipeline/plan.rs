@@ -38,7 +38,7 @@ pub(crate) struct Plan {
     pub fillings: Fillings,
     pub levels: LevelChoice,
     pub source: SourceInfo,
-    /// Where the surface is in the world, if somebody has said.
+    /// Where the surface is in the world, if it is known.
     pub placement: Option<Placement>,
     /// Before repair.
     pub input_triangles: u64,

@@ -79,7 +79,7 @@ pub(super) enum Ways<'a> {
     Nearest,
     /// Edge collapse in one way alone, and again only as often as it takes next to no time: for a surface that has something as small already.
     Quick,
-    /// A few, for somebody else to choose from. If areas are given, lines between them stay, too, in as many ways more.
+    /// A few, for the caller to choose from. If areas are given, lines between them stay, too, in as many ways more.
     Each(Option<Areas<'a>>),
 }
 

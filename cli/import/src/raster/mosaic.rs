@@ -146,7 +146,7 @@ impl Mosaic {
         self.tiles.first().map_or(Path::new(""), |tile| &tile.path)
     }
 
-    /// Metres in a unit of the heights, as far as somebody has said.
+    /// Metres in a unit of the heights, as far as it is known.
     pub fn metres_of_heights(&self) -> Option<f64> {
         self.vertical.or(if self.crs.kind == CrsKind::Geographic { Some(1.0) } else { self.crs.unit })
     }

@@ -280,7 +280,7 @@ impl<'s> Baker<'s> {
             self.closest(patch, &mut source.source, (exponent, Room::Usual), Sizes::default(), Means::Light)?;
         let is_full = mapped.is_full;
         let (streams, _) = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
-        // Nobody makes coarser ones of them.
+        // No coarser images are made of them.
         Some(Baked { streams, surfels: Surfels::default(), is_full })
     }
 

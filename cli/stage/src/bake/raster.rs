@@ -41,7 +41,7 @@ impl Drawn {
         let count = map.size[0] as usize * map.size[1] as usize;
         self.depth.clear();
         self.depth.resize(count, f32::NAN);
-        // Where there is no depth, nobody asks for the slope.
+        // Where there is no depth, the slope is not used.
         self.slope.resize(count, [0.0; 2]);
         self.areas.clear();
         if patch.areas.is_some() {

@@ -99,7 +99,7 @@ impl Joint {
 }
 
 impl Shown<'_> {
-    /// Adds all points of borders where somebody else has to show the same: four for each texel along them within the patch, two beside other patches.
+    /// Adds all points of borders where another piece or patch has to show the same: four for each texel along them within the patch, two beside other patches.
     /// The number of a channel is given. Points of which both sides are at hand come first.
     pub(super) fn add_joints(&self, wanted: &Wanted, number: usize, strip: &mut Strip, joints: &mut Vec<Joint>) {
         let (width, channels) = (self.borders.width, self.storage.opaque_colours().len());
@@ -134,7 +134,7 @@ pub(super) fn settle(joints: &[Joint], values: &mut [Vector]) {
         for (&place, &value) in around.places.iter().zip(&around.values) {
             values[place as usize] = value;
         }
-        // Nobody would look at what is still off.
+        // What is still off then would not be looked at.
         if round == ROUNDS {
             break;
         }

@@ -48,7 +48,7 @@ pub(super) struct Wanted {
     pub outer_points: Vec<u32>,
     /// Points along inner edges where both sides want the same.
     pub alike: Vec<Alike>,
-    /// Which places somebody beyond the patch shows as well.
+    /// Which places are shown beyond the patch as well.
     pub alone: Vec<u32>,
     /// Places between two of these.
     pub alone_between: Vec<(Place, [u32; 2])>,
@@ -121,7 +121,7 @@ impl Shown<'_> {
         let mut runs = vec![];
         for (side, hint) in borders.edges().iter().flat_map(|edge| borders.sides(edge).zip(0..)) {
             let size = side.edge().size;
-            // Nobody has to show the same as what is handed up of the boundary of the mesh.
+            // No other patch shows what is handed up of the boundary of the mesh.
             let is_outer = side.edge().is_outer() && !source.ends_along(side.edge().start(patch));
             if is_outer {
                 wanted.add_edge(side.edge());

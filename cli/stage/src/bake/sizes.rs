@@ -82,7 +82,7 @@ impl Sizes {
     }
 
     /// How large the smallest texels must be, as a power of the root of two, so that the patch has about as many as are `wanted`; `before` if all are
-    /// alike, when nobody asks how many that is.
+    /// alike, when their number is not asked for.
     pub fn exponent(&self, patch: &BakedPatch<'_>, before: u32, wanted: impl FnOnce() -> f64) -> u32 {
         if self.larger.is_empty() {
             return before;

@@ -6,7 +6,7 @@ use super::BakedPatch;
 use lodpack_mesh::NONE;
 
 /// For each piece of a map the areas that it must not show, ascending: those that lie beside it, and
-/// that differ from its own. Areas that no triangle of the patch is left of are shown by whoever lies there.
+/// that differ from its own. Areas that no triangle of the patch is left of are shown by the pieces that lie there.
 pub(super) struct Strangers(Vec<Vec<u32>>);
 
 impl Strangers {

@@ -110,7 +110,7 @@ pub(super) struct Search<'a> {
     subtriangles: Vec<Subtriangle>,
     free: Vec<u32>,
     heap: BinaryHeap<Waiting>,
-    /// The plates of `to`, once somebody has asked for them.
+    /// The plates of `to`, once they have been needed.
     plates: Option<Plates>,
     /// Parts of the current subtriangle.
     stack: Vec<(f64, Subtriangle)>,

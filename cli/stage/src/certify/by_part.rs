@@ -31,7 +31,7 @@ enum Side {
     Whole(Arc<TriangleBvh>),
     /// All components with a border, and the numbers of their triangles in the surface.
     Bordered(Arc<TriangleBvh>, Vec<u32>),
-    /// Its hierarchy is made once somebody asks for it.
+    /// Its hierarchy is made when it is first needed.
     Closed(Part, OnceLock<Arc<TriangleBvh>>),
 }
 
@@ -71,7 +71,7 @@ struct Pair {
 
 impl Comparison {
     /// `pairing` says how the borders correspond; `fine` should have the smaller triangles. `was` says of each vertex of the coarser surface
-    /// which one of the finer it was, or [`NONE`]; it is empty if nobody knows.
+    /// which one of the finer it was, or [`NONE`]; it is empty if unknown.
     pub fn new(fine: &Surface, coarse: &Surface, pairing: &BorderPairing, was: Vec<u32>) -> Self {
         let is_closed = pairing.is_empty();
         let points = || pairing.iter().flatten();

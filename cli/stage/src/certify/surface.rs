@@ -1,4 +1,4 @@
-//! A surface that is going to be compared: its hierarchy is made once somebody asks for it.
+//! A surface that is going to be compared: its hierarchy is made when it is first needed.
 
 use std::sync::{Arc, OnceLock};
 

@@ -126,7 +126,7 @@ impl Texture {
         self.finest.texels.bytes().in_memory() + self.coarser.iter().map(of_level).sum::<u64>()
     }
 
-    /// Level 0 is the image. Averages are made when somebody asks for them: where texels of the result are as fine as the image, nobody
+    /// Level 0 is the image. Averages are made when they are needed: where texels of the result are as fine as the image, nobody
     /// does.
     fn level(&self, number: usize) -> &Level {
         let mut level = &self.finest;

@@ -145,7 +145,7 @@ pub(super) struct BitEncoder {
     pub(super) bytes: Vec<u8>,
 }
 
-/// The interval of a [`BitEncoder`], apart from the bytes before it: who codes many bits keeps it in registers.
+/// The interval of a [`BitEncoder`], apart from the bytes before it: code for many bits keeps it in registers.
 #[cfg(feature = "write")]
 #[derive(Clone, Copy)]
 pub(super) struct Interval {

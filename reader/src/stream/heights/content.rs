@@ -18,7 +18,7 @@ use crate::{
 #[derive(Debug)]
 pub(crate) struct HeightsContent {
     index: Arc<HeightsIndex>,
-    /// Index pages that somebody waits for.
+    /// Index pages that are waited for.
     pages: Mutex<WaitingPages>,
 }
 

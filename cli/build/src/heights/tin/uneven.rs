@@ -88,7 +88,7 @@ impl Uneven<'_> {
         found
     }
 
-    /// Chooses vertices between the ends of a side, by the samples on it alone: whoever has the same side has the same ones.
+    /// Chooses vertices between the ends of a side, by the samples on it alone: the tile on the other side chooses the same ones.
     fn choose_on_side(&self, [from, to]: [[usize; 2]; 2], tolerance: f64, out: &mut Vec<[i32; 2]>) {
         let axis = usize::from(from[0] == to[0]);
         let sample = |k: usize| {

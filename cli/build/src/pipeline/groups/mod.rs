@@ -157,7 +157,7 @@ fn positions(net: &Net, scale: &Scale, loops: &[Vec<HalfArc>], level: u8, interi
 
 impl<'a> Forest<'a> {
     /// Nodes without groups. `levels` are the one up to which there will be groups, and that of the nodes; `records` are theirs, and `drawn`
-    /// what is drawn of these, empty if nobody wants it.
+    /// what is drawn of these, empty if it is not wanted.
     pub fn new(
         net: &'a Net<'a>,
         scale: &'a Scale,
