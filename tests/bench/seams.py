@@ -117,7 +117,7 @@ def nodes(output, path):
     import lodpack
 
     with lodpack.open(path) as file:
-        mesh = file.extract(triangles=len(output.corners), channels="auto")
+        mesh = file.extract(max_triangles=len(output.corners), channels="auto")
         textured = mesh.textured()
         levels = mesh.cut.nodes()[1]
     if len(textured.triangles) != len(output.corners):

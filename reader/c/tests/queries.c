@@ -8,6 +8,7 @@
 #include "lodpack.h"
 
 static const char *const KINDS[] = {"ok", "source", "format", "unsupported", "query", "limit", "argument", "internal"};
+static const char *const MEANINGS[] = {"unknown", "colour", "scalar", "normal", "label", "factor", "drawing"};
 static const char *const LIMITERS[] = {"tolerance", "finest", "triangles", "nodes", "bytes"};
 
 /* FNV-1a of 64 bits. */
@@ -32,7 +33,8 @@ static lodpack_file *opened(const char *vectors, const char *name) {
 
 /* Answers a question, which is cut into words, and compares with what is expected. */
 static int is_expected(const char *vectors, char *asked, char *expected) {
-    char answer[256];
+    char answer[256], carried[64] = "";
+    const char *channel = NULL;
     lodpack_query query = lodpack_query_default();
     lodpack_heights_query of_heights = lodpack_heights_query_default();
     lodpack_file *file = opened(vectors, strtok(asked, " ")), *drawer = NULL;
@@ -65,6 +67,8 @@ static int is_expected(const char *vectors, char *asked, char *expected) {
             }
         } else if (!strcmp(word, "context")) {
             query.outside = LODPACK_OUTSIDE_COARSEST;
+        } else if (!strncmp(word, "channel=", 8)) {
+            channel = value;
         } else if (!strncmp(word, "drawn-by=", 9)) {
             drawer = opened(vectors, value);
         }
@@ -72,7 +76,18 @@ static int is_expected(const char *vectors, char *asked, char *expected) {
     lodpack_get_info(file, &info);
     status = info.kind == LODPACK_KIND_HEIGHTS ? lodpack_select_heights(file, &of_heights, &cut)
                                                : lodpack_select(file, &query, &cut);
-    if (status == LODPACK_STATUS_OK) {
+    if (status == LODPACK_STATUS_OK && channel) {
+        lodpack_channel of;
+        uint32_t number = 0;
+        /* C asks by number. */
+        while (number < info.channel_count && (lodpack_get_channel(file, number, &of), strcmp(of.name, channel))) {
+            number++;
+        }
+        status = number < info.channel_count ? lodpack_decode_channels(file, cut, &number, 1, &mesh) : LODPACK_STATUS_QUERY;
+        if (status == LODPACK_STATUS_OK) {
+            snprintf(carried, sizeof carried, "%s:%s", of.name, MEANINGS[of.meaning]);
+        }
+    } else if (status == LODPACK_STATUS_OK) {
         status = lodpack_decode(drawer ? drawer : file, cut, &mesh);
     }
     snprintf(answer, sizeof answer, "%s", KINDS[status]);
@@ -82,7 +97,7 @@ static int is_expected(const char *vectors, char *asked, char *expected) {
         uint32_t *corners = malloc(triangles * 12 + 1);
         uint64_t hash = UINT64_C(0xcbf29ce484222325);
         unsigned long of[3] = {0, 0, 0};
-        char limiter[16] = "", hex[20] = "";
+        char limiter[16] = "", hex[20] = "", of_channel[64] = "";
         lodpack_get_cut_info(cut, &about);
         lodpack_copy_positions(mesh, positions, vertices, 0);
         lodpack_copy_triangles(mesh, corners, triangles);
@@ -91,10 +106,11 @@ static int is_expected(const char *vectors, char *asked, char *expected) {
                  (unsigned long)triangles, (unsigned long)vertices, about.error, about.error_everywhere,
                  LIMITERS[about.limited_by], hash);
         /* Numbers are compared as numbers: they may be written in other ways. */
-        if (sscanf(expected, "%lu %lu %lu %lf %lf %15s %19s", &of[0], &of[1], &of[2], &error, &everywhere, limiter, hex) == 7 &&
+        if (sscanf(expected, "%lu %lu %lu %lf %lf %15s %19s %63s", &of[0], &of[1], &of[2], &error, &everywhere, limiter, hex,
+                   of_channel) >= 7 &&
             of[0] == about.node_count && of[1] == triangles && of[2] == vertices && error == about.error &&
             everywhere == about.error_everywhere && !strcmp(limiter, LIMITERS[about.limited_by]) &&
-            strtoull(hex, NULL, 16) == hash) {
+            strtoull(hex, NULL, 16) == hash && !strcmp(of_channel, carried)) {
             snprintf(answer, sizeof answer, "%s", expected);
         }
         free(positions);

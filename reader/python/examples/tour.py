@@ -43,7 +43,7 @@ print(region, "for", file.bytes_read - before, "bytes")
 
 # %%
 for triangles in (2_000, 10_000, 50_000):
-    print(file.select(triangles=triangles))
+    print(file.select(max_triangles=triangles))
 
 # %% [markdown]
 # Focus and context: a region at a fine tolerance, and around it the rest at its coarsest, without a crack in between.

@@ -105,15 +105,15 @@ impl HeightsReader {
     }
 
     /// The mesh of the cut for a query: its error, why it is not finer, and its arrays.
-    #[pyo3(signature = (*, tolerance=None, bbox=None, triangles=None))]
+    #[pyo3(signature = (*, tolerance=None, bbox=None, max_triangles=None))]
     fn extract(
         &self,
         py: Python<'_>,
         tolerance: Option<f64>,
         bbox: Option<[[f64; 2]; 2]>,
-        triangles: Option<u64>,
+        max_triangles: Option<u64>,
     ) -> PyResult<(f64, &'static str, Arrays)> {
-        let query = HeightsQuery { bounds: bbox, tolerance, max_triangles: triangles };
+        let query = HeightsQuery { bounds: bbox, tolerance, max_triangles };
         let (cut, mesh, colours) = self.ask(py, move |file| {
             let cut = file.cut(&query)?;
             let mesh = file.mesh(&cut)?;

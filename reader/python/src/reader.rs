@@ -168,8 +168,9 @@ fn read_limits(given: &Bound<'_, PyDict>) -> PyResult<Limits> {
             "root_vertex_count" => &mut limits.root_vertex_count,
             "cluster_record_count" => &mut limits.cluster_record_count,
             "part_bytes" => &mut limits.part_bytes,
+            "texel_count" => &mut limits.texel_count,
             _ => {
-                let names = "root_count, root_vertex_count, cluster_record_count, part_bytes";
+                let names = "root_count, root_vertex_count, cluster_record_count, part_bytes, texel_count";
                 return Err(raise(
                     given.py(),
                     "QueryError",
@@ -262,7 +263,7 @@ impl Reader {
     }
 
     /// Finds the cut for a query.
-    #[pyo3(signature = (*, tolerance=None, bbox=None, context=false, triangles=None, nodes=None, page_bytes=None))]
+    #[pyo3(signature = (*, tolerance=None, bbox=None, context=false, max_triangles=None, max_nodes=None, max_bytes=None))]
     #[expect(clippy::too_many_arguments, reason = "all are named in Python")]
     fn select(
         &self,
@@ -270,17 +271,17 @@ impl Reader {
         tolerance: Option<f64>,
         bbox: Option<[[f64; 3]; 2]>,
         context: bool,
-        triangles: Option<u64>,
-        nodes: Option<u64>,
-        page_bytes: Option<u64>,
+        max_triangles: Option<u64>,
+        max_nodes: Option<u64>,
+        max_bytes: Option<u64>,
     ) -> PyResult<NativeCut> {
         let query = Query {
             volume: bbox.map(Into::into),
             outside: if context { Outside::Coarsest } else { Outside::Drop },
             tolerance,
-            max_triangles: triangles,
-            max_nodes: nodes,
-            max_bytes: page_bytes,
+            max_triangles,
+            max_nodes,
+            max_bytes,
             ..Query::default()
         };
         Ok(NativeCut(Arc::new(self.ask(py, self.is_slow, move |file| file.select(&query))?)))

@@ -92,8 +92,8 @@ class Channels(unittest.TestCase):
 
     def test_geometry_alone_reads_no_texel(self):
         bare, coloured = lodpack.open(self.bytes), lodpack.open(self.bytes)
-        bare.extract(bare.select(triangles=100_000))
-        coloured.extract(coloured.select(triangles=100_000), channels=["colour"])
+        bare.extract(bare.select(max_triangles=100_000))
+        coloured.extract(coloured.select(max_triangles=100_000), channels=["colour"])
         # The first read is of 12 KiB, whatever is there.
         self.assertLess(bare.bytes_read, coloured.bytes_read)
         self.assertLess(bare.bytes_read, len(self.bytes) - sum(channel["bytes"] for channel in bare.channels) + 12288)

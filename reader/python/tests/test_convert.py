@@ -20,7 +20,7 @@ class Converting(unittest.TestCase):
     def test_the_error_of_everything_goes_along_whatever_the_box(self):
         file = lodpack.open(SMALL)
         low, high = file.bounds
-        whole = file.extract(nodes=3).error  # its tops
+        whole = file.extract(max_nodes=3).error  # its tops
         for bbox in [(low, (low + high) / 2), (high + 1, high + 2)]:
             mesh = file.extract(bbox=bbox, context=True)
             self.assertGreater(mesh.error_everywhere, mesh.error)
@@ -33,7 +33,7 @@ class Converting(unittest.TestCase):
                 self.assertIn(f"{mesh.error:g} in the box, {mesh.error_everywhere:g} everywhere", said)
 
     def test_pyvista_gets_levels_and_errors(self):
-        mesh = lodpack.open(SCAN).extract(triangles=5000)
+        mesh = lodpack.open(SCAN).extract(max_triangles=5000)
         converted = mesh.to_pyvista()
         np.testing.assert_array_equal(converted.points, mesh.positions)
         np.testing.assert_array_equal(converted.regular_faces, mesh.triangles)

@@ -54,11 +54,11 @@ class Extracting(unittest.TestCase):
         file = lodpack.open(SCAN)
         coarsest = file.select(tolerance=math.inf)
         budget = coarsest.triangle_count + 50
-        mesh = file.extract(triangles=np.int64(budget))
+        mesh = file.extract(max_triangles=np.int64(budget))
         self.assertLessEqual(len(mesh.triangles), budget)
         self.assertEqual(mesh.limited_by, "triangles")
-        self.assertEqual(file.select(nodes=coarsest.node_count, tolerance=0).node_count, coarsest.node_count)
-        self.assertEqual(file.select(triangles=10**30).limited_by, "finest")
+        self.assertEqual(file.select(max_nodes=coarsest.node_count, tolerance=0).node_count, coarsest.node_count)
+        self.assertEqual(file.select(max_triangles=10**30).limited_by, "finest")
 
     def test_a_box_takes_what_touches_it_and_context_the_rest(self):
         file = lodpack.open(SCAN)
@@ -92,7 +92,7 @@ class Extracting(unittest.TestCase):
         self.assertIs(mesh.cut, cut)
 
     def test_the_same_bytes_come_out_every_time(self):
-        first, second = (lodpack.open(SCAN).extract(triangles=5000) for _ in range(2))
+        first, second = (lodpack.open(SCAN).extract(max_triangles=5000) for _ in range(2))
         self.assertEqual(first.positions.tobytes(), second.positions.tobytes())
         self.assertEqual(first.triangles.tobytes(), second.triangles.tobytes())
 
@@ -106,9 +106,9 @@ class Extracting(unittest.TestCase):
             ({"bbox": box[::-1]}, "smallest corner"),
             ({"bbox": (0, 0, 0, 1, 1, 1)}, "two corners"),
             ({"bbox": ((0, 0), (1, 1))}, "two corners"),
-            ({"triangles": 1}, "at least"),
-            ({"triangles": -1}, "zero or more"),
-            ({"nodes": 0}, "at least"),
+            ({"max_triangles": 1}, "at least"),
+            ({"max_triangles": -1}, "zero or more"),
+            ({"max_nodes": 0}, "at least"),
         ]:
             with self.subTest(query), self.assertRaisesRegex(lodpack.QueryError, message):
                 file.extract(**query)
@@ -117,7 +117,7 @@ class Extracting(unittest.TestCase):
             file.extract(torus.select())
         # Files of the same bytes share their cuts.
         self.assertEqual(len(file.extract(other.select()).triangles), len(file.extract().triangles))
-        for wrong in [{"tolerance": "1mm"}, {"triangles": 1.5}, {"tolerence": 1}]:
+        for wrong in [{"tolerance": "1mm"}, {"max_triangles": 1.5}, {"tolerence": 1}]:
             with self.subTest(wrong), self.assertRaises((TypeError, ValueError)):
                 file.extract(**wrong)
         with self.assertRaises(TypeError):

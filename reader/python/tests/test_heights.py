@@ -63,6 +63,19 @@ class Heights(unittest.TestCase):
         np.testing.assert_array_equal(same.heights, part.heights)
         self.assertTrue(np.isnan(vector("islands").window().heights).any())
 
+    def test_windows_of_infinite_boxes_end_with_the_grid(self):
+        far = float("inf")
+        for name in [*PLANES, "globe"]:
+            file = vector(name)
+            whole = file.window()
+            for bbox in [((-far, -far), (far, far)), ((-far, -1e300), (1e300, far))]:
+                window = file.window(bbox=bbox)
+                np.testing.assert_array_equal(window.heights, whole.heights)
+                self.assertEqual(window[1:], whole[1:])
+            for bbox in [((far, far), (far, far)), ((-far, -far), (-far, far)), ((-far, far), (far, far))]:
+                with self.assertRaisesRegex(lodpack.QueryError, "no sample lies within"):
+                    file.window(bbox=bbox)
+
     def test_windows_go_around_the_globe(self):
         file = vector("globe")
         whole, count = file.window().heights, file.info()["columns"]
@@ -94,7 +107,7 @@ class Heights(unittest.TestCase):
         self.assertEqual((finest.limited_by, coarse.limited_by), ("finest", "tolerance"))
         self.assertLess(len(coarse.triangles), len(finest.triangles))
         self.assertLess(file.extract(tolerance=coarse.error / 2).error, coarse.error)
-        self.assertEqual(file.extract(triangles=len(coarse.triangles)).limited_by, "triangles")
+        self.assertEqual(file.extract(max_triangles=len(coarse.triangles)).limited_by, "triangles")
         (x, y), (dx, dy) = file.info()["first"], file.info()["spacing"]
         part = file.extract(bbox=((x, y + 5 * dy), (x + 5 * dx, y)))
         self.assertTrue(0 < len(part.triangles) < len(finest.triangles))
@@ -113,7 +126,7 @@ class Heights(unittest.TestCase):
 
     def test_what_makes_no_sense_is_refused(self):
         file = vector("hills")
-        for query in [{"bbox": ((0, 0, 0), (1, 1, 1))}, {"bbox": ((0, np.nan), (1, 1))}, {"tolerance": -1}, {"triangles": -1}]:
+        for query in [{"bbox": ((0, 0, 0), (1, 1, 1))}, {"bbox": ((0, np.nan), (1, 1))}, {"tolerance": -1}, {"max_triangles": -1}]:
             with self.assertRaises(lodpack.QueryError, msg=query):
                 file.extract(**query)
         for window in [{"columns": (5, 5)}, {"columns": (0, 500)}, {"rows": (-1, 3)}, {"rows": "ab"}, {"bbox": ((9e9, 0), (9.1e9, 1))}]:

@@ -30,7 +30,7 @@ def vector(name):
 
 def answer(asked):
     name, *words = asked.split(" ")
-    file, query, drawer = vector(name), {}, None
+    file, query, drawer, channels = vector(name), {}, None, None
     is_of_heights = isinstance(file, lodpack.HeightsFile)
     for word in words:
         part, _, value = word.partition("=")
@@ -40,23 +40,26 @@ def answer(asked):
             query["bbox"] = (numbers[:size], numbers[3 : 3 + size])
         elif part == "context":
             query["context"] = True
+        elif part == "channel":
+            channels = [value]
         elif part == "drawn-by":
             drawer = vector(value)
         elif part == "tolerance":
             query["tolerance"] = float(value)
         else:
-            query[{"triangles": "triangles", "nodes": "nodes", "bytes": "page_bytes"}[part]] = int(value)
+            query[f"max_{part}"] = int(value)
     try:
         if is_of_heights:
             mesh = file.extract(**query)
             count = len(np.unique(mesh.triangle_nodes))
         else:
-            mesh = (drawer or file).extract(file.select(**query))
+            mesh = (drawer or file).extract(file.select(**query), channels=channels)
             count = mesh.cut.node_count
     except lodpack.Error as error:
         return KINDS[type(error)]
     numbers = [mesh.error, mesh.error_everywhere, mesh.limited_by, hash_of(mesh.positions, mesh.triangles)]
-    return [count, len(mesh.triangles), len(mesh.positions), *numbers]
+    carried = [f"{channel['name']}:{channel['kind']}" for channel in mesh.channels]
+    return [count, len(mesh.triangles), len(mesh.positions), *numbers, *carried]
 
 
 class Queries(unittest.TestCase):

@@ -30,7 +30,7 @@ class Robust(unittest.TestCase):
             with self.subTest(path.stem):
                 try:
                     file = lodpack.open(path)
-                    for query in ({}, {"tolerance": float("inf")}, {"nodes": 4}, {"page_bytes": 100}):
+                    for query in ({}, {"tolerance": float("inf")}, {"max_nodes": 4}, {"max_bytes": 100}):
                         file.extract(**query)
                     file.overview()
                 except lodpack.Error:

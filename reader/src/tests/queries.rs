@@ -2,14 +2,15 @@
 //! packages for Python, C and JavaScript compare. `LODPACK_WRITE_QUERIES=1` writes the table again.
 //!
 //! A line is a file of `format-spec/vectors`, what is asked of it, `=`, and the answer: the kind of error, or nodes, triangles, vertices, the
-//! error inside the box, that of everything, what limits the cut, and FNV-1a (64 bits) of the positions (f64) and triangles (u32).
+//! error inside the box, that of everything, what limits the cut, and FNV-1a (64 bits) of the positions (f64) and triangles (u32); of a channel that
+//! is asked for, its name and kind.
 
 use std::{fmt::Write, path::Path};
 
 use crate::{Cut, Error, File, Limits, Opened, Outside, Query, Result, heights::HeightsQuery};
 
 /// What is asked.
-const ASKED: [&str; 48] = [
+const ASKED: [&str; 54] = [
     "tree",
     "tree tolerance=0",
     "tree tolerance=2.1",
@@ -50,6 +51,12 @@ const ASKED: [&str; 48] = [
     "many_clusters triangles=600",
     "nothing",
     "exact_colours",
+    "exact_colours channel=colour",
+    "exact_colours channel=normal tolerance=0.125",
+    "exact_colours channel=roughness box=-7,-7,-7,0,0,0 context",
+    "exact_colours channel=Colour",
+    "drawings channel=drawing triangles=50",
+    "tree channel=colour",
     "heights/hills",
     "heights/hills tolerance=3",
     "heights/hills triangles=300",
@@ -79,7 +86,7 @@ fn hash(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> u64 {
 fn answer(asked: &str) -> Result<String> {
     let mut words = asked.split(' ');
     let file = open(words.next().unwrap());
-    let mut drawn_by = None;
+    let (mut drawn_by, mut channel) = (None, None);
     let mut query = Query::default();
     for word in words {
         let (name, value) = word.split_once('=').unwrap_or((word, ""));
@@ -91,12 +98,13 @@ fn answer(asked: &str) -> Result<String> {
             "bytes" => query.max_bytes = value.parse().ok(),
             "box" => query.volume = Some([[0, 1, 2], [3, 4, 5]].map(|corner| corner.map(|k: usize| numbers[k])).into()),
             "context" => query.outside = Outside::Coarsest,
+            "channel" => channel = Some(value),
             "drawn-by" => drawn_by = Some(open(value)),
             other => panic!("{other}"),
         }
     }
     match &file {
-        Opened::Mesh(file) => answer_of_mesh(file, &query, drawn_by.as_ref()),
+        Opened::Mesh(file) => answer_of_mesh(file, &query, drawn_by.as_ref(), channel),
         Opened::Heights(file) => {
             let bounds = match query.volume {
                 Some(crate::Volume::Box(corners)) => Some(corners.map(|[x, y, _]| [x, y])),
@@ -115,7 +123,12 @@ fn answer(asked: &str) -> Result<String> {
     }
 }
 
-fn answer_of_mesh(file: &File<Vec<u8>>, query: &Query, drawn_by: Option<&Opened<Vec<u8>>>) -> Result<String> {
+fn answer_of_mesh(
+    file: &File<Vec<u8>>,
+    query: &Query,
+    drawn_by: Option<&Opened<Vec<u8>>>,
+    channel: Option<&str>,
+) -> Result<String> {
     let cut = file.select(query)?;
     let mesh = match drawn_by {
         Some(Opened::Mesh(other)) => other.extract(&cut)?,
@@ -124,10 +137,22 @@ fn answer_of_mesh(file: &File<Vec<u8>>, query: &Query, drawn_by: Option<&Opened<
         None => file.extract(&cut)?,
     };
     assert_eq!(mesh.triangles.len() as u64, cut.triangle_count);
+    let carried = match channel {
+        None => String::new(),
+        Some(name) => {
+            // Rust asks by number.
+            let number = file.channels().iter().position(|channel| channel.name == name);
+            let number = number.ok_or(Error::Query { what: "there is no such channel".into() })?;
+            let textured = file.extract_textured(&cut, &[number as u8])?;
+            assert_eq!(textured.mesh.triangles, mesh.triangles);
+            let channel = &file.channels()[number];
+            format!(" {}:{}", channel.name, channel.kind.name())
+        }
+    };
     let Cut { error, limited_by, .. } = cut;
     let counts = [cut.nodes.len(), mesh.triangles.len(), mesh.positions.len()];
     let hash = hash(&mesh.positions, &mesh.triangles);
-    Ok(line(counts, [error, cut.error_everywhere()], limited_by.name(), hash))
+    Ok(line(counts, [error, cut.error_everywhere()], limited_by.name(), hash) + &carried)
 }
 
 fn line([nodes, triangles, vertices]: [usize; 3], [error, everywhere]: [f64; 2], limiter: &str, hash: u64) -> String {

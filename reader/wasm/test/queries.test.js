@@ -23,19 +23,22 @@ function hash(...arrays) {
 async function answer(asked) {
   const [name, ...words] = asked.split(' ');
   const [file, query] = [await vector(name), {}];
-  let drawer = file;
+  let [drawer, channel] = [file, undefined];
   for (const word of words) {
     const [part, value] = word.split('=');
     if (part === 'box') query.box = value.split(',').map(number);
     else if (part === 'context') query.outside = 'coarsest';
+    else if (part === 'channel') channel = value;
     else if (part === 'drawn-by') drawer = await vector(value);
     else query[{ tolerance: 'tolerance', triangles: 'maxTriangles', nodes: 'maxNodes', bytes: 'maxBytes' }[part]] = number(value);
   }
   try {
     const cut = await file.select(query);
     const mesh = await drawer.extract(cut);
+    const { channels = [] } = channel === undefined ? {} : await file.extract(cut, { channels: [channel] });
+    const carried = channels.map(({ name, kind }) => `${name}:${kind}`);
     const count = cut.nodeErrors.length;
-    return [count, mesh.triangles.length / 3, mesh.positions.length / 3, cut.error, cut.errorEverywhere, cut.limitedBy, hash(mesh.positions, mesh.triangles)];
+    return [count, mesh.triangles.length / 3, mesh.positions.length / 3, cut.error, cut.errorEverywhere, cut.limitedBy, hash(mesh.positions, mesh.triangles), ...carried];
   } catch (error) {
     if (!error.kind) throw error;
     return [error.kind];

@@ -38,7 +38,7 @@ def open(
     `timeout` is the longest time in seconds for one request to a web server; a request that fails for a time is sent up to four times.
 
     `limits` are upper limits on what a file may ask of this machine. The defaults suit files from untrusted places. Names:
-    ``root_count``, ``root_vertex_count``, ``cluster_record_count``, ``part_bytes``.
+    ``root_count``, ``root_vertex_count``, ``cluster_record_count``, ``part_bytes``, ``texel_count``.
 
     Raises FileNotFoundError and its like for paths, and `lodpack.Error` by culprit.
     """
@@ -121,17 +121,17 @@ class File(OpenFile[_lodpack.Reader]):
         self,
         *,
         tolerance: float | None = None,
-        triangles: int | None = None,
+        max_triangles: int | None = None,
         bbox: Bounds | None = None,
         context: bool = False,
-        nodes: int | None = None,
-        page_bytes: int | None = None,
+        max_nodes: int | None = None,
+        max_bytes: int | None = None,
     ) -> Cut:
         """Finds the coarsest cut within the tolerance, or the finest one without a tolerance, that keeps every budget. Reads the
         index where the query needs it, and no surface.
 
         `tolerance`: the error to reach inside the box, in units of the file's coordinates.
-        `triangles`: the most triangles. `nodes`: the most nodes. `page_bytes`: the most bytes of pages to read.
+        `max_triangles`: the most triangles. `max_nodes`: the most nodes. `max_bytes`: the most bytes of pages to read.
         `bbox`: smallest and largest corner; every root whose box touches it is drawn whole. A box beside the surface gives an empty cut.
         `context`: what is outside the box is drawn, too, at its coarsest.
 
@@ -144,9 +144,9 @@ class File(OpenFile[_lodpack.Reader]):
             tolerance=None if tolerance is None else float(tolerance),
             bbox=None if bbox is None else _corners(bbox),
             context=context,
-            triangles=_budget(triangles, "triangles"),
-            nodes=_budget(nodes, "nodes"),
-            page_bytes=_budget(page_bytes, "page_bytes"),
+            max_triangles=_budget(max_triangles, "max_triangles"),
+            max_nodes=_budget(max_nodes, "max_nodes"),
+            max_bytes=_budget(max_bytes, "max_bytes"),
         )
         return Cut(native, self)
 
@@ -158,11 +158,11 @@ class File(OpenFile[_lodpack.Reader]):
         self,
         *,
         tolerance: float | None = None,
-        triangles: int | None = None,
+        max_triangles: int | None = None,
         bbox: Bounds | None = None,
         context: bool = False,
-        nodes: int | None = None,
-        page_bytes: int | None = None,
+        max_nodes: int | None = None,
+        max_bytes: int | None = None,
         channels: str | Sequence[str] | None = None,
     ) -> Mesh: ...
 

@@ -38,7 +38,7 @@ class Ground:
         placed: NDArray[np.float64] = np.asarray(points, dtype=float) @ self.transform[:3, :3].T + self.transform[:3, 3]
         return placed
 
-    def extract(self, *, tolerance: float | None = None, triangles: int | None = None, bbox: Bounds | None = None) -> Mesh:
+    def extract(self, *, tolerance: float | None = None, max_triangles: int | None = None, bbox: Bounds | None = None) -> Mesh:
         """As `HeightsFile.extract`, in the space of the mesh: `tolerance` and the error are in its units, and `bbox` are two corners of three
         coordinates as `File.extract` takes them. What is above or below the box belongs to it."""
         corners = None if bbox is None else _corners(bbox)
@@ -46,7 +46,7 @@ class Ground:
             raise QueryError("the smallest corner of a volume has to come first")
         mesh = self.heights._mesh(
             None if tolerance is None else float(tolerance) / self.scale,
-            triangles,
+            max_triangles,
             None if corners is None else self._frame.map_box(corners),
         )
         mesh.positions = self.points(mesh.positions)

@@ -48,24 +48,24 @@ class HeightsFile(OpenFile[_lodpack.HeightsReader]):
         return self._native.info()
 
     def extract(
-        self, *, tolerance: float | None = None, triangles: int | None = None, bbox: Bounds | None = None
+        self, *, tolerance: float | None = None, max_triangles: int | None = None, bbox: Bounds | None = None
     ) -> Mesh:
         """Reads and decodes the mesh of the coarsest cut within the tolerance, or of the finest one. It has no cracks, whatever is coarse or fine.
 
         `tolerance`: the error to reach, in units of coordinates.
-        `triangles`: the most triangles, without those that tiles of different depths add where they meet.
+        `max_triangles`: the most triangles, without those that tiles of different depths add where they meet.
         `bbox`: smallest and largest x and y, or longitude and latitude in degrees, as ((x0, y0), (x1, y1)); tiles that it touches are whole. It may be infinite.
 
         `Mesh.normals` are those of the slopes of the heights, and `Mesh.colours` those of the file's ramp, if it has one.
 
         Raises `QueryError` for what is not a number."""
-        return self._mesh(tolerance, triangles, None if bbox is None else _corners(bbox))
+        return self._mesh(tolerance, max_triangles, None if bbox is None else _corners(bbox))
 
-    def _mesh(self, tolerance: float | None, triangles: int | None, bbox: list[list[float]] | None) -> Mesh:
+    def _mesh(self, tolerance: float | None, max_triangles: int | None, bbox: list[list[float]] | None) -> Mesh:
         error, limited_by, (positions, corners, tiles, normals, colours) = self._native.extract(
             tolerance=None if tolerance is None else float(tolerance),
             bbox=bbox,
-            triangles=_budget(triangles, "triangles"),
+            max_triangles=_budget(max_triangles, "max_triangles"),
         )
         return Mesh(
             positions,
@@ -88,7 +88,7 @@ class HeightsFile(OpenFile[_lodpack.HeightsReader]):
         """Reads the heights of a rectangle of samples: those within a box, or some columns and rows, from the first to before the last one;
         all without either. Around a globe, columns go on from the beginning: (350, 370) of 360 crosses the end of the grid.
 
-        Raises `QueryError` if there are no such samples, or more than fit in memory."""
+        The box may be infinite. Raises `QueryError` if there are no such samples, or more than fit in memory."""
         info = self._native.info()
         if bbox is not None:
             if columns is not None or rows is not None:
@@ -130,6 +130,14 @@ def _within(info: HeightsInfo, corners: list[list[float]]) -> tuple[tuple[int, i
     """The columns and rows of samples within a box."""
     (west, south), (east, north) = corners
     (x, y), (dx, dy) = info["first"], info["spacing"]
+    # Beyond the grid one place is as good as another.
+    south, north = (min(max(value, y + info["rows"] * dy), y - dy) for value in (south, north))
+    if info["wraps"] and math.inf in (-west, east) and west < math.inf and east > -math.inf:
+        west, east = x, x + info["columns"] * dx
+    if not info["wraps"]:
+        west, east = (min(max(value, x - dx), x + info["columns"] * dx) for value in (west, east))
+    elif not math.isfinite(west) or not math.isfinite(east):
+        raise QueryError("no sample lies within the box")
     if info["wraps"]:
         # East of the box, perhaps once more around the globe.
         around = info["columns"] * dx

@@ -1,6 +1,6 @@
 """A reader for PyVista. The package's entry point registers it, so that ``pyvista.read("scan.lodpack")`` needs no import of lodpack.
 
-Addresses are read in part, like paths: ``pyvista.read("https://example.org/scan.lodpack", triangles=100_000)``.
+Addresses are read in part, like paths: ``pyvista.read("https://example.org/scan.lodpack", max_triangles=100_000)``.
 """
 
 from __future__ import annotations
