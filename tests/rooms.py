@@ -6,7 +6,9 @@ usage: rooms.py [--write] [--list] [--root DIR]
 A house is a crate, or the crates of the builder, which only show in the picture as frames. A room is a folder or file at the top of
 a crate's src, or a crate as a whole. HOUSES lists the rooms of each from the top down: a room may use those below it in the list and
 nothing above. The script finds who uses whom in `use` items and in qualified paths (crate::, super::, and the names of crates of the
-house); names that a crate re-exports at its root count for the room that they are from. Test code is left out. It ends with 1 where an arrow points upward, where a room is not in the list, or
+house); names that a crate re-exports at its root count for the room that they are from.
+Inside a room files import in one direction, too: those that lead back to one another are named, unless CIRCLES says why they may. What
+goes through the first page of a folder (mod.rs, lib.rs, or the file beside the folder) does not count, since that page shows all of it. Test code is left out. It ends with 1 where an arrow points upward, where a room is not in the list, or
 where the picture in ARCHITECTURE.md is not of the code as it is, or where the crate that other programs use shows more names at
 its root than a newcomer can survey; --write draws that picture, --list prints every arrow with
 the place of one import."""
@@ -23,7 +25,7 @@ HOUSES = {
     ],
     "cli": [
         ("lodpack_cli", "cli/src", "bin/lodpack serve tileset measure".split()),
-        ("lodpack_build", "cli/build/src", "job geometry_images heights pipeline region".split()),
+        ("lodpack_build", "cli/build/src", "job geometry_images heights pipeline reduce region".split()),
         ("lodpack_stage", "cli/stage/src", "stage"),
         ("lodpack_import", "cli/import/src", "import"),
         ("lodpack_mesh", "cli/mesh/src", "mesh"),
@@ -36,6 +38,10 @@ HOUSES = {
             "main window headless check controls present overlay draw pool scene channel texels blocks gpu picture args camera".split(),
         )
     ],
+}
+
+# Files of a room that may lead back to one another, and why.
+CIRCLES = {
 }
 
 # The most names at the root of a crate, modules aside.
@@ -131,6 +137,8 @@ class Crate:
         self.read_root()
         for path in self.files():
             self.find_test_modules(path)
+        self.modules = {tuple(self.module_of(path)): path for path in self.files()}
+        self.first_pages = {path for path in self.files() if path.name in ("lib.rs", "mod.rs") or path.with_suffix("").is_dir()}
 
     def files(self):
         return sorted(self.source.rglob("*.rs"))
@@ -168,6 +176,13 @@ class Crate:
         for module in re.findall(r"#\[cfg\(test\)\]\s*(?:pub(?:\(\w+\))?\s+)?mod\s+(\w+)\s*;", text):
             self.test_paths |= {folder / f"{module}.rs", folder / module}
 
+    def file_of(self, target):
+        """The file of the innermost module that a path from the crate's root leads to; none if that is the root."""
+        for end in range(len(target), 0, -1):
+            if file := self.modules.get(tuple(target[:end])):
+                return file
+        return None
+
     def room_of_name(self, name, rooms):
         """The room that a path from the crate's root leads to; none if there is none."""
         return self.whole or (name if name in rooms else self.exports.get(name))
@@ -181,7 +196,8 @@ class House:
         self.crates = [Crate(root, *crate) for crate in crates]
         self.order = [room for crate in self.crates for room in crate.rooms]
         self.by_name = {crate.own_name: crate for crate in self.crates}
-        self.arrows = {}
+        # Between rooms, and between files of a room.
+        self.arrows, self.inside = {}, {}
         for crate in self.crates:
             for path in crate.read_files():
                 self.read(crate, path)
@@ -229,8 +245,6 @@ class House:
         is_program = room.startswith("bin/") or room == "main"
         if head in self.by_name:
             crate, target = self.by_name[head], rest
-        elif crate.whole and head in ("crate", "super"):
-            return
         elif head == "crate" and not is_program:
             target = rest
         elif head == "super" and not is_program:
@@ -240,6 +254,9 @@ class House:
                 target = module[:-1] + rest
         else:
             return
+        file = crate.file_of(target)
+        if file and file != path and not {file, path} & crate.first_pages and crate.room_of_file(file) == room:
+            self.inside.setdefault((path, file), where)
         if not crate.whole and (not target or target[0] == "*"):
             raise Problem(f"{where}: `{'::'.join(used)}` names no room: import what is used")
         to = crate.room_of_name(target[0] if target else None, self.order)
@@ -252,6 +269,22 @@ class House:
         rank = {room: number for number, room in enumerate(self.order)}
         wrong = [(arrow, where) for arrow, where in self.arrows.items() if rank[arrow[0]] > rank[arrow[1]]]
         return [f"{where}: {self.name}: {a} uses {b}, but {b} stands above {a} in HOUSES of tests/rooms.py" for (a, b), where in sorted(wrong)]
+
+    def circles(self):
+        """The files of each room that lead back to one another, as paths below its crate."""
+        after = {}
+        for one, other in self.inside:
+            after.setdefault(one, set()).add(other)
+        reached = {}
+        for start in after:
+            seen, open_ = set(), [start]
+            while open_:
+                found = after.get(open_.pop(), set()) - seen
+                seen |= found
+                open_ += found
+            reached[start] = seen
+        circles = {frozenset(other for other in reached[start] if start in reached.get(other, ())) for start in after if start in reached[start]}
+        return sorted(sorted(circle) for circle in circles)
 
     def below(self, room):
         """Everything that a room uses, directly or through others."""

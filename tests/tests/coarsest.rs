@@ -8,8 +8,9 @@ use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::measure::verify::distance::{BoxTree, Goal, largest_distance};
 use lodpack_cli::measure::verify::{VerifyOptions, inspect_edges, verify};
 use lodpack_cli::mesh::Mesh;
-use lodpack_cli::pipeline::{LevelChoice, ModelOptions, Topology, cut_to_finish, finish};
+use lodpack_cli::pipeline::{LevelChoice, ModelOptions};
 use lodpack_cli::progress::Silent;
+use lodpack_cli::reduce::{Topology, cut_to_finish, finish};
 use lodpack_tests::generate::{rough_sphere, save_ply, torus};
 use lodpack_tests::parts::{add_box, pipes, sponge};
 

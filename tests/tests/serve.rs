@@ -170,7 +170,9 @@ fn the_program_has_a_page_of_its_own_made_of_the_sources_beside_it() {
     let desk = Desk::new();
     let serving = Serving::start(&[&desk.file()]);
     assert!(serving.line.ends_with("/?url=/a%20b.lodpack"), "{}", serving.line);
-    for (path, kind) in [("index.html", "text/html"), ("viewer.js", "text/javascript"), ("lodpack/js/file.js", "text/javascript")] {
+    for (path, kind) in
+        [("index.html", "text/html"), ("viewer.js", "text/javascript"), ("lodpack/js/file.js", "text/javascript")]
+    {
         let (head, _) = serving.ask(&format!("GET /{path}"), "");
         assert!(head.starts_with("http/1.1 200 ") && head.contains(kind), "{path}: {head}");
     }

@@ -4,6 +4,7 @@
 //!
 //! | room | what it holds |
 //! |---|---|
+//! | [`reduce`] | one surface with a stated number of triangles, made from a finer one, with what it looks like |
 //! | [`region`] | how an input is divided, and what neighbouring regions share |
 //! | [`pipeline`], [`geometry_images`] | the order of the stages; beside it, atlases as images, out and in |
 //! | [`heights`] | rasters as grids of heights: samples, tiles, their resolutions and errors, the file |
@@ -14,4 +15,5 @@ pub mod geometry_images;
 pub mod heights;
 pub mod job;
 pub mod pipeline;
+pub mod reduce;
 pub mod region;

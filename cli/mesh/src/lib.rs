@@ -4,6 +4,7 @@
 pub mod appearance;
 pub mod attributes;
 pub mod encoded;
+pub mod exact;
 pub mod export;
 pub mod glb;
 pub mod glb_nodes;

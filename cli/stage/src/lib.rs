@@ -20,8 +20,9 @@
 //! simplify     chart -> levels of an irregular one   (chart, areas)
 //! cluster_vertices  surface -> one of any number of triangles    (simplify)
 //! certify      two triangle sets -> a proven bound on their distance
+//! nearest      points of one surface -> what lies closest to them on another    (certify)
 //! shade        points of the input -> their colour and values       (areas)
-//! bake         patch, input -> an image over the patch       (certify, areas)
+//! bake         patch, input -> an image over the patch       (nearest, certify, areas)
 //! resample     closed surface -> one of simpler topology    (certify)
 //! ```
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter"))]
@@ -36,6 +37,7 @@ pub mod cluster_vertices;
 pub mod embed;
 pub mod group;
 pub mod least_squares;
+pub mod nearest;
 pub mod pack;
 pub mod repair;
 pub mod resample;

@@ -1,11 +1,11 @@
 //! One chart on its way to a root: what all fillings share.
 
-use super::coarse::CoarseSurface;
 use super::groups::top::{Few, reduce_top};
 use super::overview::OVERVIEW_TRIANGLES;
 use super::shared_arcs::{CutChart, SampleWish, SharedArcs};
 use super::summary::Times;
 use super::{ChartedMesh, Scale};
+use crate::reduce::CoarseSurface;
 use glam::DVec3;
 use lodpack::{
     LatticePoint,

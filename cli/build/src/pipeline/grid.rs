@@ -2,7 +2,6 @@
 //! the bound is above the tolerance.
 
 use super::chart_work::{ALMOST, ChartWork, CodedLevel, Outcome};
-use super::exact::power_of_two;
 use super::fill::{Challenge, ChartFilling, FillingRow};
 use super::shared_arcs::{CutChart, SampleWish};
 use super::{Fillings, Scale};
@@ -12,6 +11,7 @@ use lodpack::{
     index::Filling,
     write::{Quantisation, Slide, SymbolBuffer},
 };
+use lodpack_mesh::exact::power_of_two;
 use lodpack_runtime::machine::thread_cpu_time;
 use lodpack_stage::certify;
 use lodpack_stage::embed::{EmbedError, EmbedOptions, Embedding, MAX_CORNERS, MIN_CORNERS, embed_chart};

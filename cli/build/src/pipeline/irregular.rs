@@ -2,7 +2,6 @@
 
 use super::Scale;
 use super::chart_work::{ALMOST, ChartWork, CodedLevel, Outcome, border_loops};
-use super::exact::power_of_two;
 use super::fill::{ChartFilling, FillingRow};
 use super::roots::MAX_FAILURES;
 use super::shared_arcs::{CutChart, SampleWish};
@@ -14,6 +13,7 @@ use lodpack::{
     write::{PatchTarget, Slide, SymbolBuffer, encode_refined_patch},
 };
 use lodpack_mesh::NONE;
+use lodpack_mesh::exact::power_of_two;
 use lodpack_runtime::machine::thread_cpu_time;
 use lodpack_stage::areas::{Areas, Jumps};
 use lodpack_stage::certify::{self, Comparison};

@@ -1,11 +1,11 @@
 //! From the products of regions to one file.
 
-use super::coarse::CoarseSurface;
 use super::groups::above_regions::{AboveRegions, Top, count_above};
 use super::overview::{OVERVIEW_FROM_BYTES, overview};
 use super::product::{DrawnLevel, ProductStats, RegionProduct, head};
 use super::summary::{BuildSummary, Fallbacks, LevelSummary, Stopwatch, Times};
 use super::{PipelineError, Plan};
+use crate::reduce::CoarseSurface;
 use lodpack::{
     LatticePoint,
     index::{Filling, FillingCounts},

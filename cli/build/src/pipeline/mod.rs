@@ -5,7 +5,7 @@
 //!
 //! | file | step |
 //! |---|---|
-//! | `scale`, `exact` | from the extent of the input and the tolerance to all lengths: levels, lattice, size of charts |
+//! | `scale` | from the extent of the input and the tolerance to all lengths: levels, lattice, size of charts |
 //! | `plan` | regions are cut into charts, and seams between regions get their corners |
 //! | `shared_arcs` | arcs are sampled and quantised, once for both sides |
 //! | `roots`, `chart_work` | charts become roots, again and again until their borders are settled |
@@ -15,54 +15,37 @@
 //! | `paint`, `texels` | blocks get images of what the input shows |
 //! | `redundant_levels` | levels that add nothing are removed |
 //! | `product` | what a region contributes to the file |
-//! | `coarse`, `manifold`, `overview` | the coarsest levels as one surface, which becomes the overview |
+//! | `coarse`, `overview` | the coarsest levels as one surface, which becomes the overview |
 //! | `join` | the products of all regions become one file |
-//! | `finish`, `reduce`, `cut_areas`, `painted_cut` | a cut of a file becomes a mesh of any number of triangles, with what it looks like |
 
 mod chart_work;
 mod choose;
 mod coarse;
-mod colour_weights;
-mod cut_areas;
 mod density;
-mod exact;
-mod far_weights;
 mod fill;
-mod finish;
 mod grid;
 mod groups;
 mod irregular;
 mod join;
-mod manifold;
-mod moved_nearer;
-mod moved_singly;
 mod options;
-mod other_topology;
 mod overview;
 mod paint;
-mod painted_cut;
 mod plan;
 mod product;
-mod reduce;
 mod redundant_levels;
 mod roots;
 mod scale;
 mod shared_arcs;
 mod sharp;
-mod shown_colours;
-mod spread_points;
 pub mod summary;
 mod texels;
 
-pub use finish::{Finished, cut_to_finish, finish, is_nearer};
 pub(crate) use join::{Arranged, Products, Sums, arrange, join, join_encoded};
 pub use options::{ColourQuality, Effort, Fillings, LevelChoice, ModelOptions, PipelineError};
 pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 pub(crate) use paint::Studio;
-pub use painted_cut::CutPainter;
 pub(crate) use plan::{ChartCount, Found, Plan, Prepared, RegionSize, Whole, prepare, seams_of};
 pub(crate) use product::{ProductStats, RegionProduct};
-pub use reduce::Topology;
 pub use scale::{LevelPlan, Scale};
 
 use std::io::Write;

@@ -1,10 +1,10 @@
 //! The overview: one small mesh of the whole model, for files whose coarsest cut does not fit in the first request.
 
 use super::chart_work::DrawnPatch;
-use super::coarse::CoarseSurface;
-use super::manifold::boundary_loops;
-use super::reduce::{Ways, reduce};
 use super::scale::Scale;
+use crate::reduce::CoarseSurface;
+use crate::reduce::boundary_loops;
+use crate::reduce::{Ways, reduce};
 use glam::DVec3;
 use lodpack::{
     LatticePoint,

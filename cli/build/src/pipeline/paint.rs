@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::ChartedMesh;
 use super::chart_work::{DrawnBlocks, DrawnPatch};
 use super::shared_arcs::SharedArcs;
-use super::texels::{DENSITY, InputSource, TrianglesAround, exponent_of, storage};
+use super::texels::{DENSITY, InputSource, TrianglesAround, storage};
 use lodpack_mesh::NONE;
 use lodpack_mesh::appearance::{Appearance, ScalarRange};
 use lodpack_mesh::attributes::RegionAttributes;
@@ -20,6 +20,7 @@ use lodpack_runtime::storage::memory::{Pool, texel_memory};
 use lodpack_stage::areas::{Areas, Jumps};
 use lodpack_stage::bake::{
     Baked, BakedPatch, Baker, Coarse, Located, MAX_EXPONENT, MAX_TEXELS, Storage, Surfels, area_of_texel, baking_bytes,
+    exponent_of,
 };
 use lodpack_stage::shade::Shader;
 

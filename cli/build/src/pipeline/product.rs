@@ -2,13 +2,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::coarse::{CoarseSurface, coarse_surfaces};
+use super::coarse::coarse_surfaces;
 use super::fill::level_steps;
 use super::groups::above_regions::Top;
 use super::shared_arcs::{ARC_TANGENT_SHIFT, SharedArcs};
 use super::summary::{Fallbacks, Times};
 use super::texels::channels;
 use super::{LevelPlan, Plan, Scale};
+use crate::reduce::CoarseSurface;
 use lodpack::{
     LatticePoint,
     index::FillingCounts,

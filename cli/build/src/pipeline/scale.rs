@@ -5,9 +5,9 @@ use lodpack::{Lattice, write::Quantisation};
 use lodpack_mesh::tolerance::Tolerance;
 use serde::{Deserialize, Serialize};
 
-use super::exact::{floor_log2, power_of_two, power_of_two_near};
 use super::{Effort, LevelChoice, ModelOptions, PipelineError};
 use crate::region::Extent;
+use lodpack_mesh::exact::{floor_log2, power_of_two, power_of_two_near};
 
 /// `auto` in mean edge lengths. At this largest error, scans have an RMS error of about 0.05 mean edge lengths.
 const AUTO_EDGES: f64 = 0.5;

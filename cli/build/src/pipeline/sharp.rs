@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::spread_points::weights_of;
+use crate::reduce::weights_of;
 use lodpack_stage::bake::weight_growth;
 use lodpack_stage::shade::Face;
 

@@ -13,7 +13,7 @@ use lodpack_mesh::NONE;
 use lodpack_mesh::appearance::{
     Appearance, COLOUR, DRAWING, EMISSIVE, METALLIC, MaterialMaps, NORMAL, OCCLUSION, ROUGHNESS, ScalarRange,
 };
-use lodpack_stage::bake::{MAX_EXPONENT, Points, Source, Storage, Stored, area_of_texel};
+use lodpack_stage::bake::{Points, Source, Storage, Stored, area_of_texel};
 use lodpack_stage::shade::Painter;
 
 /// Steps between the least and the largest value of a scalar that is not whole: 12 bits, of which neighbours predict most.
@@ -31,8 +31,6 @@ const SMALL: usize = 1000;
 const SMALL_TEXELS: f64 = 4096.0;
 /// Or they have at most this many times as many along each direction: these take next to no bytes, and what few texels blur is all that there is.
 const SMALL_FINER: f64 = 16.0;
-/// The factor by which texels may be larger than wanted, because their size is a power of the root of two.
-const LARGER: f64 = 1.1;
 
 /// The channels of a file whose input looks like this, and of whose colours nothing is lost if they are exact.
 pub(super) fn channels(appearance: &Appearance, is_exact: bool) -> Vec<ChannelInfo> {
@@ -115,12 +113,6 @@ pub(super) fn storage(appearance: &Appearance, step: u8) -> Storage {
     });
     let of_materials = of_materials.into_iter().filter(|(is_there, _)| *is_there).map(|(_, stored)| stored);
     Storage::new(of_materials.chain(scalars).collect())
-}
-
-/// The largest exponent of texels that are hardly larger than this, in lattice units.
-pub(super) fn exponent_of(size: f64) -> u32 {
-    let of = |exponent: u32| lodpack::write::texel_size(exponent);
-    (1..=MAX_EXPONENT).take_while(|&exponent| of(exponent) <= size * LARGER).last().unwrap_or(0)
 }
 
 /// The triangles around each vertex.

@@ -9,8 +9,7 @@ use glam::DVec3;
 use lodpack::decode::texels::Map;
 
 use super::BakedPatch;
-use super::blocks::Blocks;
-use super::closest::{Below, Finder, OnMap, Places, Weight};
+use super::closest::{OnMap, Weight};
 use super::fill::finished;
 use super::lanes::{LANES, whole};
 use super::raster::Drawn;
@@ -18,6 +17,7 @@ use super::strangers::Strangers;
 use super::surfels::{Run, Surfels};
 use super::values::{Kept, Sums};
 use crate::certify::{AROUND, Hint, Numbers, TOGETHER};
+use crate::nearest::{Below, Blocks, Finder, Places};
 use lodpack_mesh::NONE;
 
 /// Points stand for squares. Those that are larger than this share of a texel are taken for four, so that no texel between them is left out.

@@ -4,9 +4,9 @@
 use glam::DVec3;
 
 use super::BakedPatch;
-use super::closest::doubled_area;
 use super::pieces::{Pieces, direction_of, neighbours};
 use crate::areas::Areas;
+use crate::nearest::doubled_area;
 
 /// The most passes over all triangles.
 const MAX_ROUNDS: usize = 8;

@@ -5,15 +5,12 @@
 //! input's textures are not seen by the result. The texels of coarser patches are means of those of finer ones as they were before they
 //! were quantised ([`Surfels`]): each point of the input is looked at once, and nothing is lost twice.
 
-mod blocks;
 mod borders;
-mod cells;
 mod closest;
 mod coarser;
 mod coded;
 mod fill;
 mod gather;
-mod grouped;
 mod images;
 mod joined;
 mod lanes;
@@ -30,7 +27,6 @@ mod strangers;
 mod strip;
 mod surfels;
 mod values;
-mod watched;
 
 use glam::DVec3;
 use lodpack::{
@@ -40,16 +36,16 @@ use lodpack::{
 };
 
 use crate::areas::Areas;
+pub use crate::nearest::Points;
+use crate::nearest::doubled_area;
 use borders::Borders;
 pub use borders::Located;
-pub use cells::{Sampled, Seen};
-use closest::{Means, doubled_area, show_closest};
+use closest::{Means, show_closest};
 use coarser::gather_surfels;
 use coded::Steps;
 use fill::finished;
 pub use gather::barycentric;
 use gather::gather;
-pub use grouped::Grouped;
 pub use images::Images;
 use lodpack_mesh::NONE;
 pub use long::{growth_over, weight_growth};
@@ -59,11 +55,10 @@ use rim::{Outline, Rim};
 use sharpen::sharpen;
 use shown::{Scratch, Shown, Wanted};
 use sizes::{Sizes, covered_area};
-pub use sizes::{area_of_texel, larger};
+pub use sizes::{area_of_texel, exponent_of, larger};
 pub use surfels::Surfels;
 use values::{Kept, Sums};
 pub use values::{Storage, Stored};
-pub use watched::Watched;
 
 /// The largest exponent of a texel's size.
 pub const MAX_EXPONENT: u32 = 127;
@@ -172,30 +167,6 @@ pub trait Source {
 
     /// Appends the values at points of a triangle: of each point those of all channels. They are means over `footprint` lattice units.
     fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>);
-}
-
-/// Evenly spaced points of a triangle on a line: a row of texels.
-#[derive(Clone, Copy, Debug)]
-pub struct Points {
-    /// The weights of the triangle's corners at the first one.
-    pub first: [f64; 3],
-    /// What is added to the weights from each point to the next.
-    pub growth: [f64; 3],
-    /// How many.
-    pub count: u32,
-}
-
-impl Points {
-    /// A single point.
-    pub fn one(weights: [f64; 3]) -> Self {
-        Self { first: weights, growth: [0.0; 3], count: 1 }
-    }
-
-    /// The weights at each of them.
-    pub fn weights(self) -> impl Iterator<Item = [f32; 3]> {
-        let Self { first, growth, count } = self;
-        (0..count).map(move |k| [0, 1, 2].map(|corner| (first[corner] + f64::from(k) * growth[corner]) as f32))
-    }
 }
 
 /// What a block stores of its images.

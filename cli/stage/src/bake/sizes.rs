@@ -9,6 +9,8 @@ use super::surfels::{Run, SIDE, Surfels};
 use super::{BakedPatch, MAX_EXPONENT, Source};
 use crate::certify::{Hint, TriangleBvh};
 
+/// The factor by which texels may be larger than wanted, because their size is a power of the root of two.
+const LARGER: f64 = 1.1;
 /// The most that texels are larger than others of their map.
 const MOST_LARGER: u8 = 30;
 /// What differs by less from a power of two is one.
@@ -102,6 +104,11 @@ impl Sizes {
 /// What finer texels cover, square lattice units.
 pub(super) fn covered_area<'a>(finer: impl Iterator<Item = &'a Surfels>) -> f64 {
     finer.flat_map(|surfels| &surfels.runs).map(|run| f64::from(run.size) * run.covered()).sum()
+}
+
+/// The largest exponent of texels that are hardly larger than this, in lattice units.
+pub fn exponent_of(size: f64) -> u32 {
+    (1..=MAX_EXPONENT).take_while(|&exponent| texel_size(exponent) <= size * LARGER).last().unwrap_or(0)
 }
 
 /// The area of a texel of 2^(exponent / 2) lattice units.

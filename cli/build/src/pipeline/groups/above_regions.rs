@@ -10,13 +10,13 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::super::Plan;
-use super::super::coarse::CoarseSurface;
 use super::super::product::{DrawnLevel, drawn};
 use super::super::summary::Times;
 use super::super::texels::storage;
 use super::net::Net;
 use super::texels_above::{KnownTop, paint_above};
 use super::{Forest, MOST_BELOW, Node, NodeSurface};
+use crate::reduce::CoarseSurface;
 use lodpack_mesh::NONE;
 use lodpack_runtime::machine::thread_cpu_time;
 use lodpack_stage::arcs::HalfArc;

@@ -7,10 +7,10 @@
 use std::collections::BTreeMap;
 
 use super::super::Scale;
-use super::super::exact::power_of_two;
 use super::net::Net;
 use glam::DVec3;
 use lodpack_mesh::NONE;
+use lodpack_mesh::exact::power_of_two;
 use lodpack_stage::arcs::closest_on_segment;
 
 /// The top of a file has at least this many corners, so that its border is nearer than its level asks for: a few hundred triangles have no use for a rough

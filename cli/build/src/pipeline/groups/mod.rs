@@ -28,8 +28,8 @@ use rayon::prelude::*;
 
 use super::Scale;
 use super::chart_work::{DrawnBlocks, DrawnPatch, Root, raise_coarser, record_loops};
-use super::coarse::{CoarseSurface, error_sum};
 use super::summary::Times;
+use crate::reduce::{CoarseSurface, error_sum};
 use corners::corner_levels;
 use levels::{MadeLevel, Making};
 use lodpack_runtime::machine::thread_cpu_time;

@@ -1,9 +1,9 @@
 //! Small parts inside groups: every part keeps its topology under collapses, so a group of many has too many triangles. First errors
 //! cease to matter, then parts do: of several parts nearby the largest stays, or vertices are clustered, whichever is nearer.
 
-use super::super::manifold::{boundary_loops, manifold};
-use super::super::other_topology::clustered;
 use super::surface::Joined;
+use crate::reduce::clustered;
+use crate::reduce::{boundary_loops, manifold};
 use glam::DVec3;
 use lodpack_mesh::union_find::components;
 use lodpack_mesh::{Mesh, NONE};

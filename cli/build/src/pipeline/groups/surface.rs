@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::super::coarse::{error_sum, filled};
 use super::NodeSurface;
 use super::net::Net;
 use super::outline::{BorderPoint, Borders, Members, Place};
+use crate::reduce::{error_sum, filled};
 use glam::DVec3;
 use lodpack_mesh::union_find::{find, unite};
 use lodpack_mesh::{NONE, ordered, sides};

@@ -5,8 +5,8 @@ use lodpack::decode::texels::Map;
 use lodpack::write::RootRecord;
 
 use super::super::chart_work::DrawnBlocks;
-use super::super::texels::exponent_of;
 use super::Node;
+use lodpack_stage::bake::exponent_of;
 use lodpack_stage::bake::{
     BakedPatch, Baker, Images, Located, MAX_EXPONENT, MAX_TEXELS, Points, Source, Storage, Stored,
 };

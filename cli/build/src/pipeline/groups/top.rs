@@ -4,12 +4,12 @@ use glam::DVec3;
 use lodpack::write::{BlockRecord, OverviewRecord};
 
 use super::super::chart_work::DrawnBlocks;
-use super::super::coarse::CoarseSurface;
-use super::super::exact::power_of_two;
 use super::super::overview::{OVERVIEW_TRIANGLES, coded};
-use super::super::reduce::{Ways, reduce};
 use super::super::scale::{Scale, factor_of};
 use super::parts::closed;
+use crate::reduce::CoarseSurface;
+use crate::reduce::{Ways, reduce};
+use lodpack_mesh::exact::power_of_two;
 use lodpack_stage::simplify::LevelPatch;
 
 /// The lattice step, grown with the tolerance of a level, over the bound of a reduced surface of that level, at most.

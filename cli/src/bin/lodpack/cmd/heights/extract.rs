@@ -10,7 +10,7 @@ use lodpack::Limiter;
 use lodpack::heights::{Heights, HeightsCut, HeightsMesh, HeightsQuery};
 use lodpack_cli::heights::triangulate;
 use lodpack_cli::mesh::shaded::Shading;
-use lodpack_cli::pipeline::Topology;
+use lodpack_cli::reduce::Topology;
 
 /// How many tiles or samples a mesh was made of, and which of both.
 pub type Nodes = (u64, &'static str);

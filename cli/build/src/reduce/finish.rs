@@ -1,15 +1,15 @@
 //! A mesh with a stated number of triangles, made from a finer cut of a file.
 //!
 //! The levels of a file are a factor of four apart, so a cut for a number in between mixes two of them, and its mean error is
-//! nearer to the coarser one's. A finer cut, [reduced](super::reduce) as a whole, has neither levels nor borders in it: its RMS error is
+//! nearer to the coarser one's. A finer cut, [reduced](super::ways) as a whole, has neither levels nor borders in it: its RMS error is
 //! about half of the mixture's. Its certified error is the cut's and that of the reduction together.
 
 use glam::DVec3;
 use lodpack::source::ReadAt;
 use lodpack::{Cut, File, Lattice, Limiter, Query};
 
-use super::coarse::CoarseSurface;
-use super::reduce::{Reduced, Topology, Ways, reductions};
+use super::surface::CoarseSurface;
+use super::ways::{Reduced, Topology, Ways, reductions};
 
 /// A cut has this many times the triangles that are asked for, so that its error hardly counts beside that of the reduction.
 const CUT_PER_TRIANGLE: u64 = 8;

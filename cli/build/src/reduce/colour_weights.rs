@@ -10,15 +10,16 @@ use glam::DVec3;
 use lodpack::Lattice;
 use rayon::prelude::*;
 
-use super::coarse::{CoarseSurface, collapsed_in_areas};
+use super::cells::{Sampled, Seen};
+use super::collapsed::collapsed_in_areas;
 use super::far_weights::raise;
 use super::finish::{Finished, local_surface};
 use super::moved_nearer::{Whole, moved_nearer};
 use super::moved_singly::{moved_again, moved_singly};
-use super::reduce::{ALL_STOPS, Reduced, Topology, areas_of_chart, differing_stops};
+use super::surface::CoarseSurface;
+use super::ways::{ALL_STOPS, Reduced, Topology, areas_of_chart, differing_stops};
 use lodpack_mesh::Mesh;
 use lodpack_stage::areas::{Areas, Jumps};
-use lodpack_stage::bake::{Sampled, Seen};
 use lodpack_stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
 use lodpack_stage::chart::ChartMesh;
 

@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::Points;
-use super::closest::doubled_area;
+/// Distance between the points of the source that are looked at, in texels.
+pub const SPACING: f64 = 0.7;
 
 /// Points that can be divided into blocks whose points lie close together.
-pub(super) trait Blocks {
+pub trait Blocks {
     /// Some of the points.
     type Block;
     /// The corners of a body that holds points.
@@ -25,9 +25,10 @@ pub(super) trait Blocks {
 }
 
 /// Points of a triangle in rows along its longest side.
-pub(super) struct Rows {
+pub struct Rows {
     /// The longest side, then the third corner.
     corners: [DVec3; 3],
+    /// From the longest side on.
     pub rows: Vec<Points>,
     /// The number of the first point of each row, and of all of them.
     starts: Vec<usize>,
@@ -35,8 +36,32 @@ pub(super) struct Rows {
     pub area: f64,
 }
 
+/// Evenly spaced points of a triangle on a line: a row of texels.
+#[derive(Clone, Copy, Debug)]
+pub struct Points {
+    /// The weights of the triangle's corners at the first one.
+    pub first: [f64; 3],
+    /// What is added to the weights from each point to the next.
+    pub growth: [f64; 3],
+    /// How many.
+    pub count: u32,
+}
+
+impl Points {
+    /// A single point.
+    pub fn one(weights: [f64; 3]) -> Self {
+        Self { first: weights, growth: [0.0; 3], count: 1 }
+    }
+
+    /// The weights at each of them.
+    pub fn weights(self) -> impl Iterator<Item = [f32; 3]> {
+        let Self { first, growth, count } = self;
+        (0..count).map(move |k| [0, 1, 2].map(|corner| (first[corner] + f64::from(k) * growth[corner]) as f32))
+    }
+}
+
 /// Points in some rows, at a share of the way along each.
-pub(super) struct Block {
+pub struct Block {
     rows: Range<usize>,
     along: [f64; 2],
 }
@@ -158,6 +183,11 @@ impl Blocks for Rows {
         let middle = left.midpoint(right);
         [[left, middle], [middle, right]].map(|along| Block { rows: first..end, along })
     }
+}
+
+/// Twice the area of a triangle, as a vector along its normal.
+pub fn doubled_area([a, b, c]: [DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a)
 }
 
 #[cfg(test)]

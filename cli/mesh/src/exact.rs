@@ -2,17 +2,17 @@
 //! bytes of a file depend on may call them; `clippy.toml` lists their functions.
 
 /// 2^exponent, exactly, for exponents from -1022 to 1023.
-pub(super) fn power_of_two(exponent: i32) -> f64 {
+pub fn power_of_two(exponent: i32) -> f64 {
     f64::from_bits(((exponent + 1023) as u64) << 52)
 }
 
 /// The largest exponent whose power of two is not above a positive number; -1023 for subnormal numbers, 1024 for infinity.
-pub(super) fn floor_log2(number: f64) -> i32 {
+pub fn floor_log2(number: f64) -> i32 {
     (number.to_bits() >> 52) as i32 - 1023
 }
 
 /// `least` times the power of two that comes nearest to a number in ratio, but `least` itself for smaller numbers.
-pub(super) fn power_of_two_near(number: f64, least: f64) -> f64 {
+pub fn power_of_two_near(number: f64, least: f64) -> f64 {
     let mut power = least;
     while power * std::f64::consts::SQRT_2 < number {
         power *= 2.0;

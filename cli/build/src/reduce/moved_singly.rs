@@ -5,8 +5,10 @@
 
 use glam::DVec3;
 
+use super::cells::Sampled;
+use super::grouped::Grouped;
+use super::watched::Watched;
 use lodpack_mesh::Mesh;
-use lodpack_stage::bake::{Grouped, Sampled, Watched};
 
 /// Steps begin with this share of the shortest edge at a vertex.
 const FIRST_STEP: f64 = 0.5;

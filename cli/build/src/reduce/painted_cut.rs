@@ -11,16 +11,16 @@ use lodpack::write::texel_size;
 use lodpack::{Lattice, Mesh};
 use rayon::prelude::*;
 
+use super::cells::Sampled;
 use super::colour_weights::{Compared, Recollapse, has_very_few};
 use super::cut_areas::areas_of_cut;
 use super::finish::{Finished, finished_ways};
-use super::reduce::Ways;
 use super::shown_colours::sampled;
-use super::texels::exponent_of;
+use super::ways::Ways;
 use lodpack_mesh::NONE;
 use lodpack_stage::areas::{Areas, ColourAreas};
 use lodpack_stage::bake::{
-    BakedPatch, Baker, Images, Located, MAX_TEXELS_OF_CUT, Points, Sampled, Source, Storage, Stored, growth_over,
+    BakedPatch, Baker, Images, Located, MAX_TEXELS_OF_CUT, Points, Source, Storage, Stored, exponent_of, growth_over,
     larger,
 };
 

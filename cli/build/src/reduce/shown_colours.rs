@@ -3,7 +3,7 @@
 use glam::DVec3;
 use lodpack::decode::{ChannelImage, TexturedMesh};
 
-use lodpack_stage::bake::Sampled;
+use super::cells::Sampled;
 
 /// The colour that a triangle shows where its corners have these weights, of 255. None where it has no image.
 pub(super) fn colour_at(cut: &TexturedMesh, channel: usize, triangle: usize, weights: [f64; 3]) -> Option<[f64; 3]> {

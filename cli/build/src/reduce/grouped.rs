@@ -3,11 +3,11 @@
 use glam::{DVec3, Vec3};
 
 use super::cells::Sampled;
-use super::closest::doubled_area;
-use crate::certify::{Numbers, TOGETHER};
+use lodpack_stage::certify::{Numbers, TOGETHER};
+use lodpack_stage::nearest::doubled_area;
 
 /// Points of the surface that lie near one another.
-pub(super) struct Group {
+pub(crate) struct Group {
     pub places: [Numbers; 3],
     pub bounds: Bounds,
     pub colours: [[f32; 3]; TOGETHER],
@@ -19,16 +19,16 @@ pub(super) struct Group {
 
 /// The least and the greatest coordinates.
 #[derive(Clone, Copy)]
-pub(super) struct Bounds([Vec3; 2]);
+pub(crate) struct Bounds([Vec3; 2]);
 
 /// The points of a surface in groups.
 pub struct Grouped<'a> {
-    pub(super) surface: &'a Sampled,
-    pub(super) groups: Vec<Group>,
+    pub(crate) surface: &'a Sampled,
+    pub(crate) groups: Vec<Group>,
     /// The area of the surface.
-    pub(super) area: f64,
+    pub(crate) area: f64,
     /// What places are relative to.
-    pub(super) middle: DVec3,
+    pub(crate) middle: DVec3,
 }
 
 impl Bounds {

@@ -1,6 +1,7 @@
 //! Surfaces of another topology: closed ones [resampled](lodpack_stage::resample), any with [clustered vertices](lodpack_stage::cluster_vertices).
 
-use super::coarse::{collapsed, filled};
+use super::collapsed::collapsed;
+use super::surface::filled;
 use lodpack_mesh::Mesh;
 use lodpack_mesh::union_find::count_components;
 use lodpack_stage::chart::ChartMesh;
@@ -13,7 +14,7 @@ const TRIANGLES_A_PART: usize = 12;
 /// The fewest triangles to which parts are resampled where nothing else is possible.
 const LEAST_A_PART: usize = 4;
 /// A surface that may have fewer than this many times the triangles that its topology needs is also tried with another topology.
-pub(super) const CROWDED: usize = 3;
+pub(crate) const CROWDED: usize = 3;
 /// Lattices that are tried for a new topology, the finest first: cells along the longest side.
 const LATTICES: [usize; 9] = [192, 128, 96, 64, 48, 32, 24, 16, 8];
 /// How many of the lattices on which the surface is simple enough are tried to the end.
@@ -27,7 +28,7 @@ const CLUSTER_STEPS: usize = 12;
 const FINEST_CLUSTERS: f64 = 1e-7;
 
 /// About how many triangles a surface needs for its topology.
-pub(super) fn needed(chart: &ChartMesh) -> usize {
+pub(crate) fn needed(chart: &ChartMesh) -> usize {
     let used = chart.positions.len() as i64;
     let half_edges = 3 * chart.triangles.len() as i64;
     let border: i64 = chart.loops.iter().map(|l| l.len() as i64).sum();
@@ -39,7 +40,7 @@ pub(super) fn needed(chart: &ChartMesh) -> usize {
 }
 
 /// The surface with all of its holes filled.
-pub(super) fn capped(chart: &ChartMesh) -> Mesh {
+pub(crate) fn capped(chart: &ChartMesh) -> Mesh {
     let mut triangles = chart.triangles.clone();
     for border in &chart.loops {
         let vertices: Vec<u32> = border.iter().map(|b| b.vertex).collect();
@@ -49,7 +50,7 @@ pub(super) fn capped(chart: &ChartMesh) -> Mesh {
 }
 
 /// The solid on the finest lattices on which it is simple enough, simplified.
-pub(super) fn resampled(whole: &Mesh, triangles: usize) -> Vec<Mesh> {
+pub(crate) fn resampled(whole: &Mesh, triangles: usize) -> Vec<Mesh> {
     let most = (RESAMPLED_PER_TRIANGLE * triangles).max(MIN_RESAMPLED);
     let (mut simple, mut crowded) = (vec![], vec![]);
     for &cells in &LATTICES {
@@ -78,7 +79,7 @@ pub(super) fn resampled(whole: &Mesh, triangles: usize) -> Vec<Mesh> {
 
 /// Vertices clustered on the smallest cells that leave few enough triangles, as far as halving finds them. `mended` makes of the clusters
 /// what is needed, perhaps with more triangles.
-pub(super) fn clustered(whole: &Mesh, triangles: usize, mended: impl Fn(Mesh) -> Option<Mesh>) -> Option<Mesh> {
+pub(crate) fn clustered(whole: &Mesh, triangles: usize, mended: impl Fn(Mesh) -> Option<Mesh>) -> Option<Mesh> {
     let [low, high] = whole.bounds();
     let longest = (high - low).max_element();
     // Halving the ratio of the two: geometrically, since sizes range over many orders of magnitude.

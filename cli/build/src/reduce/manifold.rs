@@ -1,7 +1,7 @@
 //! Makes a coarse surface a manifold with simple boundaries, so that it can be simplified.
 
-use super::exact::power_of_two;
 use glam::DVec3;
+use lodpack_mesh::exact::power_of_two;
 use lodpack_mesh::{Mesh, NONE, next_half_edge};
 use lodpack_stage::chart::BorderVertex;
 use lodpack_stage::repair::{pair_edges, sew};
@@ -10,7 +10,7 @@ use std::collections::HashMap;
 /// The same surface as a manifold. Roots of few triangles may meet along one edge more than once, where only the ends are left of the
 /// arcs between them, or lie back to back. All but one of such edges and triangles get a vertex in between, and sheets that meet in a
 /// vertex get one each. None if that would open the surface.
-pub(super) fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
+pub(crate) fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
     let directed = sorted_edges(&triangles);
     if directed.windows(2).all(|pair| pair[0] != pair[1]) {
         return Some((positions, triangles));
@@ -70,7 +70,7 @@ fn sorted_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
 }
 
 /// The open edges: each directed edge as often as more triangles run along it than against it.
-pub(super) fn open_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+pub(crate) fn open_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     let edges = sorted_edges(triangles);
     let count = |edge: [u32; 2]| edges.partition_point(|&e| e <= edge) - edges.partition_point(|&e| e < edge);
     let distinct = edges.chunk_by(|a, b| a == b).map(|same| (same[0], same.len()));
@@ -78,7 +78,7 @@ pub(super) fn open_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
 }
 
 /// The boundary loops of a mesh, as borders that the simplifier keeps entirely. None if loops touch.
-pub(super) fn boundary_loops(triangles: &[[u32; 3]], vertex_count: usize) -> Option<Vec<Vec<BorderVertex>>> {
+pub(crate) fn boundary_loops(triangles: &[[u32; 3]], vertex_count: usize) -> Option<Vec<Vec<BorderVertex>>> {
     let mut next = vec![NONE; vertex_count];
     for [a, b] in open_edges(triangles) {
         if std::mem::replace(&mut next[a as usize], b) != NONE {

@@ -14,12 +14,13 @@ use std::iter;
 use glam::DVec3;
 use serde::Serialize;
 
-use super::coarse::{CoarseSurface, STOPS, collapsed_in_areas};
+use super::collapsed::{STOPS, collapsed_in_areas};
 use super::far_weights::FarWeights;
 use super::manifold::open_edges;
 use super::moved_nearer::{Whole, moved_nearer, take_back};
 use super::other_topology::{CROWDED, capped, clustered, needed, resampled};
 use super::spread_points::for_each_point;
+use super::surface::CoarseSurface;
 use lodpack_mesh::{Mesh, NONE};
 use lodpack_stage::areas::Areas;
 use lodpack_stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
@@ -29,7 +30,7 @@ use lodpack_stage::chart::ChartMesh;
 const FARTHER: f64 = 1.2;
 /// Ways to collapse edges, as [`SimplifyOptions::stops`](lodpack_stage::simplify::SimplifyOptions): all are tried, since which is nearest differs
 /// from surface to surface.
-pub(super) const ALL_STOPS: [&[f64]; 3] = [&[], &STOPS, &[4.0, 2.0, 1.4]];
+pub(crate) const ALL_STOPS: [&[f64]; 3] = [&[], &STOPS, &[4.0, 2.0, 1.4]];
 /// Input triangles that are collapsed again, in all ways together, with more weight where the surface was farthest off; the same where
 /// there is something of that size already; what measuring a surface costs beside its triangles; and the most rounds of each way.
 const COLLAPSED_AGAIN: usize = 900_000;
@@ -54,7 +55,7 @@ pub enum Topology {
 }
 
 /// A surface with at most `triangles` triangles, after `mended` has made of it what is needed; none if even clustering cannot make one.
-pub(super) fn reduce(
+pub(crate) fn reduce(
     surface: &CoarseSurface,
     ways: Ways<'_>,
     triangles: usize,
@@ -65,7 +66,7 @@ pub(super) fn reduce(
 }
 
 /// What a surface has become.
-pub(super) struct Reduced {
+pub(crate) struct Reduced {
     pub surface: CoarseSurface,
     pub topology: Topology,
     /// The area of each triangle; empty if that is not known.
@@ -74,7 +75,7 @@ pub(super) struct Reduced {
 
 /// The ways in which a surface is reduced.
 #[derive(Clone, Copy)]
-pub(super) enum Ways<'a> {
+pub(crate) enum Ways<'a> {
     /// All that bring it near, also again with more weight where it is farthest off.
     Nearest,
     /// Edge collapse in one way alone, and again only as often as it takes next to no time: for a surface that has something as small already.
@@ -84,7 +85,7 @@ pub(super) enum Ways<'a> {
 }
 
 /// As [`reduce`], made in several ways, the one that is taken first.
-pub(super) fn reductions(
+pub(crate) fn reductions(
     surface: &CoarseSurface,
     ways: Ways<'_>,
     triangles: usize,
@@ -237,7 +238,7 @@ impl Reducing<'_> {
 }
 
 /// The stops that differ for a surface of some triangles.
-pub(super) fn differing_stops(tried: &[&[f64]], of: usize, triangles: usize) -> Vec<Vec<f64>> {
+pub(crate) fn differing_stops(tried: &[&[f64]], of: usize, triangles: usize) -> Vec<Vec<f64>> {
     let ratio = of as f64 / triangles.max(1) as f64;
     let mut all: Vec<Vec<f64>> = vec![];
     for stops in tried {
@@ -250,7 +251,7 @@ pub(super) fn differing_stops(tried: &[&[f64]], of: usize, triangles: usize) -> 
 }
 
 /// The areas of a chart's triangles, which are those of the surface that it was made from, but for a few that were divided.
-pub(super) fn areas_of_chart(whole: &Mesh, areas: Areas<'_>, chart: &ChartMesh) -> Vec<u32> {
+pub(crate) fn areas_of_chart(whole: &Mesh, areas: Areas<'_>, chart: &ChartMesh) -> Vec<u32> {
     if chart.triangles == whole.triangles {
         return areas.of_triangles.to_vec();
     }

@@ -4,14 +4,13 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::blocks::Rows;
-use super::closest::{Finder, NOWHERE, OPPOSITE, Places, SHARE_OF_OPPOSITE, SPACING, doubled_area};
-use crate::certify::{Closest, Hint, TriangleBvh};
+use lodpack_stage::certify::{Closest, Hint, TriangleBvh};
+use lodpack_stage::nearest::{Finder, NOWHERE, OPPOSITE, Places, Rows, SHARE_OF_OPPOSITE, SPACING, doubled_area};
 
 /// Points are kept as far off if the square of their difference is this many times the mean one.
 const FAR: f64 = 2.0;
 /// The most cells of a patch, unless it has more triangles: they become larger if need be.
-pub(super) const MOST_CELLS: u64 = 1 << 22;
+pub(crate) const MOST_CELLS: u64 = 1 << 22;
 
 /// About this many points of a patch tell how far it is from the surface.
 const OWN_POINTS: f64 = 16384.0;
@@ -173,12 +172,12 @@ impl Sampled {
     }
 
     /// The size of a cell.
-    pub(super) fn size(&self) -> f64 {
+    pub(crate) fn size(&self) -> f64 {
         self.size
     }
 
     /// The triangles that have colours, their points and the colours of these.
-    pub(super) fn of_triangles(&self) -> impl Iterator<Item = ([DVec3; 3], &Rows, &[[f32; 3]])> {
+    pub(crate) fn of_triangles(&self) -> impl Iterator<Item = ([DVec3; 3], &Rows, &[[f32; 3]])> {
         let all = self.triangles.iter().zip(&self.rows).zip(&self.first);
         all.map(|((&corners, rows), &first)| (corners, rows, &self.colours[first..first + rows.count()]))
     }
@@ -194,7 +193,7 @@ impl Sampled {
     }
 
     /// Squares of the distances of a triangle's points from the surface, by area, and its area.
-    pub(super) fn squares_of(&self, corners: [DVec3; 3], spacing: f64) -> [f64; 2] {
+    pub(crate) fn squares_of(&self, corners: [DVec3; 3], spacing: f64) -> [f64; 2] {
         let (rows, mut hint) = (Rows::new(corners, spacing), Hint::default());
         let square = |(_, point)| {
             let Closest { distance, .. } = self.bvh.closest(point, &mut hint);
