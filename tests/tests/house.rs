@@ -77,6 +77,20 @@ fn an_arrow_in_code_counts_and_one_in_a_test_or_a_comment_does_not() {
 }
 
 #[test]
+fn files_of_a_room_that_lead_back_to_one_another_are_named() {
+    let house = house();
+    let args = ["--root", house.path().to_str().expect("a readable path")];
+    append(&house.path().join("cli/build/src/reduce/spread_points.rs"), "\nuse super::ways::Topology;\n");
+    let (content, said) = script("rooms.py", &args);
+    assert!(!content && said.contains("cli/build/src/reduce: ") && said.contains("spread_points ways"), "{said}");
+    // What the first page of the room shows leads to no file.
+    let house = self::house();
+    append(&house.path().join("cli/build/src/reduce/spread_points.rs"), "\nuse super::Topology;\n");
+    let (content, said) = script("rooms.py", &["--root", house.path().to_str().expect("a readable path")]);
+    assert!(content, "{said}");
+}
+
+#[test]
 fn a_picture_that_is_not_of_today_is_refused_and_drawn_anew() {
     let house = house();
     let args = ["--root", house.path().to_str().expect("a readable path")];

@@ -55,9 +55,8 @@ pub use sink::{Imported, Overflow, Room, SpilledMesh};
 pub use sink::{MeshSink, TRIANGLES_NAME, VALUE_NAMES, VERTICES_NAME};
 pub use source::size_of_file;
 use source::{FileBytes, Source};
-pub use text::{TextCounts, TextFile, TextPiece, TextSink, Ways};
-pub use text_files::TextFiles;
-pub use text_files::remove_text_files;
+pub use text::{TextCounts, TextFile, TextSink, Ways};
+pub use text_files::{TextFiles, TextPiece, remove_text_files};
 
 /// Half-edges are numbered with 32 bits, and the largest number means "none".
 const MAX_TRIANGLES: u64 = (u32::MAX as u64 - 1) / 3;

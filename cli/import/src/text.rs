@@ -4,7 +4,6 @@
 //! What is read is what [`super::import_large_meshes`] reads, in the same order. Polygons are kept as they are, since their triangles depend on
 //! positions that other tasks read; how many triangles they have does not.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -17,6 +16,7 @@ use super::ply::PlyLines;
 use super::polygon::{THIN, distinct_corners};
 use super::ranged::{Places, files_of};
 use super::source::{FileBytes, Source};
+use super::text_files::{TextPiece, file_names};
 use super::{Format, detect_format, obj};
 use lodpack_mesh::appearance::Channels;
 use lodpack_mesh::{Mesh, NONE};
@@ -188,28 +188,6 @@ fn as_usize(bytes: &Range<u64>) -> Range<usize> {
     at(bytes.start)..at(bytes.end)
 }
 
-/// What a task has read of a file.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct TextPiece {
-    /// The number of the file.
-    pub file: u32,
-    /// Vertices.
-    pub vertices: u64,
-    /// Triangles in the order of the file, and behind them those of polygons that precede a vertex of theirs.
-    pub triangles: [u64; 2],
-    /// Their extent.
-    pub bounds: [DVec3; 2],
-    /// What was skipped, and how often.
-    pub skipped: BTreeMap<String, u64>,
-    /// What there is beside the surface.
-    pub left_out: BTreeSet<String>,
-}
-
-/// The names of the files of a task: positions, triangles, and the corners of polygons.
-pub(super) fn file_names(task: u32) -> [String; 3] {
-    ["vertices", "triangles", "polygons"].map(|what| format!("text-{task}.{what}"))
-}
-
 /// Takes what a task reads of texts.
 pub struct TextSink {
     vertices: RecordWriter<DVec3>,
@@ -349,12 +327,5 @@ impl TextSink {
         if !self.piece.left_out.contains(what) {
             self.piece.left_out.insert(what.into());
         }
-    }
-}
-
-impl TextPiece {
-    fn of(file: u32) -> Self {
-        let (skipped, left_out) = Default::default();
-        Self { file, vertices: 0, triangles: [0; 2], bounds: Mesh::default().bounds(), skipped, left_out }
     }
 }

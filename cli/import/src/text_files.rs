@@ -1,14 +1,45 @@
 //! What tasks have read of texts, as vertices and triangles that can be looked up.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use super::polygon::Triangulator;
-use super::text::{TextPiece, file_names};
-use lodpack_mesh::NONE;
+use lodpack_mesh::{Mesh, NONE};
 use lodpack_runtime::storage::{DAMAGED, Lookup, Record, RecordReader, Windows, WorkDirectory, WorkError};
+
+/// What a task has read of a file.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct TextPiece {
+    /// The number of the file.
+    pub file: u32,
+    /// Vertices.
+    pub vertices: u64,
+    /// Triangles in the order of the file, and behind them those of polygons that precede a vertex of theirs.
+    pub triangles: [u64; 2],
+    /// Their extent.
+    pub bounds: [DVec3; 2],
+    /// What was skipped, and how often.
+    pub skipped: BTreeMap<String, u64>,
+    /// What there is beside the surface.
+    pub left_out: BTreeSet<String>,
+}
+
+impl TextPiece {
+    /// Nothing of a file yet.
+    pub(super) fn of(file: u32) -> Self {
+        let (skipped, left_out) = Default::default();
+        Self { file, vertices: 0, triangles: [0; 2], bounds: Mesh::default().bounds(), skipped, left_out }
+    }
+}
+
+/// The names of the files of a task: positions, triangles, and the corners of polygons.
+pub(super) fn file_names(task: u32) -> [String; 3] {
+    ["vertices", "triangles", "polygons"].map(|what| format!("text-{task}.{what}"))
+}
 
 /// What the tasks of a job have read of its texts.
 #[derive(Clone, Copy, Debug)]

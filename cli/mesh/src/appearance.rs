@@ -5,8 +5,8 @@
 use lodpack::decode::{self, Drawing};
 use serde::{Deserialize, Serialize};
 
-use super::attributes::AttributeLayout;
 use super::images::ImageSource;
+use super::layout::AttributeLayout;
 use super::srgb::{LINEAR_OF_BYTE, share_byte, srgb_byte};
 
 /// The name of the colour channel.

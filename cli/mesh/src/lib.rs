@@ -10,6 +10,7 @@ pub mod glb;
 pub mod glb_nodes;
 pub mod images;
 pub mod layers;
+mod layout;
 pub mod material;
 pub mod pages;
 pub mod shaded;

@@ -167,3 +167,9 @@ impl Texel {
         }
     }
 }
+
+/// The value of a scalar or label.
+pub(super) fn number(looks: &Looks, which: usize) -> impl Fn(&Face, [f32; 3], f32) -> f32 + Sync {
+    let is_label = looks.appearance.scalars.get(which).is_some_and(|range| range.is_label());
+    move |face, weights, _| if is_label { face.label(which, weights) } else { face.scalar(which, weights) }
+}

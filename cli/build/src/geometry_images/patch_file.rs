@@ -8,11 +8,10 @@ use glam::DVec2;
 use lodpack::decode::texels::Image;
 
 use super::AtlasError;
-use super::looks::{ImageChannel, Texel};
+use super::looks::{ImageChannel, Texel, number};
 use super::patch::{Between, SampledPatch};
 use super::patch_image::PatchImage;
 use super::product::{AtlasPatch, Looks};
-use super::write::number;
 use lodpack_mesh::encoded::png;
 use lodpack_stage::shade::{Face, Shader};
 

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::files::MIP_NAME;
 use super::image::GeometryImage;
-use super::looks::{ImageChannel, Texel};
+use super::looks::{ImageChannel, Texel, number};
 use super::manifest::{ImageEdge, Manifest, Neighbour, Neighbours, Patch, Root};
 use super::numbers::write_numbers;
 use super::paint::{Borders, Painting};
@@ -227,12 +227,6 @@ impl<'a> Carried<'a> {
 fn add(names: &mut Vec<Vec<String>>, corner: usize, name: String) {
     names.resize(names.len().max(corner + 1), vec![]);
     names[corner].push(name);
-}
-
-/// The value of a scalar or label.
-pub(super) fn number(looks: &Looks, which: usize) -> impl Fn(&Face, [f32; 3], f32) -> f32 + Sync {
-    let is_label = looks.appearance.scalars.get(which).is_some_and(|range| range.is_label());
-    move |face, weights, _| if is_label { face.label(which, weights) } else { face.scalar(which, weights) }
 }
 
 /// The images of positions of a chart's quads.

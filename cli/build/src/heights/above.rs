@@ -9,11 +9,11 @@ use serde::{Deserialize, Serialize};
 use rayon::prelude::*;
 
 use super::HeightsError;
-use super::coding::{Spill, symbols_of};
 use super::facets::Judge;
 use super::mask::{Drawn as DrawnCells, Mask};
 use super::samples::Samples;
-use super::tile::{Drawn, Off, SeenFacets, Setting, Tile, distance_of_quarters};
+use super::spill::Spill;
+use super::tile::{Drawn, Off, SeenFacets, Setting, Tile, distance_of_quarters, symbols_of};
 use super::unit::{Below, Parent, Unit, finish_tile};
 
 /// What has been seen of tiles: of each resolution.

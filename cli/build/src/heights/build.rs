@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use super::above::{Above, Seen};
 use super::basis::Basis;
-use super::coding::Spill;
 use super::facets::Judge;
 use super::samples::Samples;
+use super::spill::Spill;
 use super::tile::Setting;
 use super::unit::{Below, Finished, Unit};
 use super::{HeightsError, HeightsSummary};

@@ -4,7 +4,7 @@
 use lodpack::ReadAt;
 use lodpack::heights::{Base, Heights};
 
-use super::geotiff::RasterWindow;
+use super::window::RasterWindow;
 use lodpack_import::raster::geokeys::{
     ANGULAR_UNITS, ELLIPSOID, GEO_DOUBLES, GEO_TEXTS, GEODETIC_CITATION, GEODETIC_CRS, GEODETIC_DATUM,
     INVERSE_FLATTENING, LINEAR_UNIT_SIZE, LINEAR_UNITS, MODEL_TYPE, PROJECTED_CITATION, PROJECTED_CRS, RASTER_TYPE,

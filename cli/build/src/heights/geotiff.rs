@@ -10,6 +10,7 @@ use tiff::tags::{CompressionMethod, PhotometricInterpretation, Tag};
 
 use super::georeference::Georeference;
 use super::tile::touches;
+use super::window::RasterWindow;
 use lodpack_import::raster::geokeys::GDAL_METADATA;
 use lodpack_runtime::progress::Progress;
 
@@ -17,21 +18,6 @@ use lodpack_runtime::progress::Progress;
 const STRIP_ROWS: u32 = 64;
 /// TIFF counts bytes with 32 bits; beyond this many, BigTIFF does with 64.
 const PLAIN_BYTES: u64 = 3_900_000_000;
-
-/// A window of samples at equal distances.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RasterWindow {
-    /// Depth of the tiles that have its samples.
-    depth: u32,
-    /// Lines of the grid from a sample to the next.
-    pub stride: u64,
-    /// The first column and the first row, counted in strides.
-    pub(super) first: [u64; 2],
-    /// Columns and rows.
-    pub size: [u64; 2],
-    /// A bound of the distance between the surface of these samples and what the heights were made from, in units of space.
-    pub error: f64,
-}
 
 /// The window of the samples that a box touches, as few of them as the tolerance allows.
 ///

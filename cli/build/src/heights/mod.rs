@@ -19,10 +19,12 @@ mod geotiff;
 mod mask;
 mod needs;
 mod samples;
+mod spill;
 mod squares;
 mod tile;
 mod tin;
 mod unit;
+mod window;
 
 use std::fs::File;
 use std::io::Write;
@@ -35,13 +37,14 @@ pub use above::Seen;
 pub use basis::Basis;
 pub use build::{Builder, BuiltUnit, Joint};
 pub use georeference::Georeference;
-pub use geotiff::{RasterWindow, range_of, raster_window_of, rounding_of, window_of, write_geotiff};
+pub use geotiff::{range_of, raster_window_of, rounding_of, window_of, write_geotiff};
 use lodpack_import::ImportError;
 use lodpack_import::raster::HeightSource;
 use lodpack_mesh::tolerance::Tolerance;
 use lodpack_runtime::progress::Progress;
 pub use samples::{About, Keep, Samples};
 pub use tin::{Patch, Tin, Uneven, triangulate, triangulate_patch, triangulate_uneven};
+pub use window::RasterWindow;
 
 /// Why a file of heights cannot be built.
 #[derive(Debug, thiserror::Error)]

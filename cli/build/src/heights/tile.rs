@@ -2,8 +2,9 @@
 
 use lodpack::heights::{
     Base, CELLS, DrawnTile, Grid, LevelErrors, Line, Lines, MAX_RESOLUTIONS, Resolution, SIDE, Surface, TileId,
-    TileTriangle, TileValues, storable_tolerance,
+    TileTriangle, TileValues, storable_tolerance, tile_symbols,
 };
+use lodpack::write::SymbolBuffer;
 
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +14,6 @@ use super::facets::{Facet, Judge};
 use super::needs::{Needs, Place};
 use super::samples::{Scale, Window};
 use super::squares::{Ground, Squares};
-use super::unit::range_of;
 
 /// Tolerances of tiles whose quarters say more, as shares of how far the quarters' samples are off.
 const COARSE: [f64; 3] = [1.0, 1.8, 3.0];
@@ -548,4 +548,27 @@ pub fn values_of(window: &Window, lines: &Lines, cells: Option<Box<[u64; CELLS]>
         }
     }
     TileValues { steps, cells }
+}
+
+/// The symbols of a tile.
+pub fn symbols_of(
+    grid: &Grid,
+    id: TileId,
+    above: Option<&TileValues>,
+    values: &TileValues,
+) -> Result<SymbolBuffer, HeightsError> {
+    let mut symbols = SymbolBuffer::default();
+    tile_symbols(grid, id, above, values, &mut symbols)?;
+    Ok(symbols)
+}
+
+/// The lowest and the highest step of those of a tile's own samples that are drawn.
+pub fn range_of(values: &TileValues) -> [i32; 2] {
+    if values.cells.is_none() {
+        // Two passes are faster than one, since each of them is done in lanes.
+        let steps = || values.steps.iter().copied();
+        return [steps().fold(i32::MAX, i32::min), steps().fold(i32::MIN, i32::max)];
+    }
+    let drawn = values.steps.iter().enumerate().filter(|(at, _)| touches(values, at % SIDE, at / SIDE));
+    drawn.fold([i32::MAX, i32::MIN], |[low, high], (_, step)| [low.min(*step), high.max(*step)])
 }

@@ -5,11 +5,10 @@ use lodpack::write::SymbolBuffer;
 use serde::{Deserialize, Serialize};
 
 use super::HeightsError;
-use super::coding::symbols_of;
 use super::facets::Judge;
 use super::mask::{Drawn as DrawnCells, Mask};
 use super::samples::{Samples, Window};
-use super::tile::{Setting, Tile, distance_of_quarters, touches, values_of};
+use super::tile::{Setting, Tile, distance_of_quarters, range_of, symbols_of, values_of};
 
 /// The error of a level tile may grow by this factor so that its quarters follow from it.
 const GROWN: f64 = 1.1;
@@ -64,17 +63,6 @@ impl Below {
         let ranges = quarters.iter().map(|quarter| quarter.range);
         (is_settled, are_silent, least, ranges.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]))
     }
-}
-
-/// The lowest and the highest step of those of a tile's own samples that are drawn.
-pub fn range_of(values: &TileValues) -> [i32; 2] {
-    if values.cells.is_none() {
-        // Two passes are faster than one, since each of them is done in lanes.
-        let steps = || values.steps.iter().copied();
-        return [steps().fold(i32::MAX, i32::min), steps().fold(i32::MIN, i32::max)];
-    }
-    let drawn = values.steps.iter().enumerate().filter(|(at, _)| touches(values, at % SIDE, at / SIDE));
-    drawn.fold([i32::MAX, i32::MIN], |[low, high], (_, step)| [low.min(*step), high.max(*step)])
 }
 
 /// A tile with its samples, and those of everything below it.

@@ -1,5 +1,6 @@
 //! One chart on its way to a root: what all fillings share.
 
+use super::drawn::{DrawnBlocks, DrawnPatch};
 use super::groups::top::{Few, reduce_top};
 use super::overview::OVERVIEW_TRIANGLES;
 use super::shared_arcs::{CutChart, SampleWish, SharedArcs};
@@ -43,18 +44,6 @@ pub(super) struct Root {
     /// Root mean square distance of some hundreds of input vertices from the finest level, in input units.
     pub rms: f64,
 }
-
-/// A patch as it decodes: its border, then its inside.
-#[derive(Clone, Debug, Default)]
-pub(super) struct DrawnPatch {
-    pub positions: Vec<LatticePoint>,
-    pub triangles: Vec<[u32; 3]>,
-    /// The area of each triangle; empty if nothing is known of them.
-    pub areas: Vec<u32>,
-}
-
-/// The patches of a root by level; empty where they are not wanted.
-pub(super) type DrawnBlocks = Vec<Option<DrawnPatch>>;
 
 /// The outcome of one attempt to fill a chart.
 pub(super) enum Outcome {

@@ -7,8 +7,9 @@
 
 use super::Fillings;
 use super::chart_work::Root;
-use super::fill::{BoxedFilling, Challenge, FILLINGS};
-use super::roots::{ChartState, RootBuilder, Unfit};
+use super::fill::{BoxedFilling, Challenge};
+use super::fillings::FILLINGS;
+use super::root_builder::{ChartState, RootBuilder, Unfit};
 use super::shared_arcs::SharedArcs;
 use super::summary::Fallbacks;
 use lodpack::write::SymbolStatistics;

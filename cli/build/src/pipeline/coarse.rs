@@ -1,8 +1,8 @@
 //! The coarsest levels of a region as one surface, and those of all regions joined: the overview is made from them.
 
 use super::Plan;
+use super::drawn::drawn_at;
 use super::overview::OVERVIEW_TRIANGLES;
-use super::product::drawn_at;
 use crate::reduce::{CoarseSurface, collapsed};
 use lodpack::{
     File, Limits,

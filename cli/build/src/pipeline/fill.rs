@@ -1,18 +1,13 @@
-//! The fillings that a chart can get, in one table.
-//!
-//! Every chart is filled irregularly first, which always succeeds. The other fillings of the table then challenge what a chart has, one
-//! after the other ([`super::choose`]). A further filling needs a file with a row and a [`ChartFilling`], and a place in the table.
+//! What a filling of a chart is, and what the table of fillings says of each ([`super::fillings`]).
 
 use std::fmt::Debug;
 
 use super::chart_work::{ChartWork, Outcome};
 use super::scale::LevelPlan;
 use super::shared_arcs::{CutChart, SampleWish};
-use super::{Fillings, Scale, grid, irregular};
-use lodpack::{
-    index::Filling,
-    write::{LevelSteps, Quantisation},
-};
+use super::{Fillings, Scale};
+use lodpack::index::Filling;
+use lodpack::write::Quantisation;
 use lodpack_stage::certify::Surface;
 
 /// A filling on its way into a chart: what is planned, and what earlier attempts have taught.
@@ -57,15 +52,4 @@ pub(super) struct Challenge {
     pub plan: fn(&mut ChartWork, &CutChart, Vec<f64>) -> Option<BoxedFilling>,
     /// Bits of the tables that a file needs for it.
     pub table_bits: f64,
-}
-
-/// All fillings of the format.
-pub(super) static FILLINGS: [FillingRow; 2] = [irregular::ROW, grid::ROW];
-
-/// The steps of each filling at a level.
-pub(super) fn level_steps(scale: &Scale, level: &LevelPlan) -> LevelSteps {
-    LevelSteps::new(|filling| {
-        let row = FILLINGS.iter().find(|row| row.filling == filling);
-        row.map_or_else(Quantisation::default, |row| (row.steps)(scale, level))
-    })
 }

@@ -3,7 +3,6 @@
 use super::Scale;
 use super::chart_work::{ALMOST, ChartWork, CodedLevel, Outcome, border_loops};
 use super::fill::{ChartFilling, FillingRow};
-use super::roots::MAX_FAILURES;
 use super::shared_arcs::{CutChart, SampleWish};
 use glam::DVec3;
 use lodpack::{
@@ -21,6 +20,8 @@ use lodpack_stage::chart::NEVER;
 use lodpack_stage::simplify::{Early, LevelPatch, SimplifiedChart, SimplifyOptions, simplify_again};
 use std::collections::HashMap;
 
+/// How often a chart is simplified again before its finest level is the input itself.
+pub(super) const MAX_FAILURES: u32 = 8;
 /// Factor on a vertex's quadric where the bound was above the tolerance: five times as near there. After two failures hardly anything is
 /// collapsed there any more.
 const IMPORTANCE_STEP: f32 = 32.0;

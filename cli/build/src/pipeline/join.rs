@@ -1,8 +1,9 @@
 //! From the products of regions to one file.
 
+use super::drawn::DrawnLevel;
 use super::groups::above_regions::{AboveRegions, Top, count_above};
 use super::overview::{OVERVIEW_FROM_BYTES, overview};
-use super::product::{DrawnLevel, ProductStats, RegionProduct, head};
+use super::product::{ProductStats, RegionProduct, head};
 use super::summary::{BuildSummary, Fallbacks, LevelSummary, Stopwatch, Times};
 use super::{PipelineError, Plan};
 use crate::reduce::CoarseSurface;

@@ -8,12 +8,13 @@
 //! | `scale` | from the extent of the input and the tolerance to all lengths: levels, lattice, size of charts |
 //! | `plan` | regions are cut into charts, and seams between regions get their corners |
 //! | `shared_arcs` | arcs are sampled and quantised, once for both sides |
-//! | `roots`, `chart_work` | charts become roots, again and again until their borders are settled |
-//! | `fill` | the table of fillings, by which all other steps know them |
+//! | `roots`, `root_builder`, `chart_work` | charts become roots, again and again until their borders are settled |
+//! | `fill`, `fillings` | what a filling is, and the table by which all other steps know them |
 //! | `irregular`, `grid`, `choose` | the fillings of a chart, and which one it gets |
 //! | `groups` | groups of charts above them, up to one for the region |
 //! | `paint`, `texels` | blocks get images of what the input shows |
 //! | `redundant_levels` | levels that add nothing are removed |
+//! | `drawn` | what is drawn of a root, and where all that is drawn is of one level |
 //! | `product` | what a region contributes to the file |
 //! | `coarse`, `overview` | the coarsest levels as one surface, which becomes the overview |
 //! | `join` | the products of all regions become one file |
@@ -22,7 +23,9 @@ mod chart_work;
 mod choose;
 mod coarse;
 mod density;
+mod drawn;
 mod fill;
+mod fillings;
 mod grid;
 mod groups;
 mod irregular;
@@ -33,6 +36,7 @@ mod paint;
 mod plan;
 mod product;
 mod redundant_levels;
+mod root_builder;
 mod roots;
 mod scale;
 mod shared_arcs;

@@ -1,6 +1,6 @@
 //! The overview: one small mesh of the whole model, for files whose coarsest cut does not fit in the first request.
 
-use super::chart_work::DrawnPatch;
+use super::drawn::DrawnPatch;
 use super::scale::Scale;
 use crate::reduce::CoarseSurface;
 use crate::reduce::boundary_loops;

@@ -9,7 +9,7 @@ use lodpack::write::{BlockRecord, RootRecord, texel_size};
 use rayon::prelude::*;
 
 use super::ChartedMesh;
-use super::chart_work::{DrawnBlocks, DrawnPatch};
+use super::drawn::{DrawnBlocks, DrawnPatch};
 use super::shared_arcs::SharedArcs;
 use super::texels::{DENSITY, InputSource, TrianglesAround, storage};
 use lodpack_mesh::NONE;

@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::coarse::coarse_surfaces;
-use super::fill::level_steps;
+use super::drawn::{DrawnLevel, drawn};
+use super::fillings::level_steps;
 use super::groups::above_regions::Top;
 use super::shared_arcs::{ARC_TANGENT_SHIFT, SharedArcs};
 use super::summary::{Fallbacks, Times};
@@ -99,13 +100,6 @@ pub(crate) struct ProductStats {
     pub times: Times,
 }
 
-/// A region with all roots drawn at one level: its triangles, and the largest error that the file stores.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct DrawnLevel {
-    pub triangles: u64,
-    pub error: f64,
-}
-
 /// The region as a model of its own.
 pub(super) fn model(plan: &Plan, atlas: &Atlas, arcs: SharedArcs, roots: Vec<RootRecord>) -> Model {
     let SharedArcs { corners, samples, .. } = arcs;
@@ -159,34 +153,6 @@ fn stats(model: &Model, shares: &Shares, interior_vertices: u64) -> lodpack::Res
         roots: model.roots.iter().map(|root| root.filling).collect(),
         ..ProductStats::default()
     })
-}
-
-/// Which roots are drawn where all that is drawn is of one level, and at which level.
-pub(super) fn drawn_at(model: &Model, level: usize) -> Vec<(u32, usize)> {
-    let mut is_group = vec![false; model.roots.len()];
-    model.roots.iter().filter_map(|root| root.parent).for_each(|parent| is_group[parent as usize] = true);
-    let drawn = |(number, root): (u32, &RootRecord)| {
-        let coarser = root.blocks[..=level].iter().rposition(Option::is_some);
-        let at = match root.parent {
-            None => coarser.or_else(|| root.blocks.iter().position(Option::is_some)),
-            Some(_) => coarser,
-        }?;
-        let is_finest = root.blocks.iter().rposition(Option::is_some).is_some_and(|finest| finest < level);
-        (!is_group[number as usize] || !is_finest).then_some((number, at))
-    };
-    (0..).zip(&model.roots).filter_map(drawn).collect()
-}
-
-/// Adds up a level as a file does (SPEC.md, "Levels"). A root that lacks the level is drawn coarser, perhaps beside a finer neighbour.
-pub(super) fn drawn(model: &Model, level: usize) -> lodpack::Result<DrawnLevel> {
-    let mut sum = DrawnLevel::default();
-    for (root, at) in drawn_at(model, level) {
-        let Some(block) = &model.roots[root as usize].blocks[at] else { continue };
-        let deviation = if at < level { block.border_deviation } else { 0.0 };
-        sum.triangles += u64::from(block.triangle_count);
-        sum.error = sum.error.max(lodpack::write::stored_error(block.error, deviation, &model.lattice)?);
-    }
-    Ok(sum)
 }
 
 /// A hash of everything that both sides of a seam have to agree on. Levels are counted from the finest one, but for the coarsest, so that it

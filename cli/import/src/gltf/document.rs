@@ -11,10 +11,15 @@ use std::marker::PhantomData;
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Unexpected, Visitor};
 
-use super::materials::{UNREAD_IMAGES, WEBP};
 use crate::error::{Location, Parsed};
 use crate::source::Source;
 use lodpack_mesh::smooth::COMPUTED;
+
+/// The extension of images that are WebP.
+pub(super) const WEBP: &str = "EXT_texture_webp";
+
+/// Extensions that give a texture an image of a format that is not read.
+pub(super) const UNREAD_IMAGES: [&str; 3] = ["KHR_texture_basisu", "MSFT_texture_dds", "EXT_texture_avif"];
 
 /// A document, as far as it is read (glTF 2.0, chapter 5).
 #[derive(Default, Deserialize)]

@@ -4,7 +4,9 @@ use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 
 use super::buffers::{Buffers, decode_data_uri, decode_percent, has_scheme};
-use super::document::{Document, Index, Material as GltfMaterial, Texture, TextureInfo, TextureTransform};
+use super::document::{
+    Document, Index, Material as GltfMaterial, Texture, TextureInfo, TextureTransform, UNREAD_IMAGES, WEBP,
+};
 use crate::attributes::AttributeSink;
 use crate::beside::{Beside, not_beside};
 use crate::error::Parsed;
@@ -105,11 +107,6 @@ fn sets_of(material: &GltfMaterial) -> impl Iterator<Item = u32> {
     ];
     base_texture(material).into_iter().chain(others.into_iter().flatten()).map(TextureInfo::uv_set)
 }
-
-/// The extension of images that are WebP.
-pub(super) const WEBP: &str = "EXT_texture_webp";
-/// Extensions that give a texture an image of a format that is not read.
-pub(super) const UNREAD_IMAGES: [&str; 3] = ["KHR_texture_basisu", "MSFT_texture_dds", "EXT_texture_avif"];
 
 /// What becomes of a material whose texture cannot be used.
 const FACTOR_ALONE: &str = "its material has its factor alone";

@@ -13,6 +13,7 @@ mod draco;
 mod extensions;
 mod materials;
 mod meshopt;
+mod nodes;
 mod primitive;
 mod scene;
 mod skin;

@@ -10,7 +10,7 @@ use super::accessor::{Array, read_vectors};
 use super::arrays::Arrays;
 use super::buffers::Buffers;
 use super::document::{Document, Semantic, Skin};
-use super::scene::worlds_of_nodes;
+use super::nodes::worlds_of_nodes;
 use crate::error::{Location, Parsed};
 use crate::source::Source;
 

@@ -2,7 +2,6 @@
 
 use super::header::{Element, Kind, Scalar};
 use super::skip_property;
-use super::textures::Shown;
 use super::values::Values;
 use crate::attributes::AttributeSink;
 use crate::colour_numbers::{ARE_BYTES, ColourNumbers, ColourRange};
@@ -11,6 +10,17 @@ use crate::source::Source;
 use lodpack_mesh::appearance::{COLOUR, NORMAL};
 use lodpack_mesh::attributes::AttributeLayout;
 use lodpack_mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
+
+/// How many textures of a file can be shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shown {
+    /// None, or there are none.
+    None,
+    /// Some: the rest of the surface shows the colours of its vertices.
+    Some,
+    /// All: they hide the colours of vertices.
+    All,
+}
 
 /// Names of red, green, blue and alpha; alpha may be missing.
 const COLOUR_NAMES: [[&str; 4]; 3] = [

@@ -5,8 +5,8 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::attributes::Columns;
+use super::attributes::Shown;
 use super::header::{Element, Encoding, Header, Kind, parse_header};
-use super::textures::Shown;
 use super::values::{AsciiValues, Values};
 use super::{left_out, skip_property};
 use crate::attributes::AttributeSink;

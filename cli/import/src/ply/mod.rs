@@ -15,12 +15,12 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 
-use self::attributes::{Columns, Target};
+use self::attributes::{Columns, Shown, Target};
 use self::face::FaceCorners;
 use self::header::{Element, Encoding, Header, Kind};
 pub(super) use self::lines::PlyLines;
 pub(super) use self::places::PlyPlaces;
-use self::textures::{Shown, Textures};
+use self::textures::Textures;
 use self::values::{AsciiValues, BinaryValues, Values};
 use super::beside::Beside;
 use super::error::{ImportError, Location, Parsed};

@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use super::attributes::Columns;
+use super::attributes::Shown;
 use super::header::{Element, Encoding, Kind, Scalar, parse_header};
-use super::textures::Shown;
 use super::values::{BinaryValues, Values};
 use crate::attributes::AttributeSink;
 use crate::error::{ImportError, Location, Parsed};

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::attributes::{UV_NAMES, find};
+use super::attributes::{Shown, UV_NAMES, find};
 use super::header::Header;
 use crate::attributes::AttributeSink;
 use crate::beside::Beside;
@@ -10,17 +10,6 @@ use crate::error::Parsed;
 use crate::source::Source;
 use crate::usable_image::NamedImages;
 use lodpack_mesh::appearance::{AlphaMode, COLOUR, Material, TextureUse, Wrap};
-
-/// How many textures of a file can be shown.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Shown {
-    /// None, or there are none.
-    None,
-    /// Some: the rest of the surface shows the colours of its vertices.
-    Some,
-    /// All: they hide the colours of vertices.
-    All,
-}
 
 /// The textures of a file.
 #[derive(Clone, Debug)]

@@ -5,8 +5,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::bil::{FlatRows, Number, header_of};
 use super::crs::{Crs, CrsKind};
+use super::flat::{FlatRows, Number, header_of};
 use super::header::{Georeference, Header, HeightRows};
 use super::{ImportError, Parsed, grid_error};
 use crate::source::size_of_file;

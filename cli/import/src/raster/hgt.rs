@@ -3,8 +3,8 @@
 use std::fs::File;
 use std::path::Path;
 
-use super::bil::{FlatRows, Number};
 use super::crs::Crs;
+use super::flat::{FlatRows, Number};
 use super::header::{Georeference, Header, HeightRows};
 use super::{ImportError, Parsed, grid_error};
 

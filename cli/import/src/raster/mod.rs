@@ -13,6 +13,7 @@ mod crs;
 mod drape;
 mod envi;
 mod exr;
+mod flat;
 mod geoid;
 pub mod geokeys;
 mod gtx;
@@ -114,7 +115,7 @@ pub(super) fn format_of(path: &Path) -> Option<RasterFormat> {
 
 /// The header files and projections that belong to a raster.
 pub(super) fn files_beside(path: &Path, format: RasterFormat) -> Vec<PathBuf> {
-    let header = (format == RasterFormat::Bil).then(|| bil::header_of(path)).flatten();
+    let header = (format == RasterFormat::Bil).then(|| flat::header_of(path)).flatten();
     header.into_iter().chain(sidecars(path)).collect()
 }
 

@@ -166,6 +166,13 @@ pub(crate) fn check_default(builds: &[BuildRow]) -> Option<DefaultCheck> {
     Some(DefaultCheck { on_front: rms && max && certified, rms, max, certified, beaten_by, time_spread })
 }
 
+/// The middle value; for an even number of values, the upper middle one.
+pub(crate) fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,8 +6,8 @@
 //! nodes allows. What finer neighbours add along borders is left out of all.
 
 use super::ReportError;
+use super::analysis::median;
 use super::cuts::Open;
-use super::sweep::median;
 use crate::machine::thread_cpu_time;
 use lodpack::select::{Hierarchy, HierarchyNode, Resolution, View, select_in};
 use lodpack::{Cut, Error, Query};

@@ -1,7 +1,7 @@
 //! The cost and the result of queries at run time.
 
+use super::analysis::median;
 use super::measure::{Distances, Reference};
-use super::sweep::median;
 use super::{Report, ReportError};
 use crate::machine::thread_cpu_time;
 use crate::progress::Progress;

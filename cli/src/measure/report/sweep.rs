@@ -1,5 +1,6 @@
 //! Runs builds, each in a process of its own.
 
+use super::analysis::median;
 use super::measure::{Distances, Reference};
 use super::{Reader, ReportError, Setting, Varied};
 use crate::progress::Progress;
@@ -241,11 +242,4 @@ impl Built {
             stages: middle.stages.iter().map(|s| (s.stage.clone(), s.cpu_seconds)).collect(),
         }
     }
-}
-
-/// The middle value; for an even number of values, the upper middle one.
-pub(crate) fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

@@ -2,18 +2,16 @@
 //!
 //! A patch with a finer neighbour is drawn up to that neighbour's border, which runs a little beside its own: so it is seen there, too.
 
-use std::cell::OnceCell;
-
 use glam::DVec3;
 use lodpack::LatticePoint;
 use lodpack::decode::texels::Map;
 use lodpack::write::{Seen, SeenPoint};
 
-use super::pieces::neighbours;
+use super::BakedPatch;
 use super::projection::{Projection, projections};
 use super::rim::{OnOutline, Outline, lattice_point};
-use super::{BakedPatch, Source};
-use crate::certify::{Hint, TriangleBvh};
+use super::triangles::neighbours;
+use crate::certify::Hint;
 use lodpack_mesh::NONE;
 
 /// Points for each texel along a border. Where colours are wanted, half as many.
@@ -28,32 +26,6 @@ const MOST_INWARDS: f64 = 0.3;
 const MOST_BESIDE: f64 = 2.0;
 /// Where that border lies more than this many texels beside a point, it is looked at by itself. With 0 as many points differ, for more work.
 const FAR: f64 = 0.25;
-
-/// A source whose triangles can be found by place; the index for that is made when it is first needed.
-pub struct Located<S> {
-    /// What is looked at.
-    pub source: S,
-    bvh: OnceCell<TriangleBvh>,
-}
-
-impl<S: Source> Located<S> {
-    /// Wraps a source that does not change.
-    pub fn new(source: S) -> Self {
-        Self { source, bvh: OnceCell::new() }
-    }
-
-    /// The source, and what finds its triangles.
-    pub(super) fn parts(&mut self) -> (&mut S, &TriangleBvh) {
-        let Self { source, bvh } = self;
-        let bvh = bvh.get_or_init(|| {
-            let count = source.triangle_count() as u32;
-            let positions: Vec<DVec3> = (0..count as usize).flat_map(|triangle| source.corners(triangle)).collect();
-            let triangles: Vec<[u32; 3]> = (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-            TriangleBvh::new(&positions, &triangles)
-        });
-        (source, bvh)
-    }
-}
 
 /// A place between four texels.
 #[derive(Clone, Copy)]

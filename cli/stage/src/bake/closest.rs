@@ -10,40 +10,14 @@ use rayon::prelude::*;
 
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, texel_at};
-use super::values::{Storage, Sums};
+use super::values::{Sums, Weight};
 use super::{BakedPatch, Source};
-use crate::nearest::{Finder, NOWHERE, OPPOSITE, Places, Rows, SHARE_OF_OPPOSITE, SPACING, doubled_area};
+use crate::nearest::{Finder, NOWHERE, OPPOSITE, Places, Rows, SPACING, doubled_area};
 
 /// Triangles of the source that are looked at together: few enough that what is found for them hardly takes memory.
 const CHUNK: usize = 1024;
 /// About the most points that they have together, for the same reason.
 const POINTS_OF_CHUNK: f64 = 4_194_304.0;
-
-/// The weight of a point.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Weight {
-    pub all: f32,
-    /// The weight of its directions.
-    pub directions: f32,
-}
-
-impl Weight {
-    /// The same weight for all and for directions.
-    pub fn even(weight: f32) -> Self {
-        Self { all: weight, directions: weight }
-    }
-
-    /// Both, times a factor.
-    pub fn times(self, factor: f32) -> Self {
-        Self { all: self.all * factor, directions: self.directions * factor }
-    }
-
-    /// That of a point whose closest triangle faces the other way, given how its values are stored.
-    pub fn of_opposite(storage: &Storage) -> Self {
-        // Directions and measured numbers of the other side say nothing.
-        Self { all: if storage.is_look() { SHARE_OF_OPPOSITE } else { 0.0 }, directions: 0.0 }
-    }
-}
 
 /// In what colours are averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

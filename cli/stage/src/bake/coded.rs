@@ -8,7 +8,7 @@ use lodpack::write::{
     lost_squares,
 };
 
-use super::values::{Storage, Stored};
+use super::storage::{Storage, Stored};
 use lodpack_mesh::srgb::{share_byte, srgb_byte};
 
 impl Storage {

@@ -5,11 +5,10 @@ use std::ops::Range;
 use glam::{DVec3, Vec3A};
 use lodpack::decode::texels::Map;
 
-use super::closest::Weight;
 use super::projection::{Projection, projections};
 use super::raster::{Drawn, Span, for_each_span, texel_at};
 use super::strangers::Strangers;
-use super::values::Sums;
+use super::values::{Sums, Weight};
 use super::{BakedPatch, Points, Source};
 use crate::certify::{Hint, TriangleBvh};
 

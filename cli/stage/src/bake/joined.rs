@@ -4,39 +4,16 @@
 use glam::DVec3;
 
 use super::BakedPatch;
-use super::pieces::{Pieces, direction_of, neighbours};
+use super::pieces::{Pieces, direction_of};
+use super::triangles::{STEEP, Triangles};
 use crate::areas::Areas;
-use crate::nearest::doubled_area;
 
 /// The most passes over all triangles.
 const MAX_ROUNDS: usize = 8;
-/// Cosine of the angle by which a single triangle may be inclined to the axis of the piece to which it goes.
-pub(super) const STEEP: f64 = 0.35;
 /// The same for all triangles of a piece that goes to another one as a whole. With .4 `valve-index` loses .4 dB.
 const FLAT: f64 = 0.5;
 /// A border must get shorter by this share of a triangle's circumference.
 const LEAST_GAIN: f64 = 0.01;
-
-/// Triangles of a patch.
-pub(super) struct Triangles {
-    /// Twice their areas, as vectors along their normals.
-    pub areas: Vec<DVec3>,
-    /// Those beside each, [`NONE`](lodpack_mesh::NONE) for none.
-    pub neighbours: Vec<[u32; 3]>,
-}
-
-impl Triangles {
-    pub fn new(patch: &BakedPatch<'_>) -> Self {
-        let area = |corners: &[u32; 3]| doubled_area(corners.map(|corner| patch.position(corner)));
-        Self { areas: patch.triangles.iter().map(area).collect(), neighbours: neighbours(patch.triangles) }
-    }
-
-    /// Whether a triangle is inclined to a direction by at most the angle whose cosine is given.
-    pub fn leans(&self, triangle: u32, direction: DVec3, cosine: f64) -> bool {
-        let area = self.areas[triangle as usize];
-        area.dot(direction) >= cosine * area.length()
-    }
-}
 
 impl Pieces {
     /// Makes borders shorter: triangles, and pieces as a whole, go to those beside them that they fit as well.

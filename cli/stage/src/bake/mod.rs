@@ -4,7 +4,26 @@
 //! and the input's triangles are projected along the same axes (`gather`). So neither side needs texture coordinates, and seams of the
 //! input's textures are not seen by the result. The texels of coarser patches are means of those of finer ones as they were before they
 //! were quantised ([`Surfels`]): each point of the input is looked at once, and nothing is lost twice.
+//!
+//! [`Baker`] takes these steps in this order:
+//!
+//! | step | file | what it does |
+//! |---|---|---|
+//! | map | `sizes`, `long` | say how large the texels of each triangle are, and where they are longer than wide |
+//! | | `pieces`, `joined` | divide the patch into pieces that are nearly flat, and make their borders shorter (`triangles` knows what lies beside what) |
+//! | | `projection`, `raster` | take points to the map, and draw the patch on it: which texels it covers, and what hides what |
+//! | from the input | `gather`, `closest` | give texels what is projected to them, and where the patch is far off what lies closest (`strangers`: not from beyond a line at which colours jump) |
+//! | from finer blocks | `coarser` | gives texels the means of finer ones |
+//! | | `values`, `fill` | sum up what texels show, and fill those that nothing is known of |
+//! | | `surfels` | hands the texels on to coarser patches |
+//! | borders | `borders`, `wanted` | list the points along the borders of pieces, and what they should show: what the source does (`located`), or what finer patches do (`rim`) |
+//! | | `shown`, `settled` | change texels until both sides of a border show that (`strip` has the texels along borders) |
+//! | coded | `sharpen` | turns samples into the texels between which colours are shown best |
+//! | | `coded`, `images`, `storage` | quantise and code the image of each channel |
+//!
+//! `lanes` has what compilers make vectors of.
 
+mod baker;
 mod borders;
 mod closest;
 mod coarser;
@@ -14,6 +33,7 @@ mod gather;
 mod images;
 mod joined;
 mod lanes;
+mod located;
 mod long;
 mod pieces;
 mod projection;
@@ -23,42 +43,30 @@ mod settled;
 mod sharpen;
 mod shown;
 mod sizes;
+mod storage;
 mod strangers;
 mod strip;
 mod surfels;
+mod triangles;
 mod values;
+mod wanted;
 
 use glam::DVec3;
-use lodpack::{
-    LatticePoint,
-    decode::texels::Map,
-    write::{encode_map, texel_size},
-};
+use lodpack::LatticePoint;
 
 use crate::areas::Areas;
-pub use crate::nearest::Points;
 use crate::nearest::doubled_area;
-use borders::Borders;
-pub use borders::Located;
-use closest::{Means, show_closest};
-use coarser::gather_surfels;
-use coded::Steps;
-use fill::finished;
-pub use gather::barycentric;
-use gather::gather;
-pub use images::Images;
 use lodpack_mesh::NONE;
+
+pub use crate::nearest::Points;
+pub use baker::{Baker, baking_bytes};
+pub use gather::barycentric;
+pub use images::Images;
+pub use located::Located;
 pub use long::{growth_over, weight_growth};
-use pieces::{Pieces, divide};
-use raster::Drawn;
-use rim::{Outline, Rim};
-use sharpen::sharpen;
-use shown::{Scratch, Shown, Wanted};
-use sizes::{Sizes, covered_area};
 pub use sizes::{area_of_texel, exponent_of, larger};
+pub use storage::{Storage, Stored};
 pub use surfels::Surfels;
-use values::{Kept, Sums};
-pub use values::{Storage, Stored};
 
 /// The largest exponent of a texel's size.
 pub const MAX_EXPONENT: u32 = 127;
@@ -66,17 +74,6 @@ pub const MAX_EXPONENT: u32 = 127;
 pub const MAX_TEXELS: u64 = 1 << 24;
 /// The same of a reduced cut, which is a single patch with a single map: what lies in pieces of few triangles fills a third of it.
 pub const MAX_TEXELS_OF_CUT: u64 = 1 << 25;
-/// Texels of a reduced cut that are larger than those of the cut by this power of the root of two, or by less, show about as much.
-const LITTLE_LARGER: u32 = 1;
-/// Bytes of a texel of a patch as its map shows it.
-const DRAWN_BYTES: usize = 16;
-/// The same of its number among the texels of its borders.
-const NUMBER_BYTES: usize = 4;
-/// How much larger steps of quantisation are where texels are [`sharpen`]ed. As many bytes show more then: a city's tile has 3.36 MB and 32.2 dB in
-/// place of 3.37 MB and 29.9 dB, a bunny with a photograph 326 kB and 40.8 dB in place of 365 kB and 40.5 dB.
-const STEPS_WHERE_SHARP: f64 = 9.0 / 7.0;
-/// How often a patch is divided further because pieces overlap themselves.
-const MAX_ROUNDS: usize = 3;
 
 /// A patch whose image is wanted.
 #[derive(Clone, Copy, Debug)]
@@ -197,226 +194,8 @@ impl Coarse {
     }
 }
 
-/// Bytes of memory that baking a map takes, given its texels: the depth and slope of each and how it is used, sums with their weights, which of its
-/// borders' texels it is, the image, and what is handed on.
-pub fn baking_bytes(texels: u64, storage: &Storage) -> u64 {
-    texels * (DRAWN_BYTES + NUMBER_BYTES + 4 * storage.stride() + 2 * storage.packed_bytes()) as u64
-}
-
-/// Gives patches images, one after another, and reuses its memory for the next one: a build has billions of texels, and the system
-/// clears each page that it hands out.
-pub struct Baker<'s> {
-    storage: &'s Storage,
-    drawn: Drawn,
-    kept: Kept,
-    scratch: Scratch,
-    image: Vec<u8>,
-}
-
-impl<'s> Baker<'s> {
-    /// For images that are stored like this.
-    pub fn new(storage: &'s Storage) -> Self {
-        Self { storage, drawn: Drawn::default(), kept: Kept::default(), scratch: Scratch::default(), image: vec![] }
-    }
-
-    /// Bytes of memory that it keeps.
-    pub fn bytes(&self) -> u64 {
-        let of_texels = DRAWN_BYTES * self.drawn.depth.capacity() + 4 * self.kept.sums.capacity();
-        (of_texels + self.scratch.bytes() + self.image.capacity()) as u64
-    }
-
-    /// The images of a patch, with texels of 2^(exponent / 2) lattice units, or as many of several sizes. None if nothing can be projected.
-    pub fn bake<S: Source>(&mut self, patch: &BakedPatch<'_>, source: &mut Located<S>, exponent: u32) -> Option<Baked> {
-        let sizes = Sizes::of_source(patch, source);
-        let exponent = sizes.exponent(patch, exponent, || patch.whole_area() / area_of_texel(exponent));
-        let mapped = self.mapped(patch, (exponent, Room::Usual), sizes, None)?;
-        let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
-        let sums = gather(patch, &mapped.map, (&self.drawn, &[]), &mut source.source, sums);
-        self.kept = finished(sums, patch, &mapped.map, &self.drawn);
-        let mut surfels = self.surfels(patch, &mapped);
-        let is_full = mapped.is_full;
-        let streams;
-        (streams, surfels.rim) = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
-        Some(Baked { streams, surfels, is_full })
-    }
-
-    /// As [`Baker::bake`], of a patch that may be far from a source: texels show what lies closest to them, and borders what the source does.
-    pub fn bake_closest<S: Source>(
-        &mut self,
-        patch: &BakedPatch<'_>,
-        source: &mut Located<S>,
-        exponent: u32,
-    ) -> Option<Baked> {
-        let mapped =
-            self.closest(patch, &mut source.source, (exponent, Room::Usual), Sizes::default(), Means::Light)?;
-        let is_full = mapped.is_full;
-        let (streams, _) = self.streams(patch, mapped, |map, shown| shown.of_source(patch, map, source));
-        // No coarser images are made of them.
-        Some(Baked { streams, surfels: Surfels::default(), is_full })
-    }
-
-    /// As [`Baker::bake_closest`], of a cut that is looked at as closely as its source, but both sides of borders show the mean of what both do.
-    /// `finer` is how much finer its texels are than those of the source, as a power of the root of two.
-    pub fn bake_cut<S: Source>(
-        &mut self,
-        patch: &BakedPatch<'_>,
-        source: &mut Located<S>,
-        exponent: u32,
-        finer: u32,
-    ) -> Option<Baked> {
-        let sizes = Sizes::of_source(patch, source);
-        let mapped = self.closest(patch, &mut source.source, (exponent, Room::OfCut { finer }), sizes, Means::Roots)?;
-        let is_full = mapped.is_full;
-        let (streams, _) = self.streams(patch, mapped, |_, shown| shown.means(patch));
-        Some(Baked { streams, surfels: Surfels::default(), is_full })
-    }
-
-    /// Gives texels what lies closest to them.
-    fn closest(
-        &mut self,
-        patch: &BakedPatch<'_>,
-        source: &mut impl Source,
-        (exponent, room): (u32, Room),
-        sizes: Sizes,
-        means: Means,
-    ) -> Option<Mapped> {
-        let mapped = self.mapped(patch, (exponent, room), sizes, None)?;
-        let mut sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
-        let taken = show_closest(patch, &mapped.map, &self.drawn, source, &mut sums, means);
-        let sums = gather(patch, &mapped.map, (&self.drawn, &taken), source, sums);
-        self.kept = finished(sums, patch, &mapped.map, &self.drawn);
-        Some(mapped)
-    }
-
-    /// As [`Baker::bake`], from the texels of finer patches.
-    pub fn bake_coarser<'a, S: Source>(
-        &mut self,
-        patch: &BakedPatch<'_>,
-        finer: impl Iterator<Item = &'a Surfels> + Clone,
-        source: Option<&mut Located<S>>,
-        coarse: Coarse,
-    ) -> Option<Baked> {
-        let outline = Outline::new(finer.clone().map(|surfels| &surfels.rim));
-        let sizes = Sizes::of_surfels(patch, finer.clone());
-        // A piece covers less than the surface that it shows.
-        let wanted = || coarse.texels * patch.whole_area() / covered_area(finer.clone());
-        let exponent = sizes.exponent(patch, coarse.exponent, wanted);
-        let mapped = self.mapped(patch, (exponent, Room::Usual), sizes, Some(&outline))?;
-        let sums = Sums::new(self.drawn.depth.len(), self.storage, std::mem::take(&mut self.kept));
-        self.kept = gather_surfels(patch, &mapped.map, &self.drawn, finer, sums);
-        let mut surfels = self.surfels(patch, &mapped);
-        let is_full = mapped.is_full;
-        let streams;
-        (streams, surfels.rim) = self.streams(patch, mapped, |map, shown| {
-            let mut wanted = match source {
-                Some(source) => shown.of_source(patch, map, source),
-                None => shown.of_outline(patch, &outline),
-            };
-            shown.add_beside_finer(&outline, &mut wanted);
-            wanted
-        });
-        Some(Baked { streams, surfels, is_full })
-    }
-
-    fn surfels(&self, patch: &BakedPatch<'_>, Mapped { map, usual, .. }: &Mapped) -> Surfels {
-        Surfels::new(patch, (map, usual), &self.drawn, &self.kept.sums, self.storage)
-    }
-
-    /// The map and the image of each channel, and what the outer border should show. `wanted` says what borders should, if colours have no
-    /// opacity.
-    fn streams(
-        &mut self,
-        patch: &BakedPatch<'_>,
-        Mapped { map, bytes, borders, .. }: Mapped,
-        wanted: impl FnOnce(&Map, &Shown<'_>) -> Wanted,
-    ) -> (Vec<Vec<u8>>, Rim) {
-        let Self { storage, drawn, kept: Kept { sums: values, .. }, scratch, image } = self;
-        let mut streams = vec![bytes];
-        let others = texel_size(patch.finer);
-        let mut steps = Steps { opaque_colours: others, are_finer_in_grain: patch.is_sharp, others };
-        if patch.is_sharp {
-            sharpen(&map, &drawn.is_covered, values, storage);
-            steps.opaque_colours *= STEPS_WHERE_SHARP;
-        }
-        let is_covered = drawn.is_covered.as_slice();
-        let mut rim = Rim::default();
-        let seen = if storage.opaque_colours().is_empty() {
-            Borders::default().seen(&map, is_covered)
-        } else {
-            let mut shown = Shown { storage, values, is_covered, borders: &borders };
-            let wanted = wanted(&map, &shown);
-            shown.show_all(&wanted, scratch);
-            rim = Rim::new(&wanted, patch.origin(), storage.opaque_colours().len());
-            borders.seen(&map, is_covered)
-        };
-        streams.extend(storage.encode(&map, values, &drawn.is_used, &seen, steps, image));
-        (streams, rim)
-    }
-
-    /// Finds a map whose pieces do not overlap themselves by much, and draws the patch on it.
-    fn mapped(
-        &mut self,
-        patch: &BakedPatch<'_>,
-        (mut exponent, room): (u32, Room),
-        sizes: Sizes,
-        outline: Option<&Outline<'_>>,
-    ) -> Option<Mapped> {
-        let BakedPatch { positions, triangles, .. } = *patch;
-        let (wanted, mut most) = (exponent, MAX_TEXELS);
-        let mut pieces = divide(patch, sizes);
-        for round in 0.. {
-            let Pieces { shapes, labels, .. } = &pieces;
-            let Ok((map, bytes)) = encode_map(positions, triangles, exponent, shapes, labels, most) else {
-                // Fewer texels, until they fit.
-                exponent += 1;
-                if let (Room::OfCut { finer }, MAX_TEXELS) = (room, most)
-                    && exponent > wanted + finer + LITTLE_LARGER
-                {
-                    (exponent, most) = (wanted + finer, MAX_TEXELS_OF_CUT);
-                }
-                if exponent > MAX_EXPONENT {
-                    return None;
-                }
-                continue;
-            };
-            self.drawn.draw(patch, &map);
-            if round < MAX_ROUNDS && !self.drawn.hidden.is_empty() {
-                pieces.separate(&self.drawn.hidden, patch);
-                continue;
-            }
-            self.drawn.complete(patch, &map);
-            let borders = Borders::new(patch, &map, outline.filter(|outline| !outline.is_empty()));
-            borders.add_used(&mut self.drawn.is_used);
-            let usual = pieces.usual_areas(&map, exponent);
-            return Some(Mapped { map, bytes, borders, usual, is_full: exponent > wanted });
-        }
-        None
-    }
-}
-
-/// How many texels a map may have.
-#[derive(Clone, Copy)]
-enum Room {
-    Usual,
-    /// More, if its texels would be larger than those of the source by more than a little. They are finer than these by a power of the root of two,
-    /// which shows little.
-    OfCut {
-        finer: u32,
-    },
-}
-
-/// A map, and the borders of its pieces.
-struct Mapped {
-    map: Map,
-    /// As it is stored.
-    bytes: Vec<u8>,
-    borders: Borders,
-    /// Of each piece the area of texels that are not longer than wide.
-    usual: Vec<f64>,
-    /// Whether its texels are larger than they should be, because it holds no more.
-    is_full: bool,
-}
-
+#[cfg(test)]
+mod shown_tests;
 #[cfg(test)]
 mod size_tests;
 #[cfg(test)]

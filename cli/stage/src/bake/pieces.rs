@@ -1,17 +1,17 @@
 //! Divides a patch into pieces that are nearly flat.
 
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::BinaryHeap;
 
 use glam::DVec3;
 use lodpack::decode::texels::Map;
 use lodpack::write::PieceShape;
 
 use super::BakedPatch;
-use super::joined::{STEEP, Triangles};
 use super::long::Growth;
 use super::sizes::{Sizes, area_of_texel};
+use super::triangles::{STEEP, Triangles};
 use crate::areas::Areas;
-use lodpack_mesh::{NONE, sides};
+use lodpack_mesh::NONE;
 
 /// Cosine of the angle by which a triangle may be inclined to the mean of its piece while the piece grows.
 const FLAT: f64 = 0.7;
@@ -63,24 +63,6 @@ fn axis_of(direction: DVec3) -> [i8; 3] {
 /// The direction of a piece's axis.
 pub(super) fn direction_of(shape: &PieceShape) -> DVec3 {
     DVec3::from(shape.axis.map(f64::from)).normalize_or_zero()
-}
-
-/// The triangles beside each triangle, [`NONE`] for none.
-pub(super) fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
-    let mut open: HashMap<[u32; 2], (u32, usize)> = HashMap::new();
-    let mut result = vec![[NONE; 3]; triangles.len()];
-    for (number, &corners) in (0..).zip(triangles) {
-        for (side, key) in sides(corners).into_iter().enumerate() {
-            match open.remove(&key) {
-                Some((other, other_side)) => {
-                    result[number as usize][side] = other;
-                    result[other as usize][other_side] = number;
-                }
-                None => drop(open.insert(key, (number, side))),
-            }
-        }
-    }
-    result
 }
 
 /// Divides a patch: a piece grows from the largest triangle that is left, over neighbours that are inclined like it. It never has areas

@@ -8,12 +8,11 @@ use std::collections::{HashMap, HashSet};
 use glam::DVec3;
 use lodpack::LatticePoint;
 
-use super::shown::Wanted;
 use crate::certify::{Hint, TriangleBvh};
 use lodpack_mesh::NONE;
 
 /// What stands for a colour that is not known, in place of its first component.
-const UNKNOWN: u16 = u16::MAX;
+pub(super) const UNKNOWN: u16 = u16::MAX;
 /// The largest component.
 const WHOLE: f32 = 65534.0;
 /// Places along a texel whose mean is shown.
@@ -27,50 +26,25 @@ const NEARLY: f64 = 1e-6;
 /// The outer border of a patch, but for the boundary of the mesh.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rim {
-    edges: Vec<RimEdge>,
+    pub edges: Vec<RimEdge>,
     /// Of each point the colours of all channels without opacity.
-    colours: Vec<[u16; 3]>,
+    pub colours: Vec<[u16; 3]>,
     /// How many channels these are.
-    channels: usize,
+    pub channels: usize,
 }
 
 /// An edge with the patch on its left.
 #[derive(Clone, Debug)]
-struct RimEdge {
+pub(super) struct RimEdge {
     /// Lattice units.
-    ends: [DVec3; 2],
+    pub ends: [DVec3; 2],
     /// The first of its points, and how many steps lead from it to the last one.
-    first: u32,
-    steps: u32,
+    pub first: u32,
+    pub steps: u32,
 }
 
-impl Rim {
-    /// Of what borders should show.
-    pub fn new(wanted: &Wanted, origin: DVec3, channels: usize) -> Self {
-        let mut this = Self { channels, ..Self::default() };
-        let mut points = wanted.outer_points.as_slice();
-        for &(ends, count) in &wanted.outer_edges {
-            let Some((of_edge, others)) = points.split_at_checked(count as usize) else { break };
-            points = others;
-            // Of such an edge there is nothing to know.
-            if of_edge.iter().all(|&point| point == NONE) {
-                continue;
-            }
-            let (ends, first) = (ends.map(|end| end + origin), (this.colours.len() / channels) as u32);
-            this.edges.push(RimEdge { ends, first, steps: count - 1 });
-            for &point in of_edge {
-                let colours = wanted.colours.get(point as usize * channels..).and_then(|rest| rest.get(..channels));
-                match colours.filter(|_| point != NONE) {
-                    Some(colours) => this.colours.extend(colours.iter().map(|colour| colour.map(packed))),
-                    None => this.colours.extend(std::iter::repeat_n([UNKNOWN, 0, 0], channels)),
-                }
-            }
-        }
-        this
-    }
-}
-
-fn packed(value: f32) -> u16 {
+/// A component as it is handed up.
+pub(super) fn packed(value: f32) -> u16 {
     (value.clamp(0.0, 1.0) * WHOLE + 0.5) as u16
 }
 
@@ -201,6 +175,7 @@ impl<'a> Outline<'a> {
 mod tests {
     use lodpack::decode::texels::{Image, Map};
 
+    use super::super::wanted::Wanted;
     use super::super::{BakedPatch, Baker, Coarse, Located, MAX_TEXELS, Points, Source, Storage, Stored};
     use super::*;
     use lodpack_mesh::srgb::srgb_byte;

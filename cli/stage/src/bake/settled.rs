@@ -1,13 +1,11 @@
 //! Texels around points of borders that do not show what they should, found for many points together.
 //!
-//! [`Shown::show_all`] makes one point right after another. Points share texels: where colours along a border are steep, what is done for one
+//! [`Shown::show_all`](super::shown::Shown::show_all) makes one point right after another. Points share texels: where colours along a border are steep, what is done for one
 //! undoes what was done for the one before, and between points anything may come of it. Here the texels around such points are found at once, by
 //! least squares: those with which all points around, up to four for each texel along the border, are nearest to what they should show while texels
 //! stay near to what they are. Differences count as screens show them.
 
-use super::borders::Place;
-use super::shown::{Alike, Shown, Wanted, bounded};
-use super::strip::{Strip, Vector};
+use super::strip::{Strip, Vector, bounded};
 use super::values::plus;
 use lodpack_mesh::srgb::srgb_byte;
 
@@ -44,12 +42,13 @@ pub(super) struct Joint {
 
 impl Joint {
     /// Where both sides show what they should if they show the same.
-    fn pair([one, other]: [[(u32, f32); 4]; 2]) -> Self {
+    pub fn pair([one, other]: [[(u32, f32); 4]; 2]) -> Self {
         let (one, other) = (one.iter().copied(), other.iter().map(|&(texel, share)| (texel, -share)));
         Self::new(one.chain(other), Vector::default(), MOST_BETWEEN)
     }
 
-    fn alone(one: [(u32, f32); 4], [red, green, blue]: [f32; 3]) -> Self {
+    /// What one side should show, where the other is not at hand.
+    pub fn alone(one: [(u32, f32); 4], [red, green, blue]: [f32; 3]) -> Self {
         Self::new(one.into_iter().chain([(one[0].0, 0.0); 4]), [red, green, blue, 0.0], MOST_OFF)
     }
 
@@ -98,35 +97,7 @@ impl Joint {
     }
 }
 
-impl Shown<'_> {
-    /// Adds all points of borders where another piece or patch has to show the same: four for each texel along them within the patch, two beside other patches.
-    /// The number of a channel is given. Points of which both sides are at hand come first.
-    pub(super) fn add_joints(&self, wanted: &Wanted, number: usize, strip: &mut Strip, joints: &mut Vec<Joint>) {
-        let (width, channels) = (self.borders.width, self.storage.opaque_colours().len());
-        joints.reserve(2 * wanted.alike.len() + wanted.alone.len() + wanted.alone_between.len());
-        let mut before: Option<&Alike> = None;
-        for alike in &wanted.alike {
-            if let Some(before) = before.filter(|_| alike.follows) {
-                let between = [0, 1].map(|k| Place::middle(before.places[k], alike.places[k], width));
-                joints.push(Joint::pair(between.map(|place| strip.of_place(place.texels(width)))));
-            }
-            joints.push(Joint::pair(alike.places.map(|place| strip.of_place(place.texels(width)))));
-            before = Some(alike);
-        }
-        let colour = |point: u32| wanted.colours[point as usize * channels + number];
-        for &point in &wanted.alone {
-            let place = wanted.places[point as usize].0;
-            joints.push(Joint::alone(strip.of_place(place.texels(width)), colour(point)));
-        }
-        for &(place, ends) in &wanted.alone_between {
-            let [one, other] = ends.map(colour);
-            let middle = std::array::from_fn(|k| 0.5 * (one[k] + other[k]));
-            joints.push(Joint::alone(strip.of_place(place.texels(width)), middle));
-        }
-    }
-}
-
-/// Changes texels where borders are still off. Points of which both sides are at hand come first, as [`Shown::add_joints`] adds them.
+/// Changes texels where borders are still off. Points of which both sides are at hand come first, as [`Shown`](super::shown::Shown) adds them.
 pub(super) fn settle(joints: &[Joint], values: &mut [Vector]) {
     let Some(mut around) = Around::new(joints, values, |texel| (texel as u32, true)) else { return };
     for round in 1.. {
@@ -331,7 +302,9 @@ fn scale(one: f32, other: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::borders::Borders;
+    use super::super::borders::{Borders, Place};
+    use super::super::shown::Shown;
+    use super::super::wanted::{Alike, Wanted};
     use super::super::{Storage, Stored};
     use super::*;
 

@@ -6,7 +6,7 @@
 
 use lodpack::decode::texels::Map;
 
-use super::values::Storage;
+use super::storage::Storage;
 
 /// What is taken of a second difference: the mean of x (1 - x) / 2 over a cell.
 const SHARE: f32 = 1.0 / 12.0;

@@ -8,16 +8,17 @@
 //! Point after point does not get everything right. Where both sides of a border within the patch want the same and still differ, or the outer border is
 //! still off, texels are found together with what is around them (`settled`).
 
-use glam::DVec3;
 use lodpack::decode::texels::Map;
 
-use super::borders::{Borders, Edge, EdgeSide, Located, Place};
+use super::borders::{Borders, Edge, Place};
 use super::gather::barycentric;
+use super::located::Located;
 use super::rim::Outline;
 use super::settled::{Joint, settle};
+use super::storage::Storage;
 use super::strangers::Strangers;
-use super::strip::{Strip, Vector};
-use super::values::Storage;
+use super::strip::{Strip, Vector, bounded, colour_at};
+use super::wanted::{Alike, Wanted};
 use super::{BakedPatch, Points, Source};
 use crate::certify::Hint;
 use lodpack_mesh::{NONE, srgb::srgb_byte};
@@ -34,60 +35,6 @@ const COVERED: f32 = 0.15;
 const COVERED_WITHOUT_SOURCE: f32 = 0.5;
 /// A triangle of the source that is as close to a point, in texels, is close enough.
 const CLOSE: f64 = 0.02;
-
-/// What places should show.
-#[derive(Default)]
-pub(super) struct Wanted {
-    /// How strongly covered texels change.
-    pub places: Vec<(Place, f32)>,
-    /// At each of them the colours of all channels without opacity.
-    pub colours: Vec<[f32; 3]>,
-    /// The edges of the outer border, relative to the patch's origin, and how many points each has.
-    pub outer_edges: Vec<([DVec3; 2], u32)>,
-    /// Which of the places these points are, [`NONE`] where nothing is wanted.
-    pub outer_points: Vec<u32>,
-    /// Points along inner edges where both sides want the same.
-    pub alike: Vec<Alike>,
-    /// Which places are shown beyond the patch as well.
-    pub alone: Vec<u32>,
-    /// Places between two of these.
-    pub alone_between: Vec<(Place, [u32; 2])>,
-}
-
-/// A point of an inner edge.
-pub(super) struct Alike {
-    /// Where it is on both sides.
-    pub places: [Place; 2],
-    /// Whether it comes next after the one before it on an edge.
-    pub follows: bool,
-}
-
-impl Wanted {
-    /// Notes an edge of which all points will be noted.
-    fn add_edge(&mut self, edge: &Edge) {
-        self.outer_edges.push((edge.ends(), edge.points().count() as u32));
-    }
-
-    /// Notes which points of a side of an outer edge have to show what is wanted. Those are the last ones that were noted.
-    fn add_alone(&mut self, side: EdgeSide<'_>) {
-        let count = side.edge().points().count();
-        let points = &self.outer_points[self.outer_points.len() - count..];
-        self.alone.extend(points.iter().filter(|&&point| point != NONE));
-        let between = side.all_places().skip(1).step_by(2).zip(points.windows(2));
-        let known = between.filter_map(|(place, ends)| match *ends {
-            [one, other] if one != NONE && other != NONE => Some((place, [one, other])),
-            _ => None,
-        });
-        self.alone_between.extend(known);
-    }
-
-    /// Notes the points of an inner edge of which both sides want the same.
-    fn add_pairs(&mut self, pairs: impl Iterator<Item = [Place; 2]>, is_alike: impl Fn(usize) -> bool) {
-        for (step, places) in pairs.enumerate().filter(|&(step, _)| is_alike(step)) {
-            self.alike.push(Alike { places, follows: step > 0 && is_alike(step - 1) });
-        }
-    }
-}
 
 /// Texels whose colours without opacity are changed.
 pub(super) struct Shown<'a> {
@@ -288,6 +235,34 @@ impl Shown<'_> {
     }
 }
 
+impl Shown<'_> {
+    /// Adds all points of borders where another piece or patch has to show the same: four for each texel along them within the patch, two beside other patches.
+    /// The number of a channel is given. Points of which both sides are at hand come first.
+    pub(super) fn add_joints(&self, wanted: &Wanted, number: usize, strip: &mut Strip, joints: &mut Vec<Joint>) {
+        let (width, channels) = (self.borders.width, self.storage.opaque_colours().len());
+        joints.reserve(2 * wanted.alike.len() + wanted.alone.len() + wanted.alone_between.len());
+        let mut before: Option<&Alike> = None;
+        for alike in &wanted.alike {
+            if let Some(before) = before.filter(|_| alike.follows) {
+                let between = [0, 1].map(|k| Place::middle(before.places[k], alike.places[k], width));
+                joints.push(Joint::pair(between.map(|place| strip.of_place(place.texels(width)))));
+            }
+            joints.push(Joint::pair(alike.places.map(|place| strip.of_place(place.texels(width)))));
+            before = Some(alike);
+        }
+        let colour = |point: u32| wanted.colours[point as usize * channels + number];
+        for &point in &wanted.alone {
+            let place = wanted.places[point as usize].0;
+            joints.push(Joint::alone(strip.of_place(place.texels(width)), colour(point)));
+        }
+        for &(place, ends) in &wanted.alone_between {
+            let [one, other] = ends.map(colour);
+            let middle = std::array::from_fn(|k| 0.5 * (one[k] + other[k]));
+            joints.push(Joint::alone(strip.of_place(place.texels(width)), middle));
+        }
+    }
+}
+
 /// Memory of what borders show, which serves one map after another.
 #[derive(Default)]
 pub(super) struct Scratch {
@@ -327,13 +302,6 @@ impl Spread {
     }
 }
 
-/// Comparisons that vectors have.
-#[inline(always)]
-pub(super) fn bounded(value: f32, low: f32, high: f32) -> f32 {
-    let value = if value > low { value } else { low };
-    if value < high { value } else { high }
-}
-
 /// Takes a mean over each three points that lie one after another on an edge, but not at its ends, which belong to other edges, too. What changes
 /// from one point to the next texels cannot show, and both sides of a border would miss it in different ways.
 fn smooth(points: &mut [[f32; 3]], channels: usize) {
@@ -343,10 +311,6 @@ fn smooth(points: &mut [[f32; 3]], channels: usize) {
         let last = before[at - channels];
         *point = std::array::from_fn(|k| 0.5 * before[at][k] + 0.25 * (last[k] + after[k]));
     }
-}
-
-pub(super) fn colour_at(values: &[f32], first: usize) -> [f32; 3] {
-    [values[first], values[first + 1], values[first + 2]]
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use lodpack::write::texel_size;
 
-use super::borders::Located;
+use super::located::Located;
 use super::long::Growth;
 use super::surfels::{Run, SIDE, Surfels};
 use super::{BakedPatch, MAX_EXPONENT, Source};

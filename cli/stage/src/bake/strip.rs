@@ -1,7 +1,6 @@
 //! The texels of a map that its borders show, side by side: in the map they lie far apart, and they are looked at many times.
 
-use super::shown::colour_at;
-use super::values::Storage;
+use super::storage::Storage;
 use lodpack_mesh::NONE;
 
 /// One number for each colour component; the last one is not used, but vectors have four.
@@ -66,6 +65,17 @@ impl Strip {
     pub fn bytes(&self) -> usize {
         4 * (self.numbers.capacity() + self.texels.capacity())
     }
+}
+
+/// Comparisons that vectors have.
+#[inline(always)]
+pub(super) fn bounded(value: f32, low: f32, high: f32) -> f32 {
+    let value = if value > low { value } else { low };
+    if value < high { value } else { high }
+}
+
+pub(super) fn colour_at(values: &[f32], first: usize) -> [f32; 3] {
+    [values[first], values[first + 1], values[first + 2]]
 }
 
 #[cfg(test)]

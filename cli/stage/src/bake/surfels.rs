@@ -8,7 +8,7 @@ use super::lanes::{LANES, least, whole};
 use super::projection::{Projection, projections};
 use super::raster::Drawn;
 use super::rim::Rim;
-use super::values::Storage;
+use super::storage::Storage;
 
 /// Texels along each side of a run.
 pub(super) const SIDE: usize = LANES;

@@ -4,8 +4,9 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::meaning::{Meaning, TextureError};
 use super::texels::Place;
-use super::texture::{Meaning, Texture, TextureError};
+use super::texture::Texture;
 use lodpack_mesh::images::{ImageSource, unreadable};
 use lodpack_runtime::storage::WorkError;
 

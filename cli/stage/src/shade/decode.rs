@@ -3,8 +3,8 @@
 use image::DynamicImage;
 
 use super::level::{Texels, little_endian, root};
+use super::meaning::{Meaning, TextureError};
 use super::texels::Place;
-use super::texture::{Meaning, TextureError};
 use lodpack_mesh::images::{EncodedImage, MAX_IMAGE_TEXELS, RowsOfPng, decode_image, rows_of_png, texels_of};
 use lodpack_mesh::srgb::linear_from_srgb;
 use lodpack_runtime::storage::WorkError;

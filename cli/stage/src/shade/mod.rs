@@ -9,6 +9,7 @@ mod decode;
 mod jumps;
 mod level;
 mod maps;
+mod meaning;
 mod texels;
 mod texture;
 
@@ -23,7 +24,8 @@ use cache::TextureCache;
 use lodpack_mesh::appearance::{AlphaMode, Appearance, Material, TextureUse, images_on};
 use lodpack_mesh::attributes::RegionAttributes;
 use lodpack_runtime::storage::WorkError;
-use texture::{Meaning, Texture};
+use meaning::Meaning;
+use texture::Texture;
 
 /// Texels for each sample where a triangle looks alike everywhere, in each direction.
 const EVEN: f32 = 0.25;

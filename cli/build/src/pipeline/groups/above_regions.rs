@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::super::Plan;
-use super::super::product::{DrawnLevel, drawn};
+use super::super::drawn::{DrawnLevel, drawn};
 use super::super::summary::Times;
 use super::super::texels::storage;
 use super::net::Net;

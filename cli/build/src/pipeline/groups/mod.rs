@@ -27,7 +27,8 @@ use lodpack::{
 use rayon::prelude::*;
 
 use super::Scale;
-use super::chart_work::{DrawnBlocks, DrawnPatch, Root, raise_coarser, record_loops};
+use super::chart_work::{Root, raise_coarser, record_loops};
+use super::drawn::{DrawnBlocks, DrawnPatch};
 use super::summary::Times;
 use crate::reduce::{CoarseSurface, error_sum};
 use corners::corner_levels;

@@ -1,7 +1,6 @@
 //! Where nodes meet: the arcs between them and the corners of these.
 
 use super::super::{ChartedMesh, shared_arcs::SharedArcs};
-use super::outline::Borders;
 use lodpack::{LatticePoint, write::ArcSample};
 use lodpack_mesh::NONE;
 use lodpack_stage::arcs::HalfArc;
@@ -55,10 +54,5 @@ impl<'a> Net<'a> {
     pub fn samples_of(&self, half_arc: HalfArc, level: u8) -> Vec<ArcSample> {
         let samples = &self.samples[half_arc.arc as usize];
         samples.iter().filter(|sample| sample.level <= level).copied().collect()
-    }
-
-    /// The borders of the nodes at the bottom.
-    pub fn at_the_bottom(&self) -> Borders<'_> {
-        Borders { net: self, corner_levels: &self.corner_levels }
     }
 }

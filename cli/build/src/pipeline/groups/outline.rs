@@ -22,6 +22,13 @@ pub(in super::super) struct BorderPoint {
     pub position: LatticePoint,
 }
 
+impl Net<'_> {
+    /// The borders of the nodes at the bottom.
+    pub fn at_the_bottom(&self) -> Borders<'_> {
+        Borders { net: self, corner_levels: &self.corner_levels }
+    }
+}
+
 impl Borders<'_> {
     /// The points of a half-arc in its direction: the corner where it begins, and the samples up to a level.
     pub fn points(&self, half_arc: HalfArc, level: u8) -> Vec<BorderPoint> {

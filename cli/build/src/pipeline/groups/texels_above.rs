@@ -4,7 +4,7 @@ use glam::DVec3;
 use lodpack::decode::texels::Map;
 use lodpack::write::RootRecord;
 
-use super::super::chart_work::DrawnBlocks;
+use super::super::drawn::DrawnBlocks;
 use super::Node;
 use lodpack_stage::bake::exponent_of;
 use lodpack_stage::bake::{

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use lodpack::write::{BlockRecord, OverviewRecord};
 
-use super::super::chart_work::DrawnBlocks;
+use super::super::drawn::DrawnBlocks;
 use super::super::overview::{OVERVIEW_TRIANGLES, coded};
 use super::super::scale::{Scale, factor_of};
 use super::parts::closed;

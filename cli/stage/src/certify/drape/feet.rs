@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::super::bound::Search;
 use super::super::bvh::TriangleBvh;
+use super::hold::Hold;
 use super::parts::Parts;
 use super::tiles::Tiles;
 use super::{BorderPairing, Drape, nearest_on_segment};
@@ -13,26 +14,6 @@ use lodpack_mesh::NONE;
 
 /// How often vertices may get another foot so that their triangles lie in one tile.
 const GATHERINGS: usize = 2;
-
-/// What fixes the position of a foot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Hold {
-    /// Nothing: it is the nearest point of its tile.
-    Free,
-    /// It is the nearest point of a border edge of its tile.
-    Edge(u32),
-    /// It is a vertex of its tile, on the border.
-    Vertex(u32),
-    /// It is a vertex of its tile, a plain one (see [`Tiles::plain_vertices`]), and may become another point.
-    Corner(u32),
-}
-
-impl Hold {
-    /// Whether the foot may be moved to another tile.
-    fn is_loose(self) -> bool {
-        matches!(self, Self::Free | Self::Corner(_))
-    }
-}
 
 /// The foot of a vertex.
 #[derive(Clone, Copy, Debug)]

@@ -35,6 +35,7 @@
 
 mod coverage;
 mod feet;
+mod hold;
 mod parts;
 #[cfg(test)]
 mod tests;

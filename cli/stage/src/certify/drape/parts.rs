@@ -14,7 +14,7 @@
 use glam::DVec3;
 
 use super::super::closest::PreparedTriangle;
-use super::feet::Hold;
+use super::hold::Hold;
 use super::{Drape, nearest_on_segment};
 use lodpack_mesh::ordered;
 
