@@ -1,5 +1,6 @@
-//! Makes the viewer page part of the program, with the reader that `reader/wasm/build` has packed; `lodpack serve` shows it.
-//! Where the repository is not around the program it builds just the same, and `lodpack serve --page` takes the page from a folder.
+//! Makes the viewer page part of the program, with the reader that `reader/wasm/build` has packed; `lodpack serve`
+//! shows it. Where the repository is not around the program it builds just the same, and `lodpack serve --page` takes
+//! the page from a folder.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

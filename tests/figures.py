@@ -3,9 +3,9 @@
 
 usage: figures.py [--root DIR]
 
-Each row of FIGURES is one figure: where it stands, as the words around it with {} in its place, times a factor to its unit.
-Two agree if one is the other, rounded to as many digits as it shows. Prints those that differ and words that are not there any
-more (then a document was changed: change the row, too), and ends with 1 then."""
+Each row of FIGURES is one figure: where it stands, as the words around it with {} in its place, times a factor to its
+unit. Two agree if one is the other, rounded to as many digits as it shows. Prints those that differ and words that are
+not there any more (then a document was changed: change the row, too), and ends with 1 then."""
 import argparse, pathlib, re, sys
 
 README, READER, RESULTS, CLI = "README.md", "reader/README.md", "tests/RESULTS.md", "cli/README.md"
@@ -72,7 +72,8 @@ def found(text, words):
 
 
 def value_and_half_digit(written, factor):
-    """What a number says, and half of its last digit that is shown; zeros at the end of a whole number may be rounded."""
+    """What a number says, and half of its last digit that is shown; zeros at the end of a whole number may be
+    rounded."""
     digits = written.replace(",", "")
     _, _, fraction = digits.partition(".")
     zeros = 0 if fraction else len(digits) - len(digits.rstrip("0"))

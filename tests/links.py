@@ -3,9 +3,10 @@
 
 usage: links.py [--root DIR]
 
-Of every *.md file: relative links lead to a file or folder, anchors to a heading, and paths in backticks to a file, seen from
-the repository's root or from the document, and a contents list names every heading of the second rank. Of every source: the Markdown documents that its comments cite are in the repository.
-Prints what is not there, and ends with 1 then. Addresses on the web are not followed."""
+Of every *.md file: relative links lead to a file or folder, anchors to a heading, and paths in backticks to a file,
+seen from the repository's root or from the document, and a contents list names every heading of the second rank. Of
+every source: the Markdown documents that its comments cite are in the repository. Prints what is not there, and ends
+with 1 then. Addresses on the web are not followed."""
 import argparse
 import functools
 import pathlib
@@ -85,7 +86,8 @@ def check_document(root, path):
 
 
 def check_contents(root, path):
-    """A document whose first heading of the second rank comes after links to its own headings has a contents list: of all of them."""
+    """A document whose first heading of the second rank comes after links to its own headings has a contents list: of
+    all of them."""
     listed, headings = set(), []
     for number, line in prose(path.read_text()):
         heading = re.match(r"## +(.*?)\s*#*$", line)

@@ -3,23 +3,24 @@
 
 usage: rooms.py [--write] [--list] [--root DIR]
 
-A house is a crate, or the crates of the builder, which only show in the picture as frames. A room is a folder or file at the top of
-a crate's src, or a crate as a whole. HOUSES lists the rooms of each from the top down: a room may use those below it in the list and
-nothing above. The script finds who uses whom in `use` items and in qualified paths (crate::, super::, and the names of crates of the
-house); names that a crate re-exports at its root count for the room that they are from.
-Inside a room files import in one direction, too: those that lead back to one another are named, unless CIRCLES says why they may. What
-goes through the first page of a folder (mod.rs, lib.rs, or the file beside the folder) does not count, since that page shows all of it. Test code is left out. It ends with 1 where an arrow points upward, where a room is not in the list, or
-where the picture in ARCHITECTURE.md is not of the code as it is, or where the crate that other programs use shows more names at
-its root than a newcomer can survey; --write draws that picture, --list prints every arrow with
-the place of one import."""
+A house is a crate, or the crates of the builder, which only show in the picture as frames. A room is a folder or file
+at the top of a crate's src, or a crate as a whole. HOUSES lists the rooms of each from the top down: a room may use
+those below it in the list and nothing above. The script finds who uses whom in `use` items and in qualified paths
+(crate::, super::, and the names of crates of the house); names that a crate re-exports at its root count for the room
+that they are from. Inside a room files import in one direction, too: those that lead back to one another are named,
+unless CIRCLES says why they may. What goes through the first page of a folder (mod.rs, lib.rs, or the file beside the
+folder) does not count, since that page shows all of it. Test code is left out. It ends with 1 where an arrow points
+upward, where a room is not in the list, or where the picture in ARCHITECTURE.md is not of the code as it is, or where
+the crate that other programs use shows more names at its root than a newcomer can survey; --write draws that picture,
+--list prints every arrow with the place of one import."""
 import argparse
 import os
 import pathlib
 import re
 import sys
 
-# Each house: its crates from the top down. Of each the name that others import it by, where its sources are, and its rooms from the top
-# down; a room alone is the crate as a whole.
+# Each house: its crates from the top down. Of each the name that others import it by, where its sources are, and its
+# rooms from the top down; a room alone is the crate as a whole.
 HOUSES = {
     "reader": [
         ("lodpack", "reader/src", "open verify ground file stream heights decode select index write format codec lattice source limits sorted error".split())
@@ -317,7 +318,8 @@ class House:
         return direct.union(*(self.below(other) for other in direct))
 
     def picture(self):
-        """The rooms as a Mermaid graph, those of each crate in a frame. An arrow that follows from others is left out."""
+        """The rooms as a Mermaid graph, those of each crate in a frame. An arrow that follows from others is left
+        out."""
         lines = ["```mermaid", "graph TD"]
         if len(self.crates) > 1:
             for crate in self.crates:

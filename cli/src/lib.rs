@@ -1,7 +1,7 @@
 //! The library behind the program `lodpack`, a room an idea; the program itself is a thin shell around it.
 //!
-//! Imports go upward in this table, never downward. All rooms but the last three are crates of their own, or lie in one, so that
-//! the compiler keeps their order and compiles again only what has changed; this crate shows them all.
+//! Imports go upward in this table, never downward. All rooms but the last three are crates of their own, or lie in
+//! one, so that the compiler keeps their order and compiles again only what has changed; this crate shows them all.
 //!
 //! | room | what it holds | crate |
 //! |---|---|---|

@@ -5,7 +5,8 @@ import zlib
 from .ch02_conventions import Bytes, must
 
 
-# ---- 4 Header ------------------------------------------------------------------------------------------------------------
+# ---- 4
+# Header ------------------------------------------------------------------------------------------------------------
 
 MAGIC = b"\x8fLOD\r\n\x1a\n"
 HEADER_SIZE = 64
@@ -30,7 +31,8 @@ class Header:
         must(data.number("I") == zlib.crc32(file[:0x3C]), "the header's checksum is wrong")
 
 
-# ---- 5 Section directory -------------------------------------------------------------------------------------------------
+# ---- 5 Section
+# directory -------------------------------------------------------------------------------------------------
 
 SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS, PLACEMENT, HEIGHTS, HEIGHT_INDEX, RAMP, GROUND = range(1, 15)
 SECTION_FLAGS = {SOURCE: 0, LEVELS: 1, TABLES: 1, CLUSTERS: 1, INDEX: 3, PAGES: 3, OVERVIEW: 0, CHANNELS: 0, TEXELS: 2, PLACEMENT: 0}

@@ -8,7 +8,8 @@ from .ch02_conventions import bound, Bytes, Damaged, must, unzigzag
 from .ch11_patches import FILLINGS, read_steps
 
 
-# ---- 6.1 Section SOURCE --------------------------------------------------------------------------------------------------
+# ---- 6.1 Section
+# SOURCE --------------------------------------------------------------------------------------------------
 
 
 def check_source(section):
@@ -21,7 +22,8 @@ def check_source(section):
         raise Damaged("the generator in SOURCE is not UTF-8") from None
 
 
-# ---- 6.2 Section LEVELS --------------------------------------------------------------------------------------------------
+# ---- 6.2 Section
+# LEVELS --------------------------------------------------------------------------------------------------
 
 Level = namedtuple("Level", "tolerance max_error triangle_count page_offset page_bytes")
 
@@ -56,7 +58,8 @@ class Levels:
         must(page_end == page_bytes, "the last level's pages do not end with PAGES")
 
 
-# ---- 6.3 Section CLUSTERS ------------------------------------------------------------------------------------------------
+# ---- 6.3 Section
+# CLUSTERS ------------------------------------------------------------------------------------------------
 
 Part = namedtuple("Part", "length crc")
 PageParts = namedtuple("PageParts", "arc_bytes block_bytes triangle_count max_error")
@@ -171,7 +174,8 @@ def cut_parts(section, sizes_and_crcs, name):
     return parts
 
 
-# ---- 6.5 Section PLACEMENT -----------------------------------------------------------------------------------------------
+# ---- 6.5 Section
+# PLACEMENT -----------------------------------------------------------------------------------------------
 
 Placement = namedtuple("Placement", "up unit origin crs")
 

@@ -191,7 +191,8 @@ def check_tree(roots, extent_of_root):
 
 
 def check_group(group, children, uses):
-    """A group has the border of its children; arcs between them may be left out, and loops of arcs with one user, around holes that it closes."""
+    """A group has the border of its children; arcs between them may be left out, and loops of arcs with one user,
+    around holes that it closes."""
     if not children:
         return
     below = Counter(half for child in children for loop in child.loops for half in loop)

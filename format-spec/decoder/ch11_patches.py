@@ -6,11 +6,13 @@ from .ch02_conventions import must
 from .ch10_arcs import WHOLE
 
 
-# ---- 11.1 Patches --------------------------------------------------------------------------------------------------------
+# ---- 11.1
+# Patches --------------------------------------------------------------------------------------------------------
 
 
 class Side:
-    """A half-arc at a level: the corner where it begins (parameter 0), if it is a vertex, and its samples, in its direction."""
+    """A half-arc at a level: the corner where it begins (parameter 0), if it is a vertex, and its samples, in its
+    direction."""
 
     def __init__(self, half_arc, knots, level, corner_level):
         points = [(knot.parameter, knot.position) for knot in knots if knot.level <= level]
@@ -44,7 +46,8 @@ class Patch:
             first += size
 
 
-# ---- 11.2 Fillings -------------------------------------------------------------------------------------------------------
+# ---- 11.2
+# Fillings -------------------------------------------------------------------------------------------------------
 
 Steps = namedtuple("Steps", "normal_shift tangent_shift")
 FILLINGS = {}  # by code: a class that decodes a block, with its name

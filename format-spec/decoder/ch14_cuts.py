@@ -16,11 +16,13 @@ def check_cut(nodes, parents):
             above = parents(above)
 
 
-# ---- 14.1 Cuts -----------------------------------------------------------------------------------------------------------
+# ---- 14.1
+# Cuts -----------------------------------------------------------------------------------------------------------
 
 
 def drawn_level(root, level):
-    """The level of the block of a root that is drawn at a level: the finest that is not finer, or its coarsest (6.3)."""
+    """The level of the block of a root that is drawn at a level: the finest that is not finer, or its coarsest
+    (6.3)."""
     return max((l for l in root.blocks if l <= level), default=min(root.blocks))
 
 
@@ -55,7 +57,8 @@ class Cut:
         return corner if self.file.corner_levels[corner] <= self.levels_at_corners[corner] else None
 
     def along(self, half):
-        """What is drawn of a half-arc, in its direction, with the coarsest level that has it: the corner where it begins, and its samples."""
+        """What is drawn of a half-arc, in its direction, with the coarsest level that has it: the corner where it
+        begins, and its samples."""
         corner = self.drawn_corner(half)
         if corner is not None:
             yield ("corner", corner), self.file.corner_levels[corner]

@@ -7,7 +7,8 @@ from .ch02_conventions import Bytes, Damaged, must
 from .ch06_resident import Part, read_part
 
 
-# ---- 20.1 Section CHANNELS -----------------------------------------------------------------------------------------------
+# ---- 20.1 Section
+# CHANNELS -----------------------------------------------------------------------------------------------
 
 Channel = namedtuple("Channel", "name kind components low step bound")
 KINDS = {1: "colour", 2: "scalar", 3: "normal", 4: "label", 5: "factor", 6: "drawing"}
@@ -44,7 +45,8 @@ class Channels:
         data.end()
 
 
-# ---- 20.2 Section TEXELS -------------------------------------------------------------------------------------------------
+# ---- 20.2 Section
+# TEXELS -------------------------------------------------------------------------------------------------
 
 CHUNK_CLUSTERS = 256
 

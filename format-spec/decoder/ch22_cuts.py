@@ -41,7 +41,8 @@ class HeightsCut:
             self.triangles += [piece for piece in pieces if len(set(piece)) == 3]
 
     def sample(self, column, row):
-        """The name of a point: column C of a grid that wraps is column 0, and all samples of a pole are one point (22.1)."""
+        """The name of a point: column C of a grid that wraps is column 0, and all samples of a pole are one point
+        (22.1)."""
         return (0 if self.is_pole(row) else self.column(column), row)
 
     def column(self, column):

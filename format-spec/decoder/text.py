@@ -15,7 +15,8 @@ from .ch22_tiles import Drawn
 
 
 def print_texels(file, out):
-    """Per block with a map: its root and level, the size of its images, and for each image a checksum of what is coded."""
+    """Per block with a map: its root and level, the size of its images, and for each image a checksum of what is
+    coded."""
     for number, patches in enumerate(file.patches):
         for l, patch in patches.items():
             streams = file.texels[number][l] if file.channels else [b""]
@@ -145,11 +146,13 @@ def utf16(character):
     return "".join(f"\\u{units[k]:02x}{units[k + 1]:02x}" for k in range(0, len(units), 2))
 
 
-# ---- vectors/README.md: cuts ---------------------------------------------------------------------------------------------
+# ---- vectors/README.md:
+# cuts ---------------------------------------------------------------------------------------------
 
 
 def print_cuts(file, cuts, out):
-    """Of each cut, a list of pairs of a root and a level: its counts, and a checksum of its mesh in the order of 14.3."""
+    """Of each cut, a list of pairs of a root and a level: its counts, and a checksum of its mesh in the order of
+    14.3."""
     origin, step = file.header.origin, 2.0**file.header.step_log2
     for cut in cuts:
         mesh = Cut(file, dict(cut))
@@ -158,7 +161,8 @@ def print_cuts(file, cuts, out):
 
 
 def print_heights_cuts(file, cuts, out):
-    """Of each cut, a list of depth, column, row and resolution: vertices by row and column, triangles in ascending order."""
+    """Of each cut, a list of depth, column, row and resolution: vertices by row and column, triangles in ascending
+    order."""
     for cut in cuts:
         mesh = HeightsCut(file, {tuple(tile[:3]): tile[3] for tile in cut})
         samples = sorted({corner for triangle in mesh.triangles for corner in triangle}, key=lambda sample: sample[::-1])

@@ -1,4 +1,5 @@
-//! A frame loop: threads load while every frame draws what is loaded. Prints what a viewer would upload, and the counters.
+//! A frame loop: threads load while every frame draws what is loaded. Prints what a viewer would upload, and the
+//! counters.
 //!
 //! ```sh
 //! cargo run --release -p lodpack --example frame_loop -- model.lodpack

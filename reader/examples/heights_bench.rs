@@ -1,10 +1,12 @@
-//! Prints what the samples of a grid of heights cost in blocks, and how fast one thread codes them: heights_bench GRID...
+//! Prints what the samples of a grid of heights cost in blocks, and how fast one thread codes them: heights_bench
+//! GRID...
 //!
-//! A grid is a file of two little-endian 32-bit numbers, its rows and columns of samples, and then as many 32-bit steps, row by row. A file
-//! `NAME.lerc` beside it, if there is one, says how many bytes LERC takes for the same samples at the same largest error.
+//! A grid is a file of two little-endian 32-bit numbers, its rows and columns of samples, and then as many 32-bit
+//! steps, row by row. A file `NAME.lerc` beside it, if there is one, says how many bytes LERC takes for the same
+//! samples at the same largest error.
 //!
-//! Sizes are those of the blocks of all tiles, at all depths, and of the tables. Times are processor time where the system reports it (Linux);
-//! encoding includes finding the residuals, and decoding the tiles above.
+//! Sizes are those of the blocks of all tiles, at all depths, and of the tables. Times are processor time where the
+//! system reports it (Linux); encoding includes finding the residuals, and decoding the tiles above.
 
 mod timing;
 

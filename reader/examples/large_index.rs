@@ -5,10 +5,11 @@
 //! cargo run --release -p lodpack --features write --example large_index -- 4 million.lodpack
 //! ```
 //!
-//! Two trees of squares lie side by side. Each has 4^DEPTH leaves, and groups of four up to one top. A leaf stands for a chart of about 2,000
-//! triangles: 524,288 leaves, for depth 9, are the index of a billion triangles, and 512 leaves that of a million. But the blocks of a leaf have two
-//! triangles and eight, so the pages are much smaller than those of a real surface. Borders are real: the border of a group consists of
-//! the arcs of the leaves along it. The same depth gives the same bytes on every machine.
+//! Two trees of squares lie side by side. Each has 4^DEPTH leaves, and groups of four up to one top. A leaf stands for
+//! a chart of about 2,000 triangles: 524,288 leaves, for depth 9, are the index of a billion triangles, and 512 leaves
+//! that of a million. But the blocks of a leaf have two triangles and eight, so the pages are much smaller than those
+//! of a real surface. Borders are real: the border of a group consists of the arcs of the leaves along it. The same
+//! depth gives the same bytes on every machine.
 
 use std::error::Error;
 
@@ -153,7 +154,8 @@ impl Squares {
         Ok(model)
     }
 
-    /// Levels and symbols of the blocks of a square at a depth. All squares of a depth have the same, since only distances are coded.
+    /// Levels and symbols of the blocks of a square at a depth. All squares of a depth have the same, since only
+    /// distances are coded.
     fn blocks(&self, depth: u32) -> Result<Blocks, Box<dyn Error>> {
         let size = (SIDE << (self.depth - depth)) as f64;
         let ends = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]].map(|p: LatticePoint| p.map(|x| x * size as i64));

@@ -1,5 +1,5 @@
-//! Draws a camera path of 750 frames from a source where each read takes 50 ms, in the three modes of Correa 2004 (section
-//! 4.6.1); prints a table and writes a plot. The clock is virtual, so the numbers are the same everywhere.
+//! Draws a camera path of 750 frames from a source where each read takes 50 ms, in the three modes of Correa 2004
+//! (section 4.6.1); prints a table and writes a plot. The clock is virtual, so the numbers are the same everywhere.
 //!
 //! ```sh
 //! cargo run --release -p lodpack --example latency -- model.lodpack plot.svg

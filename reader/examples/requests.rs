@@ -1,6 +1,6 @@
-//! Prints how many requests and bytes it takes to open files, to draw them at their coarsest, and to draw a hundredth of
-//! them at their finest level and at the error of the next coarser one:
-//! requests [--regions N] [--csv] FILE|ADDRESS...
+//! Prints how many requests and bytes it takes to open files, to draw them at their coarsest, and to draw a hundredth
+//! of them at their finest level and at the error of the next coarser one: requests [--regions N] [--csv]
+//! FILE|ADDRESS...
 //!
 //! An address needs the feature `http` (http://, https://) or `object-store` (s3://, gs://, az://).
 //! `tests/bench/streams.py` runs this on a disk, a web server and an S3 server, and beside Nexus.
@@ -84,8 +84,8 @@ impl Step {
     }
 }
 
-/// Opens the file, draws it at its coarsest, and then draws regions. The file is opened anew for each region, but only the first
-/// step counts what opening takes.
+/// Opens the file, draws it at its coarsest, and then draws regions. The file is opened anew for each region, but only
+/// the first step counts what opening takes.
 fn measure(source: &Recording<Source>, region_count: usize) -> lodpack::Result<Vec<Step>> {
     let start = Instant::now();
     let file = File::open(source, Limits::default())?;

@@ -1,5 +1,5 @@
-//! Prints how long a session takes for a frame when everything is loaded: `begin` and `end`, for a cut that does not change
-//! and for a cut of which a thousandth changes in every frame.
+//! Prints how long a session takes for a frame when everything is loaded: `begin` and `end`, for a cut that does not
+//! change and for a cut of which a thousandth changes in every frame.
 //!
 //! `cargo run --release -p lodpack --example session_bench -- FILE...`
 //!

@@ -2,8 +2,9 @@
 //!
 //!     cargo run --release -p lodpack --features write --example texel_rates -- IMAGE.ppm [STEP ...]
 //!
-//! IMAGE is a binary PPM (P6) of 8 bits. Prints for each step of quantisation (0 for none, as exact channels have it) the bits per texel, the PSNR over the three components, and
-//! the texels decoded per second of processor time by one thread. `tests/bench/texel_rates.py` puts other codecs beside these.
+//! IMAGE is a binary PPM (P6) of 8 bits. Prints for each step of quantisation (0 for none, as exact channels have it)
+//! the bits per texel, the PSNR over the three components, and the texels decoded per second of processor time by one
+//! thread. `tests/bench/texel_rates.py` puts other codecs beside these.
 
 #![expect(clippy::disallowed_methods, reason = "nothing is built from a logarithm here")]
 

@@ -4,8 +4,8 @@
 //! cargo run -p lodpack --features write --example write -- bent.lodpack
 //! ```
 //!
-//! A square is cut along its diagonal into two roots. At level 0 it is flat. Level 1 has a sample in the middle of the diagonal
-//! that lifts it, so that each root has two triangles.
+//! A square is cut along its diagonal into two roots. At level 0 it is flat. Level 1 has a sample in the middle of the
+//! diagonal that lifts it, so that each root has two triangles.
 
 use std::error::Error;
 

@@ -14,7 +14,8 @@ pub enum Error {
         /// The system's reason.
         source: std::io::Error,
     },
-    /// The answer needs bytes that have not been read yet. Only calls that read nothing themselves return this, such as those on a
+    /// The answer needs bytes that have not been read yet. Only calls that read nothing themselves return this, such as
+    /// those on a
     /// [`crate::Opener`] or an [`crate::Index`]: read the ranges, insert them into [`crate::Fetched`], call
     /// [`crate::Index::supply`], and repeat the call.
     #[error("{} ranges of the file must be read first; read them and repeat the call", ranges.len())]
@@ -86,7 +87,8 @@ impl Error {
     }
 }
 
-/// A rule of SPEC.md that coded symbols break, in one machine word, so that the results of the innermost functions travel in registers.
+/// A rule of SPEC.md that coded symbols break, in one machine word, so that the results of the innermost functions
+/// travel in registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Violation(pub &'static &'static str);
 

@@ -24,8 +24,8 @@ use crate::{
 
 /// An open lodpack file: its [`Index`], and a source from which it reads what an answer needs.
 ///
-/// Opening reads the resident part of the index. Every later call reads the index blocks and pages that it needs, and keeps the
-/// index blocks. A `File` can be shared between threads if its source can.
+/// Opening reads the resident part of the index. Every later call reads the index blocks and pages that it needs, and
+/// keeps the index blocks. A `File` can be shared between threads if its source can.
 #[derive(Debug)]
 pub struct File<S> {
     source: S,
@@ -184,7 +184,8 @@ impl<S: ReadAt> File<S> {
         self.ask(|index, fetched| decode::extract_textured_with_borders(index, cut, border_level, channels, fetched))
     }
 
-    /// [`File::extract`] with borders at a finer level, for pieces that are drawn apart: see [`decode::extract_with_borders`].
+    /// [`File::extract`] with borders at a finer level, for pieces that are drawn apart: see
+    /// [`decode::extract_with_borders`].
     ///
     /// # Errors
     /// As [`File::extract`].
@@ -200,8 +201,8 @@ impl<S: ReadAt> File<S> {
         self.ask(|index, fetched| decode::decode_root(index, root, level, fetched))
     }
 
-    /// Reads the texels of some roots, each at a level or at the next coarser one that it has, in this order: the maps, and the images of
-    /// some channels.
+    /// Reads the texels of some roots, each at a level or at the next coarser one that it has, in this order: the maps,
+    /// and the images of some channels.
     ///
     /// # Errors
     /// As [`Index::texels`]; [`Error::Io`].
@@ -278,9 +279,9 @@ impl<S: ReadAt> File<S> {
         self.ask(|index, _| index.summary())
     }
 
-    /// A session that draws this file frame by frame while it is being loaded. Reads the index blocks of the tops, or all of a small index,
-    /// and, of a file without an overview, the coarsest level, which is small then: so the first frame has a surface. The session's jobs
-    /// read all else, of the index too.
+    /// A session that draws this file frame by frame while it is being loaded. Reads the index blocks of the tops, or
+    /// all of a small index, and, of a file without an overview, the coarsest level, which is small then: so the first
+    /// frame has a surface. The session's jobs read all else, of the index too.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
@@ -295,8 +296,8 @@ impl<S: ReadAt> File<S> {
         Ok(session)
     }
 
-    /// Starts threads that load this file for a moving camera. Reads the index if it is small. Of a larger one it reads the tops, and a thread
-    /// reads what queries want further.
+    /// Starts threads that load this file for a moving camera. Reads the index if it is small. Of a larger one it reads
+    /// the tops, and a thread reads what queries want further.
     ///
     /// # Errors
     /// As [`File::session`].

@@ -20,59 +20,72 @@
 //!
 //! # Overview of types
 //!
-//! **A file.** [`File`] reads from any [`ReadAt`], within [`Limits`], and fails with an [`Error`] that says who has to act
-//! ([`Result`]). Coordinates are [`LatticePoint`]s on the file's [`Lattice`].
+//! **A file.** [`File`] reads from any [`ReadAt`], within [`Limits`], and fails with an [`Error`] that says who has to
+//! act ([`Result`]). Coordinates are [`LatticePoint`]s on the file's [`Lattice`].
 //!
-//! **What the index says.** A surface consists of *roots*, pieces that are drawn at one level each. [`Index`] knows them without
-//! reading; an [`Opener`] makes one from bytes that the caller reads. [`index::LevelSummary`], [`index::SourceInfo`] and [`index::Placement`] (with its
-//! [`index::UpAxis`]) describe the whole, [`index::RootContents`] and [`index::BlockContents`] one root and its levels, with its [`index::Filling`] and its loops of
+//! **What the index says.** A surface consists of *roots*, pieces that are drawn at one level each. [`Index`] knows
+//! them without reading; an [`Opener`] makes one from bytes that the caller reads. [`index::LevelSummary`],
+//! [`index::SourceInfo`] and [`index::Placement`] (with its
+//! [`index::UpAxis`]) describe the whole, [`index::RootContents`] and [`index::BlockContents`] one root and its levels,
+//! with its [`index::Filling`] and its loops of
 //! [`index::HalfArc`]s. [`index::FileSummary`], [`index::LevelContents`] and [`index::ContextContents`]
 //! account for the bytes, and [`index::FillingCounts`] for the roots.
 //!
-//! **Channels.** What the surface carries besides positions is a list of [`index::ChannelInfo`]s, each of an [`index::ChannelKind`].
+//! **Channels.** What the surface carries besides positions is a list of [`index::ChannelInfo`]s, each of an
+//! [`index::ChannelKind`].
 //! [`File::texels`] reads the [`index::TexelBytes`] of roots.
 //!
-//! **A cut.** A [`Query`] asks for a [`Volume`] (its frustum of [`select::Plane`]s, for instance) or a [`View`], with a tolerance and
-//! budgets; [`Outside`] says what becomes of the rest. The answer is a [`Cut`]: a level for each root, as [`Node`]s, and a
+//! **A cut.** A [`Query`] asks for a [`Volume`] (its frustum of [`select::Plane`]s, for instance) or a [`View`], with a
+//! tolerance and budgets; [`Outside`] says what becomes of the rest. The answer is a [`Cut`]: a level for each root, as
+//! [`Node`]s, and a
 //! [`Limiter`] that says why it is not finer. [`select::select_cut`], [`select::uniform_cut`] and
 //! [`select::boundary_edge_count`] answer from an index alone.
 //!
-//! **Triangles.** [`decode::extract`] makes the [`Mesh`] of a cut, [`decode::extract_with_borders`] one that is drawn apart, and [`decode::decode_root`] a [`decode::RootPatch`]: the
-//! [`decode::Patch`] of one root, whose border is made of [`decode::BorderVertex`] and [`decode::BorderKey`]. [`decode::borders`] lists
-//! all [`decode::Borders`]: the [`decode::ArcContents`] between corners with their [`decode::ArcPoint`]s, whose parameters run to
-//! [`decode::PARAM_END`]. [`decode::overview`] is the [`Overview`], one small mesh of everything. [`decode::own_bytes`] says what a
-//! cut has to read.
+//! **Triangles.** [`decode::extract`] makes the [`Mesh`] of a cut, [`decode::extract_with_borders`] one that is drawn
+//! apart, and [`decode::decode_root`] a [`decode::RootPatch`]: the
+//! [`decode::Patch`] of one root, whose border is made of [`decode::BorderVertex`] and [`decode::BorderKey`].
+//! [`decode::borders`] lists all [`decode::Borders`]: the [`decode::ArcContents`] between corners with their
+//! [`decode::ArcPoint`]s, whose parameters run to
+//! [`decode::PARAM_END`]. [`decode::overview`] is the [`Overview`], one small mesh of everything. [`decode::own_bytes`]
+//! says what a cut has to read.
 //!
-//! **Bytes.** [`source::Request`]s go to a [`ReadAt`]: a byte slice, a file, or `Map`, `Http` with its `HttpOptions`, and `Object` of
+//! **Bytes.** [`source::Request`]s go to a [`ReadAt`]: a byte slice, a file, or `Map`, `Http` with its `HttpOptions`,
+//! and `Object` of
 //! [`source`]; [`source::SourceError`] says what the other side of a network did wrong. [`source::Counting`] and
 //! [`source::Recording`] watch another source. Programs that read elsewhere hand bytes over in [`Fetched`].
 //!
-//! **A moving camera.** A [`select::Hierarchy`], made of [`select::HierarchyNode`]s and their [`select::Resolution`]s, is all that
-//! there is to choose from; [`select::select_in`] chooses once. A [`select::Adapter`] changes its cut from frame to frame as little as
-//! [`select::Coherence`] allows, and reports each [`select::Change`] in an [`select::AdaptReport`]. [`select::PerformanceMode`] holds
-//! a frame time: [`select::PerformanceTarget`] and [`select::FrameTimes`] go in, [`select::Controls`] come out. Tiles of a
+//! **A moving camera.** A [`select::Hierarchy`], made of [`select::HierarchyNode`]s and their [`select::Resolution`]s,
+//! is all that there is to choose from; [`select::select_in`] chooses once. A [`select::Adapter`] changes its cut from
+//! frame to frame as little as
+//! [`select::Coherence`] allows, and reports each [`select::Change`] in an [`select::AdaptReport`].
+//! [`select::PerformanceMode`] holds a frame time: [`select::PerformanceTarget`] and [`select::FrameTimes`] go in,
+//! [`select::Controls`] come out. Tiles of a
 //! [`select::TileTree`] adapt side by side; [`select::unify_cuts`] joins them by a rule of [`select::Unification`] to
 //! [`select::Unified`] cuts.
 //!
-//! **Frames while loading.** [`stream`] draws something complete and watertight in every frame while the rest is loaded; its page
-//! places its types.
+//! **Frames while loading.** [`stream`] draws something complete and watertight in every frame while the rest is
+//! loaded; its page places its types.
 //!
-//! **Heights.** A file may hold a grid of heights instead, and [`Opened`] opens either kind ([`OpenedIndex`] from bytes that the caller reads).
-//! [`heights::Heights`] opens it, with a [`heights::HeightsIndex`] that reads nothing itself, chooses a [`heights::HeightsCut`] of tiles for a
-//! [`heights::HeightsQuery`], makes a [`heights::HeightsMesh`] of it, and reads windows of samples. The page of [`heights`] places its types.
-//! A mesh may stand on heights: [`File::ground`] opens its [`Ground`], whose [`GroundFrame`] takes heights to the mesh's space.
+//! **Heights.** A file may hold a grid of heights instead, and [`Opened`] opens either kind ([`OpenedIndex`] from bytes
+//! that the caller reads).
+//! [`heights::Heights`] opens it, with a [`heights::HeightsIndex`] that reads nothing itself, chooses a
+//! [`heights::HeightsCut`] of tiles for a
+//! [`heights::HeightsQuery`], makes a [`heights::HeightsMesh`] of it, and reads windows of samples. The page of
+//! [`heights`] places its types. A mesh may stand on heights: [`File::ground`] opens its [`Ground`], whose
+//! [`GroundFrame`] takes heights to the mesh's space.
 //!
 //! **Writing.** With the feature `write`, module `write` turns models into files; its page places its types.
 //!
 //! # Elsewhere
 //!
-//! How a cut is drawn without cracks stands with [`Cut`], and what a block's error bounds with [`index::BlockContents`]. The format is
-//! specified in `format-spec/SPEC.md`; the program `lodpack` builds files. `reader/README.md` lists features, examples and costs.
+//! How a cut is drawn without cracks stands with [`Cut`], and what a block's error bounds with
+//! [`index::BlockContents`]. The format is specified in `format-spec/SPEC.md`; the program `lodpack` builds files.
+//! `reader/README.md` lists features, examples and costs.
 #![cfg_attr(not(feature = "mmap"), forbid(unsafe_code))]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter"))]
 
-// An encoder stands beside its decoder, and what writes a record beside what parses it. Without the writer nothing calls these
-// halves, and none of them is compiled into a program.
+// An encoder stands beside its decoder, and what writes a record beside what parses it. Without the writer nothing
+// calls these halves, and none of them is compiled into a program.
 #[cfg_attr(not(feature = "write"), expect(dead_code, unused_imports, reason = "only the writer calls encoders"))]
 mod codec;
 pub mod decode;

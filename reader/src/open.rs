@@ -30,7 +30,8 @@ pub enum OpenedIndex {
 }
 
 impl OpenedIndex {
-    /// The index of the file that is being opened, or [`Error::Missing`] with the ranges to read first: as [`Opener::finish`], for either kind.
+    /// The index of the file that is being opened, or [`Error::Missing`] with the ranges to read first: as
+    /// [`Opener::finish`], for either kind.
     ///
     /// # Errors
     /// As [`Opener::finish`], without [`Error::Query`].
@@ -46,11 +47,12 @@ impl OpenedIndex {
 const FIRST_READ_BYTES: u64 = 12 << 10;
 
 impl<S: ReadAt> Opened<S> {
-    /// Opens a file of either kind. The first request is for 12 KiB and tells the kind; a second one brings what else opening needs.
-    /// Of heights the first one holds a first picture, too.
+    /// Opens a file of either kind. The first request is for 12 KiB and tells the kind; a second one brings what else
+    /// opening needs. Of heights the first one holds a first picture, too.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::Format`] if the file is damaged or not whole, [`Error::Unsupported`] if it needs a newer reader,
+    /// [`Error::Io`], [`Error::Format`] if the file is damaged or not whole, [`Error::Unsupported`] if it needs a newer
+    /// reader,
     /// [`Error::Limit`].
     pub fn open(source: S, limits: Limits) -> Result<Self> {
         let length = FIRST_READ_BYTES;

@@ -1,7 +1,8 @@
 //! Maps and sets in the order of their keys, for the maps of which the reader has many kinds.
 //!
-//! Entries lie in runs of at most [`MOST`], in order, and a list has the runs: two searches by halves find an entry, and a change moves at most one run.
-//! A kind of map takes a quarter of the code that the standard library's takes, which is what counts in a browser.
+//! Entries lie in runs of at most [`MOST`], in order, and a list has the runs: two searches by halves find an entry,
+//! and a change moves at most one run. A kind of map takes a quarter of the code that the standard library's takes,
+//! which is what counts in a browser.
 
 use std::ops::{Bound, RangeBounds};
 

@@ -42,7 +42,8 @@ impl<S: ReadAt> Heights<S> {
 }
 
 impl<S: ReadAt> File<S> {
-    /// Reads the whole file and compares all checksums, including those of unknown sections. A ground is decoded: see [`Heights::verify`].
+    /// Reads the whole file and compares all checksums, including those of unknown sections. A ground is decoded: see
+    /// [`Heights::verify`].
     ///
     /// # Errors
     /// [`Error::Format`] with the location of the first damage, [`Error::Io`].
@@ -83,7 +84,8 @@ impl<S: ReadAt> File<S> {
         self.verify_texels()
     }
 
-    /// Reads all texels, compares their checksums, and checks that they fill the section TEXELS and have the sizes that CHANNELS says.
+    /// Reads all texels, compares their checksums, and checks that they fill the section TEXELS and have the sizes that
+    /// CHANNELS says.
     fn verify_texels(&self) -> Result<()> {
         let Some(section) = self.index().header().section(kind::TEXELS) else { return Ok(()) };
         let cluster_count = self.index().cluster_count();
@@ -139,7 +141,8 @@ impl<S: ReadAt> File<S> {
         Ok(())
     }
 
-    /// Checks that every child lies in its parent's box and continues its levels, and that a group has the border of its children.
+    /// Checks that every child lies in its parent's box and continues its levels, and that a group has the border of
+    /// its children.
     fn verify_tree(&self) -> Result<()> {
         // A prefix has the whole index.
         let uses = self.arc_uses(self.index().levels().levels.len().saturating_sub(1) as u8)?;
@@ -173,8 +176,8 @@ impl<S: ReadAt> File<S> {
         Ok(())
     }
 
-    /// Checks that a group uses the arcs that its children use once, but for those around holes that it closes, where the surface ends; and
-    /// of their others none or both sides.
+    /// Checks that a group uses the arcs that its children use once, but for those around holes that it closes, where
+    /// the surface ends; and of their others none or both sides.
     fn verify_group_border(&self, group: u32, children: Range<u32>, is_boundary: impl Fn(u32) -> bool) -> Result<()> {
         // How often children use an arc, less how often the group does; and the same with directions.
         let mut balances: BTreeMap<u32, [i64; 2]> = BTreeMap::new();
@@ -234,8 +237,8 @@ impl<S: ReadAt> File<S> {
         Ok(use_counts)
     }
 
-    /// Checks that a border runs on through every corner that is no vertex, where all that is drawn is of one level: a third arc
-    /// that ends there would open a hole.
+    /// Checks that a border runs on through every corner that is no vertex, where all that is drawn is of one level: a
+    /// third arc that ends there would open a hole.
     fn verify_corners(&self) -> Result<()> {
         let top_count = self.index().top_count();
         let clusters: Vec<_> = (0..).zip(self.index().clusters()?).collect();

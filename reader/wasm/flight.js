@@ -1,13 +1,15 @@
 // Flies around a file in headless Chromium and prints what it costs: node flight.js FILE [OPTION...]
 //
-// 1. A flight of --minutes (5) by the clock with an error of --pixels (1), drawn with three.js: after each minute, and a collection of garbage, the JavaScript
-//    heap, the reader's memory, the objects on the GPU that three.js counts, and the memory of the page's process.
+// 1. A flight of --minutes (5) by the clock with an error of --pixels (1), drawn with three.js: after each minute, and
+//    a collection of garbage, the JavaScript heap, the reader's memory, the objects on the GPU that three.js counts,
+//    and the memory of the page's process.
 // 2. Full refinement: everything at the finest level, and a --picture of it.
 // 3. Forty times opened, drawn and disposed of: what is left of each.
-// 4. 300 frames of a camera that moves, without drawing, with an error of --glide pixels (0.5), of a file that is open in --copies (1): processor time of
-//    the page's thread and of the workers' together, for each frame.
+// 4. 300 frames of a camera that moves, without drawing, with an error of --glide pixels (0.5), of a file that is open
+//    in --copies (1): processor time of the page's thread and of the workers' together, for each frame.
 //
-// Processor times are the kernel's, of single threads, so they hold beside other work. Chromium draws on the processor here.
+// Processor times are the kernel's, of single threads, so they hold beside other work. Chromium draws on the processor
+// here.
 
 import { readFile, readdir } from 'node:fs/promises';
 import { resolve } from 'node:path';

@@ -4,7 +4,10 @@ export type Point = readonly [number, number, number] | readonly number[];
 /** Why a call failed, by who has to act. */
 export type ErrorKind = 'format' | 'unsupported' | 'query' | 'limit' | 'source' | 'changed' | 'closed' | 'internal';
 
-/** `format`: the file is damaged. `unsupported`: it needs a newer reader. `query`: the caller asked for something impossible. */
+/**
+ * `format`: the file is damaged. `unsupported`: it needs a newer reader. `query`: the caller asked for something
+ * impossible.
+ */
 export class LodpackError extends Error {
   kind: ErrorKind;
 }
@@ -45,8 +48,8 @@ export interface FetchOptions {
   headers?: HeadersInit;
   credentials?: RequestCredentials;
   /**
-   * Whether the browser keeps parts of the file beyond this page; 'no-store'. 'default' is for servers that know If-Range: behind others Chrome
-   * joins parts of different files, and shows the old ETag for both.
+   * Whether the browser keeps parts of the file beyond this page; 'no-store'. 'default' is for servers that know
+   * If-Range: behind others Chrome joins parts of different files, and shows the old ETag for both.
    */
   cache?: RequestCache;
   /** Milliseconds that an answer may take; 30,000. */
@@ -153,7 +156,10 @@ export type Limiter = 'tolerance' | 'finest' | 'triangles' | 'nodes' | 'bytes';
 
 /** A level for each root that is drawn; of heights, a resolution for each tile. */
 export interface Cut {
-  /** Pairs of root and level, by root. Of heights four numbers for each tile: depth, column, row, and which of its resolutions. */
+  /**
+   * Pairs of root and level, by root. Of heights four numbers for each tile: depth, column, row, and which of its
+   * resolutions.
+   */
   nodes: Uint32Array;
   /** Certified bound of each node's error, world units. */
   nodeErrors: Float64Array;
@@ -167,7 +173,9 @@ export interface Cut {
   /** Bytes of pages that it needs; 0 unless the query had `maxBytes`. */
   byteCount: number;
   limitedBy?: Limiter;
-  /** The `id` of the file that it was selected in, which others refuse. Cuts that are put together by hand may omit it. */
+  /**
+   * The `id` of the file that it was selected in, which others refuse. Cuts that are put together by hand may omit it.
+   */
   file?: string;
 }
 
@@ -181,11 +189,16 @@ export interface Mesh {
   triangleNodes: Uint32Array;
   /** Of heights: x, y and z of each vertex's normal. */
   normals?: Float32Array;
-  /** Of heights: red, green, blue and opacity of each vertex, as screens show them (sRGB); null if the file has no ramp. */
+  /**
+   * Of heights: red, green, blue and opacity of each vertex, as screens show them (sRGB); null if the file has no ramp.
+   */
   colors?: Uint8Array | null;
 }
 
-/** What the values of a channel mean: sRGB colours, measured numbers, directions of the surface's normal, numbers of classes. */
+/**
+ * What the values of a channel mean: sRGB colours, measured numbers, directions of the surface's normal, numbers of
+ * classes.
+ */
 export type ChannelKind = 'colour' | 'scalar' | 'normal' | 'label' | 'factor' | 'drawing' | 'unknown';
 
 /** Something that the surface carries besides positions. */
@@ -211,7 +224,10 @@ export interface Image {
   height: number;
   /** Red, green, blue and opacity, as screens show them (sRGB). */
   data: Uint8Array;
-  /** With `normals`, where the root has some: components from -1 to 1 are bytes from 0 to 255, and 255 follows. In the file's coordinates. */
+  /**
+   * With `normals`, where the root has some: components from -1 to 1 are bytes from 0 to 255, and 255 follows. In the
+   * file's coordinates.
+   */
   normals?: Uint8Array;
   /** With `materials`, where the file has any of these: occlusion, roughness and metalness from 0 to 255, and 255. */
   material?: Uint8Array;
@@ -229,7 +245,10 @@ export interface Page {
   data: Uint8Array | Uint16Array;
 }
 
-/** Triangles whose vertices have places in pages. Where triangles do not agree about the place of a vertex, it is there several times. */
+/**
+ * Triangles whose vertices have places in pages. Where triangles do not agree about the place of a vertex, it is there
+ * several times.
+ */
 export interface TexturedMesh extends Mesh {
   /** u and v of each vertex, of the page's width and height: 0 to 1. */
   uvs: Float32Array;
@@ -256,7 +275,10 @@ export interface HeightGrid {
   /** Coordinates of the first column and the first row, from the north-west, and what each column and row adds. */
   first: [number, number];
   spacing: [number, number];
-  /** The difference of two neighbouring stored heights, and how far a stored one may be from its input, in units of heights. */
+  /**
+   * The difference of two neighbouring stored heights, and how far a stored one may be from its input, in units of
+   * heights.
+   */
   step: number;
   sampleError: number;
   /** Metres in a unit of heights, if the file says so; and coordinates in one. */
@@ -276,18 +298,30 @@ export interface GroundFrame {
   /** A point of the ground in the space of the mesh. */
   point(point: Point): [number, number, number];
   pointOfGround(point: Point): [number, number, number];
-  /** What lies between two points of the mesh's space, in that of the ground: a direction that keeps its length in the world. */
+  /**
+   * What lies between two points of the mesh's space, in that of the ground: a direction that keeps its length in the
+   * world.
+   */
   offsetOfGround(offset: Point): [number, number, number];
-  /** The view that shows the ground in the same pixels, and with the same depths in a depth buffer, as this one shows the mesh. */
+  /**
+   * The view that shows the ground in the same pixels, and with the same depths in a depth buffer, as this one shows
+   * the mesh.
+   */
   view(view: View): View;
 }
 
 /** An open file. Close it, or its worker stays. */
 export class LodpackFile {
   private constructor();
-  /** Whether it holds a mesh or a grid of heights. The latter's roots are tiles and its levels depths in frames; `levels` is empty, and `channels`, too, unless it has colours by height. */
+  /**
+   * Whether it holds a mesh or a grid of heights. The latter's roots are tiles and its levels depths in frames;
+   * `levels` is empty, and `channels`, too, unless it has colours by height.
+   */
   readonly kind: 'mesh' | 'heights';
-  /** Whether it has normals: a channel of them, or those of heights. Streams find some for files without, if asked to (`light`). */
+  /**
+   * Whether it has normals: a channel of them, or those of heights. Streams find some for files without, if asked to
+   * (`light`).
+   */
   readonly storesNormals: boolean;
   /** The grid of a file of heights; null for a mesh. */
   readonly heights: HeightGrid | null;
@@ -319,22 +353,32 @@ export class LodpackFile {
   /** Of a ground that `ground()` has opened: where it is in the space of the mesh. */
   readonly frame?: GroundFrame;
   /**
-   * The heights that the mesh stands on, as a file of heights in coordinates of its own; null if there are none. It has a worker of its own, stays open
-   * when this file is closed, and is read through it: `traffic` of this file counts both.
+   * The heights that the mesh stands on, as a file of heights in coordinates of its own; null if there are none. It has
+   * a worker of its own, stays open when this file is closed, and is read through it: `traffic` of this file counts
+   * both.
    */
   ground(options?: { signal?: AbortSignal }): Promise<LodpackFile | null>;
   /** One small mesh of the whole surface, if the file has one. It came with opening. */
   overview(): Promise<Mesh | null>;
-  /** The cut for a query. Of heights by `box` (x and y, or degrees on a globe; z does not count), `tolerance` and `maxTriangles`. */
+  /**
+   * The cut for a query. Of heights by `box` (x and y, or degrees on a globe; z does not count), `tolerance` and
+   * `maxTriangles`.
+   */
   select(query: Query, options?: { signal?: AbortSignal }): Promise<Cut>;
   /** The cut that draws everything at a level; 0 is the coarsest. */
   selectLevel(level: number, options?: { signal?: AbortSignal }): Promise<Cut>;
   extract(cut: Pick<Cut, 'nodes'>, options?: { signal?: AbortSignal; channels?: 'none' }): Promise<Mesh>;
-  /** With images of channels, packed into pages of at most `pageSize` texels along each side (4096), unless one image is larger. */
+  /**
+   * With images of channels, packed into pages of at most `pageSize` texels along each side (4096), unless one image is
+   * larger.
+   */
   extract(cut: Pick<Cut, 'nodes'>, options: { signal?: AbortSignal; channels: readonly [string, ...string[]]; pageSize?: number }): Promise<TexturedMesh>;
   /** Without `channels` in the result where the file has none that was meant. */
   extract(cut: Pick<Cut, 'nodes'>, options: { signal?: AbortSignal; channels: Channels; pageSize?: number }): Promise<Mesh & Partial<TexturedMesh>>;
-  /** The smallest and the largest value of a channel at the coarsest level, which it reads; null for colours, normals and labels. */
+  /**
+   * The smallest and the largest value of a channel at the coarsest level, which it reads; null for colours, normals
+   * and labels.
+   */
   channelRange(name: string, options?: { signal?: AbortSignal }): Promise<[number, number] | null>;
   boundaryEdgeCount(cut: Pick<Cut, 'nodes'>, options?: { signal?: AbortSignal }): Promise<number>;
   stream(options?: StreamOptions): Promise<Stream>;
@@ -355,11 +399,17 @@ export interface StreamOptions {
   channel?: 'auto' | 'none' | (string & {});
   /** The values that get the first and the last colour of the ramp, for numbers; those of the coarsest level. */
   range?: readonly [number, number];
-  /** Whether images have the file's normals beside the channel, for light; false. 'auto' then takes normals where there are no colours. */
+  /**
+   * Whether images have the file's normals beside the channel, for light; false. 'auto' then takes normals where there
+   * are no colours.
+   */
   normals?: boolean;
   /** Whether images have what else materials have beside the channel, if that is one of colours; false. */
   materials?: boolean;
-  /** Whether vertices get normals for smooth light where the file stores none (`storesNormals`), alike on both sides of every border (SPEC.md, 14.5); false. */
+  /**
+   * Whether vertices get normals for smooth light where the file stores none (`storesNormals`), alike on both sides of
+   * every border (SPEC.md, 14.5); false.
+   */
   light?: boolean;
   /** Most reads at once; 6. */
   maxReads?: number;
@@ -388,15 +438,25 @@ export interface Upload {
   positions: Float32Array;
   triangles: Uint32Array;
   /**
-   * In a stream with light the normal of each vertex, two numbers x and y of 32767 each: the point (x, y, 1 - |x| - |y|) of an octahedron, where x and y give way to
-   * (1 - |y|) sign x and (1 - |x|) sign y if the third number is negative. A Pool can make vectors of them. Vertices on creases are there once for each side.
+   * In a stream with light the normal of each vertex, two numbers x and y of 32767 each: the point (x, y, 1 - |x| -
+   * |y|) of an octahedron, where x and y give way to (1 - |y|) sign x and (1 - |x|) sign y if the third number is
+   * negative. A Pool can make vectors of them. Vertices on creases are there once for each side.
    */
   normals?: Int16Array;
-  /** Colours of the channel that the stream shows. Undefined: the root keeps the image that it has. Null: the stream shows none. */
+  /**
+   * Colours of the channel that the stream shows. Undefined: the root keeps the image that it has. Null: the stream
+   * shows none.
+   */
   image?: Image | TileImage | null;
-  /** x and y of each vertex in the image, in texels: the first one lies between 0 and 1. Without places the image has one texel, for all of the root. */
+  /**
+   * x and y of each vertex in the image, in texels: the first one lies between 0 and 1. Without places the image has
+   * one texel, for all of the root.
+   */
   places?: Float32Array;
-  /** Left, top, right and bottom of the part of the image around each vertex. Interpolation within a triangle must not read beyond it. */
+  /**
+   * Left, top, right and bottom of the part of the image around each vertex. Interpolation within a triangle must not
+   * read beyond it.
+   */
   rectangles?: Uint16Array;
 }
 
@@ -410,7 +470,10 @@ export interface Frame {
   drops: number[];
   /** Roots that are coarser than wanted because their bytes are not there yet. */
   lateRoots: number;
-  /** Roots that are drawn without their image because it is not there yet. A single texel stands for it: the mean of one that is near. */
+  /**
+   * Roots that are drawn without their image because it is not there yet. A single texel stands for it: the mean of one
+   * that is near.
+   */
   lateImages: number;
   /** Roots that cannot be drawn at all, because what they need was given up. */
   lostRoots: number[];
@@ -422,7 +485,10 @@ export interface Frame {
   limitedBy?: Limiter;
   /** The budget that even the coarsest cut exceeds. */
   exceeded?: Limiter;
-  /** `imageBytes` are those of decoded images in memory, `memoryBytes` the whole memory of the file's reader, which never shrinks. */
+  /**
+   * `imageBytes` are those of decoded images in memory, `memoryBytes` the whole memory of the file's reader, which
+   * never shrinks.
+   */
   counters: { requests: number; bytesRead: number; decoded: number; failures: number; imageBytes: number; memoryBytes: number };
   /** What has been given up since the frame before, in words. */
   problems: string[];
@@ -455,7 +521,10 @@ export const OVERVIEW: number;
 /** Buffers that hold some roots. */
 export interface Slab {
   readonly positions: Float32Array;
-  /** With `normals: 'octahedral'` two numbers a vertex, as uploads have them, and -32768 where there is no normal; with 'vectors' x, y, z in 1/32767 and a 0. */
+  /**
+   * With `normals: 'octahedral'` two numbers a vertex, as uploads have them, and -32768 where there is no normal; with
+   * 'vectors' x, y, z in 1/32767 and a 0.
+   */
   readonly normals?: Int16Array;
   readonly info?: Float32Array;
   readonly indices: Uint32Array;
@@ -473,7 +542,10 @@ export interface Slab {
   drawn: unknown;
 }
 
-/** Textures of one size that hold the images of a slab's roots, which all have the same ones of these: see Image and TileImage. */
+/**
+ * Textures of one size that hold the images of a slab's roots, which all have the same ones of these: see Image and
+ * TileImage.
+ */
 export interface Atlas {
   readonly width: number;
   readonly height: number;
@@ -504,7 +576,11 @@ export interface PoolEntry {
 
 /** Everything that frames draw, in few buffers. */
 export class Pool {
-  /** `normals` says how slabs have those of a stream with light; without it they have none. `infoOf` returns `infoSize` numbers for each vertex of a root. With `images` slabs have an atlas each, no side longer than `maxTextureSize` (4096). */
+  /**
+   * `normals` says how slabs have those of a stream with light; without it they have none. `infoOf` returns `infoSize`
+   * numbers for each vertex of a root. With `images` slabs have an atlas each, no side longer than `maxTextureSize`
+   * (4096).
+   */
   constructor(options?: {
     infoSize?: number;
     normals?: 'octahedral' | 'vectors';

@@ -3,13 +3,18 @@ import type { Channel, Frame, LodpackFile, OpenOptions, StreamOptions, open } fr
 
 export interface LodpackMeshOptions {
   /**
-   * By default a MeshStandardMaterial. Where the file stores no normals, and the material takes light, vertices have some (`normal`, SPEC.md, 14.5); elsewhere, and with
-   * `stream: { light: false }`, it has to be flat-shaded. Where a channel is shown, copies of it have textures: `map`, and where the file has them and the material takes them `normalMap`, `roughnessMap`, `metalnessMap`, `aoMap` and `emissiveMap`.
+   * By default a MeshStandardMaterial. Where the file stores no normals, and the material takes light, vertices have
+   * some (`normal`, SPEC.md, 14.5); elsewhere, and with `stream: { light: false }`, it has to be flat-shaded. Where a
+   * channel is shown, copies of it have textures: `map`, and where the file has them and the material takes them
+   * `normalMap`, `roughnessMap`, `metalnessMap`, `aoMap` and `emissiveMap`.
    */
   material?: Material;
   /** False for a MeshBasicMaterial instead, which shows colours as they are in the file. */
   lit?: boolean;
-  /** The channel to show: 'auto' (the first one of colours, or normals), 'none' or a name; 'auto'. Normals are seen by their light. */
+  /**
+   * The channel to show: 'auto' (the first one of colours, or normals), 'none' or a name; 'auto'. Normals are seen by
+   * their light.
+   */
   channel?: StreamOptions['channel'];
   /** The values that get the first and the last colour of the ramp, for numbers; those of the coarsest level. */
   range?: readonly [number, number];
@@ -22,7 +27,10 @@ export interface LodpackMeshOptions {
   ground?: boolean;
 }
 
-/** Draws a file as finely as the camera needs. Scale it by one factor for all axes, or errors on the screen are not what they should be. */
+/**
+ * Draws a file as finely as the camera needs. Scale it by one factor for all axes, or errors on the screen are not what
+ * they should be.
+ */
 export class LodpackMesh extends Object3D {
   private constructor();
   /** Opens a file and streams it. */
@@ -38,7 +46,10 @@ export class LodpackMesh extends Object3D {
   readonly boundingSphere: Sphere;
   /** With those of the ground. */
   readonly triangleCount: number;
-  /** The ground that the mesh stands on: a child, which `dispose()` ends, too. Its file, frame and materials are its own. */
+  /**
+   * The ground that the mesh stands on: a child, which `dispose()` ends, too. Its file, frame and materials are its
+   * own.
+   */
   readonly ground: LodpackMesh | null;
   /** The channel that is shown. */
   readonly channel: Channel | null;

@@ -3,9 +3,10 @@
 
 usage: accuracy.py LODPACK [--inputs N] [--only KIND,...]
 
-Makes N meshes and N rasters of heights (20 of each by default; far from the origin, thin, in degrees, on a globe, with holes), writes every kind of output,
-and has `lodpack compare` measure it against the input. Prints a Markdown table: for each kind the smallest and the median of what was
-printed over what was measured, and how many printed less. Exits with 1 if any did. Needs numpy and rasterio. With --jacksboro, matplotlib's sample data is one of the rasters."""
+Makes N meshes and N rasters of heights (20 of each by default; far from the origin, thin, in degrees, on a globe, with
+holes), writes every kind of output, and has `lodpack compare` measure it against the input. Prints a Markdown table:
+for each kind the smallest and the median of what was printed over what was measured, and how many printed less. Exits
+with 1 if any did. Needs numpy and rasterio. With --jacksboro, matplotlib's sample data is one of the rasters."""
 import argparse, json, math, os, statistics, subprocess, sys, tempfile
 
 import numpy as np

@@ -3,13 +3,14 @@
 
 usage: atlases.py LODPACK MESH... [--resolution R]
 
-A texture stands for a surface well where a step of one sample is as long everywhere and in all directions. L2 stretch is the
-root of the mean square length of such steps, weighted by area and relative to an even map (Sander et al. 2001): 1 is best. The
-ratio is that of the longest step from a point to the shortest, its median by area: 1 keeps angles. Lodpack's map is made of the
-cells of its images, each of two triangles, xatlas's of the triangles of the mesh. *Used* is the share of stored samples that
-stand for a point of the surface of their own: of lodpack's without those that neighbours have, too, of xatlas's without empty
-texels. Patches, which have no images, are left out of lodpack's numbers, and their share of the triangles is printed.
-Times are CPU seconds, of lodpack's with reading and writing. Needs numpy, trimesh, OpenEXR and xatlas (requirements.txt)."""
+A texture stands for a surface well where a step of one sample is as long everywhere and in all directions. L2 stretch
+is the root of the mean square length of such steps, weighted by area and relative to an even map (Sander et al. 2001):
+1 is best. The ratio is that of the longest step from a point to the shortest, its median by area: 1 keeps angles.
+Lodpack's map is made of the cells of its images, each of two triangles, xatlas's of the triangles of the mesh. *Used*
+is the share of stored samples that stand for a point of the surface of their own: of lodpack's without those that
+neighbours have, too, of xatlas's without empty texels. Patches, which have no images, are left out of lodpack's
+numbers, and their share of the triangles is printed. Times are CPU seconds, of lodpack's with reading and writing.
+Needs numpy, trimesh, OpenEXR and xatlas (requirements.txt)."""
 import argparse, json, pathlib, resource, subprocess, tempfile, time
 
 import numpy as np, OpenEXR, trimesh, xatlas

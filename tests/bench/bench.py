@@ -3,13 +3,14 @@
 
 usage: bench.py [--tables size,triangles,budgets,raw,floors,verify,speed,decode] [--work DIR] [--no-peers] MESH...
 
-A MESH is a file, or part:N, sphere:N, pipes:N and so on for a generated one (part:48 is a CAD part with sharp creases). Needs the
-release binaries (cargo build --release --workspace), and tests/bench/requirements.txt in the Python that runs it.
+A MESH is a file, or part:N, sphere:N, pipes:N and so on for a generated one (part:48 is a CAD part with sharp creases).
+Needs the release binaries (cargo build --release --workspace), and tests/bench/requirements.txt in the Python that runs
+it.
 
 Peers: Nexus (nxs_build + nxs_compress, from pymeshlab), Draco (DracoPy), simplification + Draco (pymeshlab's quadric
-simplifier), meshoptimizer's simplifier, clusterlod. All distances come from the program `distance` (RMS at 300,000 points
-spread evenly over the area, maximum by branch and bound), in both directions, the larger of the two, in mean edge lengths of
-the input. A peer that fails, or takes longer than an hour, gets a row that says so."""
+simplifier), meshoptimizer's simplifier, clusterlod. All distances come from the program `distance` (RMS at 300,000
+points spread evenly over the area, maximum by branch and bound), in both directions, the larger of the two, in mean
+edge lengths of the input. A peer that fails, or takes longer than an hour, gets a row that says so."""
 import argparse, os, sys
 import numpy as np
 
@@ -95,8 +96,9 @@ def size(args):
 
 
 def triangles(args):
-    """Error at equal numbers of triangles, with two rows for lodpack: a file whose finest level has about that many triangles
-    (which shows the simplifier), and the cut of that many triangles from the default file (which a user of that file gets)."""
+    """Error at equal numbers of triangles, with two rows for lodpack: a file whose finest level has about that many
+    triangles (which shows the simplifier), and the cut of that many triangles from the default file (which a user of
+    that file gets)."""
     rows = []
     for mesh in args.meshes:
         name, path = name_of(mesh), os.path.join(args.work, "level.ply")
@@ -118,7 +120,8 @@ def triangles(args):
                     entry("lodpack, cut of the default file", cut["certified_error"] / edge)
             except RuntimeError:
                 pass  # fewer than the coarsest cut has
-            # As many as lodpack's file actually has, which differs a little from the wanted number: errors depend on it.
+            # As many as lodpack's file actually has, which differs a little from the wanted number: errors depend on
+            # it.
             count = entries[0][1].triangles
             write_ply(path, *meshopt(*whole, count / len(whole[1])))
             entry("meshopt")
@@ -137,7 +140,8 @@ def triangles(args):
 
 
 def budgets(args):
-    """What `extract --triangles` makes of the default file, beside simplifiers that have the whole input, at equal triangles."""
+    """What `extract --triangles` makes of the default file, beside simplifiers that have the whole input, at equal
+    triangles."""
     rows = []
     for mesh in args.meshes:
         name, path = name_of(mesh), os.path.join(args.work, "budget.ply")
@@ -176,8 +180,9 @@ def budgets(args):
 
 
 def raw(args):
-    """Cuts of the default file as a viewer's budget makes them (`extract --raw`), at twenty budgets from the finest level's own number
-    down to a thousandth of it, beside meshoptimizer's simplifier, which has the whole input, at the number of triangles of the cut."""
+    """Cuts of the default file as a viewer's budget makes them (`extract --raw`), at twenty budgets from the finest
+    level's own number down to a thousandth of it, beside meshoptimizer's simplifier, which has the whole input, at the
+    number of triangles of the cut."""
     rows = []
     for mesh in args.meshes:
         name, path = name_of(mesh), os.path.join(args.work, "raw.ply")
@@ -235,7 +240,8 @@ def floors(args):
 
 
 def file_of(mesh, wanted, edge, work):
-    """A file whose finest level has about `count` triangles, and its certified error, by searching for the tolerance."""
+    """A file whose finest level has about `count` triangles, and its certified error, by searching for the
+    tolerance."""
     out = os.path.join(work, "wanted.lodpack")
     tolerance, step, best = 0.5, None, None
     low, high = 1e-4, 1e4
@@ -299,8 +305,8 @@ def speed(args):
 
 
 def decode(args):
-    """Speed of decoders on the same mesh, our finest level: lodpack's, which decodes one of all levels of its file, beside
-    those of single-level files, each with the fewest bits per coordinate that add at most 5 % to our RMS."""
+    """Speed of decoders on the same mesh, our finest level: lodpack's, which decodes one of all levels of its file,
+    beside those of single-level files, each with the fewest bits per coordinate that add at most 5 % to our RMS."""
     rows = []
     for mesh in args.meshes:
         name, path = name_of(mesh), os.path.join(args.work, "level.ply")

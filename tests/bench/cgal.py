@@ -3,9 +3,10 @@
 
 usage: cgal.py MESH [FILE.lodpack]
 
-Builds the file unless it is given, extracts a cut at the error of each level, and lets CGAL measure it against the input, in
-both directions, within 1 % of the certified error. Prints a Markdown table in mean edge lengths, and exits with 1 if a bound is
-too small. Needs target/hausdorff (see hausdorff.cpp), the release binaries and pymeshlab (requirements.txt)."""
+Builds the file unless it is given, extracts a cut at the error of each level, and lets CGAL measure it against the
+input, in both directions, within 1 % of the certified error. Prints a Markdown table in mean edge lengths, and exits
+with 1 if a bound is too small. Needs target/hausdorff (see hausdorff.cpp), the release binaries and pymeshlab
+(requirements.txt)."""
 import json, os, subprocess, sys, tempfile
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))

@@ -7,14 +7,17 @@ usage: cluster.py measure JOB [-o COSTS.json]
        cluster.py limits COSTS.json
        cluster.py check
 
-`measure` reads the reports that `lodpack work` has left in a job's directory, after `lodpack merge`. `run` simulates jobs of other sizes on any
-number of workers by discrete events: a task reads, computes and writes; all transfers share the bandwidth of the disk evenly; a
-worker takes the next task that is free (of regions the longest), and a stage begins when the one before it is done. `table` prints the Markdown table of
-tests/RESULTS.md, and `limits` the size of a job and the bandwidth of the disk from which a number of workers is as many times faster as it should be. `check` runs the simulator's own tests.
+`measure` reads the reports that `lodpack work` has left in a job's directory, after `lodpack merge`. `run` simulates
+jobs of other sizes on any number of workers by discrete events: a task reads, computes and writes; all transfers share
+the bandwidth of the disk evenly; a worker takes the next task that is free (of regions the longest), and a stage begins
+when the one before it is done. `table` prints the Markdown table of tests/RESULTS.md, and `limits` the size of a job
+and the bandwidth of the disk from which a number of workers is as many times faster as it should be. `check` runs the
+simulator's own tests.
 
-Costs grow in proportion to the input: ranges and regions keep their size, so there are more of them. Their CPU seconds are drawn from the
-measured tasks, so the skew between regions stays. What one process does grows with the number of ranges (`cut`), of regions
-(`match`, `seams`, `arrange`) or with the bytes of the file (`merge`). Smaller regions cost more of their borders, which are not simulated."""
+Costs grow in proportion to the input: ranges and regions keep their size, so there are more of them. Their CPU seconds
+are drawn from the measured tasks, so the skew between regions stays. What one process does grows with the number of
+ranges (`cut`), of regions (`match`, `seams`, `arrange`) or with the bytes of the file (`merge`). Smaller regions cost
+more of their borders, which are not simulated."""
 import argparse, heapq, json, math, os, random, statistics, struct, sys
 
 # What a triangle of binary PLY takes: 13 bytes, and half a vertex of 12.
@@ -27,9 +30,11 @@ ALONE = ("cut", "match", "seams", "arrange", "merge")
 ORDER = ("scan", "count", "cut", "divide", "repair", "match", "segment", "seams", "build", "arrange", "encode", "merge")
 # Parts for each task of `encode`, and the most tasks.
 PARTS_PER_ENCODER, MAX_ENCODERS = 4, 500
-# How often the tasks of `encode` read a part together: their clusters reach across borders of parts (202 reads of 64 parts were counted).
+# How often the tasks of `encode` read a part together: their clusters reach across borders of parts (202 reads of 64
+# parts were counted).
 ENCODER_READS = 3.2
-# Bytes that a stage reads, as multiples of the input and of what an earlier stage has handed on. `repair` looks its vertices up in the input.
+# Bytes that a stage reads, as multiples of the input and of what an earlier stage has handed on. `repair` looks its
+# vertices up in the input.
 READS = {
     "scan": {"input": 1.0}, "count": {"input": 1.0}, "cut": {"count": 1.0}, "divide": {"input": 1.0},
     "repair": {"divide": 1.0, "input": 0.32}, "match": {"stats": 1.0}, "segment": {"repair": 1.0, "stats": 1.0},
@@ -92,8 +97,9 @@ def skew(times):
 
 
 class Disk:
-    """A disk whose bandwidth all transfers share evenly, up to what one machine can take. Transfers all progress at the same rate, so one
-    ends when the service that each has had since the beginning reaches a number that is known when it begins."""
+    """A disk whose bandwidth all transfers share evenly, up to what one machine can take. Transfers all progress at the
+    same rate, so one ends when the service that each has had since the beginning reaches a number that is known when it
+    begins."""
 
     def __init__(self, bandwidth, per_worker):
         self.bandwidth, self.per_worker = bandwidth, per_worker
@@ -119,7 +125,8 @@ class Disk:
 
 
 def run_stage(tasks, workers, cluster, start, dice):
-    """Simulates the tasks of a stage, each (bytes read, seconds, bytes written), largest as they come. Returns when the last one ends."""
+    """Simulates the tasks of a stage, each (bytes read, seconds, bytes written), largest as they come. Returns when the
+    last one ends."""
     disk, waiting, events, free = Disk(cluster.bandwidth, cluster.per_worker), list(range(len(tasks)))[::-1], [], workers
     disk.time, now, left, state, number = start, start, len(tasks), {}, 0
     while left:
@@ -209,8 +216,8 @@ class Cluster:
     def __init__(self, **changes):
         # Bytes a second of the shared disk and of one machine's connection to it.
         self.bandwidth, self.per_worker = 5e9, 1e9
-        # Seconds from the end of a stage to the start of the next one, or to the restart of a worker (waiting workers look again after
-        # a sixteenth of the time that they have waited); and of every task.
+        # Seconds from the end of a stage to the start of the next one, or to the restart of a worker (waiting workers
+        # look again after a sixteenth of the time that they have waited); and of every task.
         self.latency, self.overhead = 0.1, 0.01
         # Deaths of a worker in a second; the share of tasks that straggle, and how much slower these are.
         self.failures, self.straggling, self.straggler = 0.0, 0.0, 3.0

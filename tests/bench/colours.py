@@ -1,11 +1,13 @@
 """Colour over the surface: how far what a mesh shows is from what another shows.
 
-    python3 tests/bench/colours.py [--points N] INPUT OUTPUT [OUTPUT ...]     (OBJ with MTL and images, GLB, or PLY with colours of vertices)
+    python3 tests/bench/colours.py [--points N] INPUT OUTPUT [OUTPUT ...]     (OBJ with MTL and images, GLB, or PLY with
+                                                                              colours of vertices)
 
-Spreads 100,000 points (or N) by area over the input, takes the closest point of each on the output, and compares colours: PSNR over the three
-components, in sRGB as screens show it. Between texels and between vertices, colours of both are interpolated in linear light, as renderers
-of glTF do; a second number is of bytes that are interpolated as they are. Where few points have most of the error, other points would say
-something else: it prints twice the standard error that comes of that. Needs numpy, pillow and pyvista, and shares no code with lodpack.
+Spreads 100,000 points (or N) by area over the input, takes the closest point of each on the output, and compares
+colours: PSNR over the three components, in sRGB as screens show it. Between texels and between vertices, colours of
+both are interpolated in linear light, as renderers of glTF do; a second number is of bytes that are interpolated as
+they are. Where few points have most of the error, other points would say something else: it prints twice the standard
+error that comes of that. Needs numpy, pillow and pyvista, and shares no code with lodpack.
 """
 
 import argparse

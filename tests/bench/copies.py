@@ -3,8 +3,8 @@
 
 usage: copies.py MESH.ply COUNT FOLDER
 
-MESH is a little-endian binary PLY whose vertices are three floats, as `generate` writes them with `--single`. The copies, FOLDER/copy-0.ply
-and so on, stand in a square grid, so that none touches another. Only numpy is needed."""
+MESH is a little-endian binary PLY whose vertices are three floats, as `generate` writes them with `--single`. The
+copies, FOLDER/copy-0.ply and so on, stand in a square grid, so that none touches another. Only numpy is needed."""
 import math, pathlib, sys
 
 import numpy as np

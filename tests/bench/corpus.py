@@ -1,19 +1,22 @@
 #!/usr/bin/env python3
-"""Files of other makers: builds, verifies and extracts every mesh and raster that certain packages ship, and compares what comes out
-with what other readers see in the file.
+"""Files of other makers: builds, verifies and extracts every mesh and raster that certain packages ship, and compares
+what comes out with what other readers see in the file.
 
-usage: corpus.py CACHE [--lodpack PROGRAM] [--node DIR] [--json OUT] [--only TEXT] [--most N] [--largest MB] [--minutes N]
+usage: corpus.py CACHE [--lodpack PROGRAM] [--node DIR] [--json OUT] [--only TEXT] [--most N] [--largest MB] [--minutes
+N]
        [--again]
 
-Packages (corpus/packages.py) are downloaded once, into CACHE, by pip, npm and apt. Needs numpy, scipy, trimesh 5.2.0, plyfile 1.1.5,
-meshio 5.3.5, tinyobjloader 2.0.0rc13, rasterio 1.4.4, OpenEXR 3.5.3 and Pillow, and in DIR (CACHE/node) the npm packages @gltf-transform/core
-and extensions 4.5.1, draco3dgltf, meshoptimizer and gltf-validator. Judges: OBJ tinyobjloader, PLY plyfile, OFF and STL trimesh, glTF
-glTF Transform, rasters rasterio, EXR OpenEXR; a file that only the second reader of its format agrees with counts as right, and is
-named. What was done with the same program is kept in CACHE, so a run that was stopped goes on.
+Packages (corpus/packages.py) are downloaded once, into CACHE, by pip, npm and apt. Needs numpy, scipy, trimesh 5.2.0,
+plyfile 1.1.5, meshio 5.3.5, tinyobjloader 2.0.0rc13, rasterio 1.4.4, OpenEXR 3.5.3 and Pillow, and in DIR (CACHE/node)
+the npm packages @gltf-transform/core and extensions 4.5.1, draco3dgltf, meshoptimizer and gltf-validator. Judges: OBJ
+tinyobjloader, PLY plyfile, OFF and STL trimesh, glTF glTF Transform, rasters rasterio, EXR OpenEXR; a file that only
+the second reader of its format agrees with counts as right, and is named. What was done with the same program is kept
+in CACHE, so a run that was stopped goes on.
 
-Tolerances: triangles of the input exactly, with or without those that name a vertex twice; box by the certified error, single precision and a millionth of the diagonal; area 1 % (5 %
-where polygons have more than three corners, which everybody divides in their own way); mean colour 8 of 255; samples of
-heights and their places exactly, in single precision."""
+Tolerances: triangles of the input exactly, with or without those that name a vertex twice; box by the certified error,
+single precision and a millionth of the diagonal; area 1 % (5 % where polygons have more than three corners, which
+everybody divides in their own way); mean colour 8 of 255; samples of heights and their places exactly, in single
+precision."""
 import argparse
 import collections
 import concurrent.futures
@@ -197,7 +200,8 @@ def compare_samples(theirs, ours):
 
 
 def with_surface(known):
-    """Samples that a triangle has: those of cells that lack none of their four. Other cells are not drawn (cli/README.md, No data)."""
+    """Samples that a triangle has: those of cells that lack none of their four. Other cells are not drawn
+    (cli/README.md, No data)."""
     cells = known[:-1, :-1] & known[:-1, 1:] & known[1:, :-1] & known[1:, 1:]
     around = np.pad(cells, 1)
     return known & (around[:-1, :-1] | around[:-1, 1:] | around[1:, :-1] | around[1:, 1:])

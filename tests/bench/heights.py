@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
-"""Compares files of heights with LERC, LERC and zlib, 16-bit PNG and compressed differences, and their triangles with martini and delatin.
+"""Compares files of heights with LERC, LERC and zlib, 16-bit PNG and compressed differences, and their triangles with
+martini and delatin.
 
 usage: heights.py LODPACK RASTER:TOLERANCE[,TOLERANCE...] ... [--triangles]
 
-Needs numpy, Pillow and lerc; with --triangles also pymartini and pydelatin, and square rasters of 2^k+1 samples. All codecs get the same
-largest error; where all samples are integers, numbers within it of one another are as good for all of them. Sizes are bits a sample; those of lodpack are of the
-whole file, with all levels, their errors and the index."""
+Needs numpy, Pillow and lerc; with --triangles also pymartini and pydelatin, and square rasters of 2^k+1 samples. All
+codecs get the same largest error; where all samples are integers, numbers within it of one another are as good for all
+of them. Sizes are bits a sample; those of lodpack are of the whole file, with all levels, their errors and the
+index."""
 import io, os, resource, subprocess, sys, tempfile, zlib
 import numpy as np
 from PIL import Image
@@ -50,7 +52,8 @@ def sizes(lodpack, path, tolerance, folder):
 
 
 def vertical(z, vertices, triangles):
-    """The largest vertical distance of samples from triangles of samples. Triangles of one shape are looked at together."""
+    """The largest vertical distance of samples from triangles of samples. Triangles of one shape are looked at
+    together."""
     corners = vertices[triangles]
     shapes, kinds = np.unique((corners - corners[:, :1])[:, 1:].reshape(-1, 4), axis=0, return_inverse=True)
     heights, worst = z.astype(float), 0.0

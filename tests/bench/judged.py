@@ -3,8 +3,9 @@
 
 usage: judged.py LODPACK HAUSDORFF [PAIRS]
 
-Makes pairs of meshes (20 by default: bumpy spheres, coarser, moved, turned, with holes), has both programs measure each direction, and prints a Markdown
-table with the largest difference. Exits with 1 if any is above 2 %. Needs numpy, and the program of hausdorff.cpp."""
+Makes pairs of meshes (20 by default: bumpy spheres, coarser, moved, turned, with holes), has both programs measure each
+direction, and prints a Markdown table with the largest difference. Exits with 1 if any is above 2 %. Needs numpy, and
+the program of hausdorff.cpp."""
 import json, math, os, subprocess, sys, tempfile
 
 import numpy as np

@@ -1,8 +1,9 @@
 """Kills builds at random moments and checks that no wrong file results: python tests/bench/kills.py MESH [options]
 
-Each round runs a build on disk, a plan, its parts and its merge, or a job in stages. It sends SIGKILL at a random moment, as often as
---kills says, and resumes. After every kill, any file that has its final name must be correct; at the end, all files must be. As
-root, some rounds run on a file system of their own that is too small, and is enlarged after the error.
+Each round runs a build on disk, a plan, its parts and its merge, or a job in stages. It sends SIGKILL at a random
+moment, as often as --kills says, and resumes. After every kill, any file that has its final name must be correct; at
+the end, all files must be. As root, some rounds run on a file system of their own that is too small, and is enlarged
+after the error.
 
 Prints a line per round and a summary. Exits with 1 if anything was wrong.
 """
@@ -121,7 +122,8 @@ class Driver:
             for name, words, product in self.steps():
                 path = product and pathlib.Path(folder) / product
                 share = SHARES[name]
-                # A process killed again and again in its first moments makes no progress, so the fourth try is not killed.
+                # A process killed again and again in its first moments makes no progress, so the fourth try is not
+                # killed.
                 for attempt in range(4):
                     kill = kills < kills_left and attempt < 3 and self.random.random() < 0.6
                     seconds = self.random.random() * self.seconds * share if kill else 3600

@@ -1,16 +1,20 @@
-"""Lines between pieces of a textured mesh: pictures from 200 places, and where the colour steps along a border more than the input's does.
+"""Lines between pieces of a textured mesh: pictures from 200 places, and where the colour steps along a border more
+than the input's does.
 
     python3 tests/bench/lines.py INPUT STEP OUTPUT [OUTPUT ...]
 
-Each picture looks at a point of the surface, up to 50 degrees aslant, and a pixel is as large as a texel of the output (384 x 384 pixels, no
-perspective, unlit, interpolated in linear light). Of each two pixels side by side that show one surface the colours are compared with those
-of the input at the points of it that are closest to what both pixels show. Counted are those where the output steps further than the input by more than STEP of 255 in
-some component (9 is the step of quantisation at the usual quality, 1 at quality 100): where the map is cut between the two pixels, and, beside that, within pieces, where
-nothing but texels and their quantisation is seen. A line is where at least eight such pixels lie together.
+Each picture looks at a point of the surface, up to 50 degrees aslant, and a pixel is as large as a texel of the output
+(384 x 384 pixels, no perspective, unlit, interpolated in linear light). Of each two pixels side by side that show one
+surface the colours are compared with those of the input at the points of it that are closest to what both pixels show.
+Counted are those where the output steps further than the input by more than STEP of 255 in some component (9 is the
+step of quantisation at the usual quality, 1 at quality 100): where the map is cut between the two pixels, and, beside
+that, within pieces, where nothing but texels and their quantisation is seen. A line is where at least eight such pixels
+lie together.
 
-Where a line of the input runs within a pixel of a border and the output has it a fraction of a texel aside, that counts as well, though the output shows no line that the input does not have. So all is counted once more
-where the output steps further by more than STEP than the input's colours differ within a pixel of the two. Shares no code with lodpack; needs what `colours.py`
-needs, and scipy.
+Where a line of the input runs within a pixel of a border and the output has it a fraction of a texel aside, that counts
+as well, though the output shows no line that the input does not have. So all is counted once more where the output
+steps further by more than STEP than the input's colours differ within a pixel of the two. Shares no code with lodpack;
+needs what `colours.py` needs, and scipy.
 """
 
 import sys

@@ -2,9 +2,9 @@
 
     python3 tests/bench/look.py INPUT OUTPUT [OUTPUT ...]
 
-Rays along the axes hit each mesh, and show its colour as `colours.py` has it, so that nothing is shared with lodpack. FLIP is the mean over the
-picture at its usual 67 pixels a degree (0 for the same picture), SSIM that of the bytes (1 for the same picture), both means over the six
-sides. Needs what `colours.py` needs, flip-evaluator and scikit-image.
+Rays along the axes hit each mesh, and show its colour as `colours.py` has it, so that nothing is shared with lodpack.
+FLIP is the mean over the picture at its usual 67 pixels a degree (0 for the same picture), SSIM that of the bytes (1
+for the same picture), both means over the six sides. Needs what `colours.py` needs, flip-evaluator and scikit-image.
 """
 
 import sys

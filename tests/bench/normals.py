@@ -4,11 +4,12 @@
     python3 tests/bench/normals.py creases INPUT.ply OUTPUT.glb [OUTPUT.glb ...]
     python3 tests/bench/normals.py creases --facets INPUT.ply OUTPUT.glb [OUTPUT.glb ...]
 
-Spreads 100,000 points by area over the input, takes the closest point of each on the output, and compares the input's normal (between
-vertices, whose normals are the means of their triangles') with that of the output's triangle, and with that of its normal texture, as glTF
-2.0 says (section 3.9.3), where it has one, or that of its vertices. With creases, the output is also shaded by the rule of SPEC.md, 14.4, with
-several angles in place of its own; --facets has the input's triangles in place of normals between vertices, for models that have creases.
-Needs numpy, pillow, pyvista and scipy, and shares no code with lodpack.
+Spreads 100,000 points by area over the input, takes the closest point of each on the output, and compares the input's
+normal (between vertices, whose normals are the means of their triangles') with that of the output's triangle, and with
+that of its normal texture, as glTF 2.0 says (section 3.9.3), where it has one, or that of its vertices. With creases,
+the output is also shaded by the rule of SPEC.md, 14.4, with several angles in place of its own; --facets has the
+input's triangles in place of normals between vertices, for models that have creases. Needs numpy, pillow, pyvista and
+scipy, and shares no code with lodpack.
 """
 
 import io

@@ -3,28 +3,29 @@
 
 usage: peers.py [--work DIR] [--csv DIR] [--only NAME,..] [--install] [--large] [--add] MESH...
 
-A MESH is a file, or part:N, sphere:N or sheet:N for a generated one. The table has one row per mesh and one column per measure.
-A cell shows the ratio (above 1: lodpack is better), the best peer, its figure : ours. Writes `peers-MESH.csv`, with every
-measured file and setting, for `lodpack report --peers`, and `peers.json`, to --csv (by default --work); --add keeps the meshes
-that are already in that file, with their rows. Progress goes to stderr.
+A MESH is a file, or part:N, sphere:N or sheet:N for a generated one. The table has one row per mesh and one column per
+measure. A cell shows the ratio (above 1: lodpack is better), the best peer, its figure : ours. Writes `peers-MESH.csv`,
+with every measured file and setting, for `lodpack report --peers`, and `peers.json`, to --csv (by default --work);
+--add keeps the meshes that are already in that file, with their rows. Progress goes to stderr.
 
 Peers, by the names for --only:
-- hierarchies: nexus (nxs_build + nxs_compress of pymeshlab), clusterlod (writes nothing), deepmonkey (deepmonkey-geometry);
+- hierarchies: nexus (nxs_build + nxs_compress of pymeshlab), clusterlod (writes nothing), deepmonkey
+  (deepmonkey-geometry);
 - simplifiers: pymeshlab (quadric, optimal placement), VTK, fast-simplification, pyfqmr, meshoptimizer;
 - files of one level: draco (alone, and after the two simplifiers that need the fewest triangles), gltfpack.
 Nexus is tried with its defaults, cut off at the coarsest nodes that reach our error, and over the best simplified mesh.
 
-Needs the release binaries (cargo build --release --workspace; LODPACK_BIN names another directory), and requirements.txt in the
-Python that runs it. gltfpack comes from npm and deepmonkey-geometry from crates.io: --install puts both into --work; otherwise
-they are looked for there and on PATH. Above three million triangles, tools that take minutes per mesh (pymeshlab, VTK) or
-gigabytes are left out unless --large is given. Distances are those of bench.py. CPU seconds and memory are the best of three
-builds of a hierarchy, or of as many as take 20 CPU seconds; for Nexus, the time that Python takes to start with pymeshlab is
-not counted.
+Needs the release binaries (cargo build --release --workspace; LODPACK_BIN names another directory), and
+requirements.txt in the Python that runs it. gltfpack comes from npm and deepmonkey-geometry from crates.io: --install
+puts both into --work; otherwise they are looked for there and on PATH. Above three million triangles, tools that take
+minutes per mesh (pymeshlab, VTK) or gigabytes are left out unless --large is given. Distances are those of bench.py.
+CPU seconds and memory are the best of three builds of a hierarchy, or of as many as take 20 CPU seconds; for Nexus, the
+time that Python takes to start with pymeshlab is not counted.
 
-A peer reaches an error if the RMS, or the maximum, of its mesh as decoded from its file is no larger than that of lodpack's
-finest level. A file is a pyramid if it has at least two levels, any part of which can be read without the rest. First pictures
-are drawn from a pyramid's roots (lodpack: overview or coarsest level; Nexus: header, index, root nodes), or from all of a file
-of one level."""
+A peer reaches an error if the RMS, or the maximum, of its mesh as decoded from its file is no larger than that of
+lodpack's finest level. A file is a pyramid if it has at least two levels, any part of which can be read without the
+rest. First pictures are drawn from a pyramid's roots (lodpack: overview or coarsest level; Nexus: header, index, root
+nodes), or from all of a file of one level."""
 import argparse, importlib.metadata, json, os, platform, shutil, subprocess
 
 from peer import hierarchies, single

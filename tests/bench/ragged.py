@@ -1,16 +1,19 @@
 #!/usr/bin/env python3
-"""Open surfaces with ragged borders: coarse levels and reduced cuts of grids without data at their borders, beside Delatin.
+"""Open surfaces with ragged borders: coarse levels and reduced cuts of grids without data at their borders, beside
+Delatin.
 
 usage: ragged.py [--grids N] [--size SAMPLES] [--work DIR] [--jacksboro]
 
-Needs numpy, scipy, matplotlib and pydelatin (requirements.txt), with --jacksboro rasterio, too; target/hausdorff (see hausdorff.cpp);
-and the program `lodpack`, by default in target/release (or $LODPACK). The grids are windows of the heights that come with matplotlib, from
-which seeded borders are cut: turned rectangles as reprojections leave them, random walks, wedges, and some with holes. Each is built
-as a mesh. CGAL is the judge of all distances, both ways, from the mesh that has two triangles per cell.
+Needs numpy, scipy, matplotlib and pydelatin (requirements.txt), with --jacksboro rasterio, too; target/hausdorff (see
+hausdorff.cpp); and the program `lodpack`, by default in target/release (or $LODPACK). The grids are windows of the
+heights that come with matplotlib, from which seeded borders are cut: turned rectangles as reprojections leave them,
+random walks, wedges, and some with holes. Each is built as a mesh. CGAL is the judge of all distances, both ways, from
+the mesh that has two triangles per cell.
 
-Delatin has no samples without data. So it runs on grids filled with the nearest height and on grids filled far below, at the
-finest error that leaves as few triangles inside the border, and the nearer result counts. The table has both distances at 230, 350
-and 1,000 triangles and their ratio, the distance of the top, and whether the stated errors of the levels fall strictly."""
+Delatin has no samples without data. So it runs on grids filled with the nearest height and on grids filled far below,
+at the finest error that leaves as few triangles inside the border, and the nearer result counts. The table has both
+distances at 230, 350 and 1,000 triangles and their ratio, the distance of the top, and whether the stated errors of the
+levels fall strictly."""
 import argparse
 import json
 import os

@@ -5,15 +5,16 @@ usage: scale.py [--memory 512MiB] [--work DIR] [--nexus] [--parts N,N,...] [--no
        scale.py [--memory 512MiB] [--work DIR] --add MORE --tolerance T MESH
 
 MESH is a file, or sphere:N for a generated mesh of 12 N^2 triangles (sphere:289 1 M, sphere:817 8 M, sphere:1634 32 M,
-sphere:3266 128 M). Needs the release binaries (cargo build --release --workspace); --nexus needs the requirements of bench.py.
+sphere:3266 128 M). Needs the release binaries (cargo build --release --workspace); --nexus needs the requirements of
+bench.py.
 
-First table: each mesh built with that memory, also by Nexus if asked for. Second table: each mesh planned, built part by part
-in sequence, and merged; the total cost compared with a single build, and the speed of the merge compared with copying the file
-to the same disk. Then a model fitted to the second table estimates the time of a billion triangles on several workers, and what
-would limit them.
+First table: each mesh built with that memory, also by Nexus if asked for. Second table: each mesh planned, built part
+by part in sequence, and merged; the total cost compared with a single build, and the speed of the merge compared with
+copying the file to the same disk. Then a model fitted to the second table estimates the time of a billion triangles on
+several workers, and what would limit them.
 
-With --add there is one table: a job of MESH to which MORE is added, compared with a job of both at once, which must give the
-same bytes."""
+With --add there is one table: a job of MESH to which MORE is added, compared with a job of both at once, which must
+give the same bytes."""
 import argparse, filecmp, os, shutil, sys, tempfile, time
 
 import bench
@@ -106,8 +107,8 @@ def in_parts(args, meshes):
 
 
 def job_of(args, path, command, *words):
-    """Plans a job with `command`, builds its parts and merges them. Returns the seconds of each step, the output of the plan,
-    and the memory of the largest step."""
+    """Plans a job with `command`, builds its parts and merges them. Returns the seconds of each step, the output of the
+    plan, and the memory of the largest step."""
     plan = lodpack(command, *words, "-o", path, "--memory", args.memory, "--progress", "none", "--json")
     said = plan.json()
     count = len((said["manifest"] if "manifest" in said else said)["parts"])
@@ -138,7 +139,8 @@ def adding(args, mesh):
 
 
 def model(facts):
-    """Seconds for a billion triangles, extrapolated from the largest measured mesh: all costs are linear in the triangles."""
+    """Seconds for a billion triangles, extrapolated from the largest measured mesh: all costs are linear in the
+    triangles."""
     triangles, _, plan_wall, parts_cpu, merge_wall, _ = max(facts)
     billion = 1e9 / triangles
     rows = []

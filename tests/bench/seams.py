@@ -2,21 +2,27 @@
 
     python3 tests/bench/seams.py [--nodes FILE.lodpack] [--list] INPUT STEP OUTPUT [OUTPUT ...]
 
-Looks at five points of each edge at which the map is cut, within nodes and along arcs, and compares the colours of both sides, interpolated in linear light, in
-components of sRGB from 0 to 255. STEP is the step of quantisation: 9 at the usual quality, 1 at quality 100. What is stored is brightness, with that step, and two
-differences of colour with half as much again (SPEC.md, 21.3): sides are beyond a step where one of these three differs by more than its own. Where the input itself jumps
-along a border, each side shows what the input does there: so edges are told apart at one of whose points the input differs by more than 4 between a twentieth of
-a texel inside of one side and of the other (half a texel where these meet at more than 45 degrees). Where the input changes within less than a texel, two images of
-different lattices may differ, and no eye sees a line there that the input does not have: how far the input's colours differ within a texel of a point, on both sides and along the edge, is its range. Printed are, of all points and of those of edges along which the input does not jump,
+Looks at five points of each edge at which the map is cut, within nodes and along arcs, and compares the colours of both
+sides, interpolated in linear light, in components of sRGB from 0 to 255. STEP is the step of quantisation: 9 at the
+usual quality, 1 at quality 100. What is stored is brightness, with that step, and two differences of colour with half
+as much again (SPEC.md, 21.3): sides are beyond a step where one of these three differs by more than its own. Where the
+input itself jumps along a border, each side shows what the input does there: so edges are told apart at one of whose
+points the input differs by more than 4 between a twentieth of a texel inside of one side and of the other (half a texel
+where these meet at more than 45 degrees). Where the input changes within less than a texel, two images of different
+lattices may differ, and no eye sees a line there that the input does not have: how far the input's colours differ
+within a texel of a point, on both sides and along the edge, is its range. Printed are, of all points and of those of
+edges along which the input does not jump,
 
 - how many are beyond a step of what is stored, and by how much brightness differs at most;
 - at how many some component of sRGB differs by more than STEP;
 - seams: at how many it differs by more than STEP beyond the input's range,
 
-of all, and of those where the texels of one side are larger than the other's, as where levels meet. With --nodes the same is printed of arcs alone, which are the borders
-between nodes, and of those between nodes of two levels; OUTPUT is then what `lodpack extract --raw` wrote of FILE, and the package for Python (`reader/python`) says which
-triangle is of which node. --list prints each point beyond a step of edges along which the input does not jump, of arcs where nodes are known: its place, by how many steps brightness and the two
-differences are off, and what the input shows there. Shares no code with lodpack; needs what `colours.py` needs, and scipy.
+of all, and of those where the texels of one side are larger than the other's, as where levels meet. With --nodes the
+same is printed of arcs alone, which are the borders between nodes, and of those between nodes of two levels; OUTPUT is
+then what `lodpack extract --raw` wrote of FILE, and the package for Python (`reader/python`) says which triangle is of
+which node. --list prints each point beyond a step of edges along which the input does not jump, of arcs where nodes are
+known: its place, by how many steps brightness and the two differences are off, and what the input shows there. Shares
+no code with lodpack; needs what `colours.py` needs, and scipy.
 """
 
 import argparse
@@ -28,7 +34,8 @@ import colours
 import lines
 
 POINTS, SAME, LARGER = 5, 4, 1.2
-# Red, green and blue in brightness, and how much blue and red less brightness are of a difference that is stored (SPEC.md).
+# Red, green and blue in brightness, and how much blue and red less brightness are of a difference that is stored
+# (SPEC.md).
 BRIGHTNESS, DIFFERENCES = np.array([0.299, 0.587, 0.114]), (256 / 454, 256 / 359)
 # How far from a point the input is looked at, in texels: into both sides, and along the edge.
 INWARDS, ALONG = (0.05, 0.25, 0.5, 0.75, 1.0), (-0.5, 0.0, 0.5)
@@ -39,7 +46,8 @@ MOST_INWARDS = 0.9
 
 
 def texels(output):
-    """How long a texel is in each triangle, in the direction in which it is shortest: projections keep lengths along one direction."""
+    """How long a texel is in each triangle, in the direction in which it is shortest: projections keep lengths along
+    one direction."""
     surface, corners = output.surface, output.corners
     sizes = np.array([image.shape[1::-1] if image is not None else (0, 0) for _, image in surface.images])
     places = surface.places[surface.place_triangles] * sizes[surface.image_of][:, None, :]
@@ -86,8 +94,8 @@ class Border:
         return edge / np.maximum(np.linalg.norm(edge, axis=1), 1e-300)[:, None]
 
     def input_jump(self, source):
-        """How far the colours of the input differ a little inside of both sides, and where these are folded, further inside: a closest point may lie on
-        the other side."""
+        """How far the colours of the input differ a little inside of both sides, and where these are folded, further
+        inside: a closest point may lie on the other side."""
         normals = np.cross(self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
         is_fold = (normals[self.triangles[0]] * normals[self.triangles[1]]).sum(axis=1) < FOLD
@@ -122,7 +130,8 @@ def nodes(output, path):
         levels = mesh.cut.nodes()[1]
     if len(textured.triangles) != len(output.corners):
         raise SystemExit(f"{path}: its cut has {len(textured.triangles)} triangles, not {len(output.corners)}; write the output with --raw")
-    # GLB has positions in single precision: the closest middle is the triangle's own. Slivers may share one, and then their corners tell.
+    # GLB has positions in single precision: the closest middle is the triangle's own. Slivers may share one, and then
+    # their corners tell.
     corners = textured.positions[textured.triangles]
     size = np.ptp(corners.reshape(-1, 3), axis=0).max()
     middles = np.stack([each.mean(axis=1) for each in (corners, output.corners)])

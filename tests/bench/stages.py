@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
-"""Measures a job in stages beside one build: what each stage takes, what one process does alone, and how two workers compare with one.
+"""Measures a job in stages beside one build: what each stage takes, what one process does alone, and how two workers
+compare with one.
 
-usage: stages.py MESH [--parts 16] [--range-bytes 64MiB] [--memory 512MiB] [--runs 3] [--work DIR] [--lodpack PATH] [--costs COSTS.json] [--known COSTS.json]
+usage: stages.py MESH [--parts 16] [--range-bytes 64MiB] [--memory 512MiB] [--runs 3] [--work DIR] [--lodpack PATH]
+[--costs COSTS.json] [--known COSTS.json]
 
-Every task is a process of its own with one thread, as on a cluster, so its CPU seconds hold its start, too. Then one and two workers do the
-whole job, `--runs` times each. Others may load the machine, so the time for which workers had no processor is taken off (Linux tells it), and the
-least of the runs counts. All files must have the same bytes.
+Every task is a process of its own with one thread, as on a cluster, so its CPU seconds hold its start, too. Then one
+and two workers do the whole job, `--runs` times each. Others may load the machine, so the time for which workers had no
+processor is taken off (Linux tells it), and the least of the runs counts. All files must have the same bytes.
 `--costs` writes what tests/bench/cluster.py simulates from. Python's standard library is enough."""
 import argparse, filecmp, json, math, os, pathlib, shutil, statistics, subprocess, sys, tempfile, threading, time
 

@@ -1,21 +1,23 @@
 #!/usr/bin/env python3
-"""Measures the cost of drawing files from disk, from a web server (nginx) and from an S3 server (moto), side by side, and
-compared with Nexus for the same regions. Prints Markdown.
+"""Measures the cost of drawing files from disk, from a web server (nginx) and from an S3 server (moto), side by side,
+and compared with Nexus for the same regions. Prints Markdown.
 
-usage: streams.py [--regions N] [--mesh MESH]... [--simplified] [--equal-triangles] [--nginx PROGRAM] [--work DIR] FILE.lodpack...
+usage: streams.py [--regions N] [--mesh MESH]... [--simplified] [--equal-triangles] [--nginx PROGRAM] [--work DIR]
+FILE.lodpack...
 
-For each file: opening, the first complete picture (the overview, or all roots at their coarsest level), and cubes that contain
-a hundredth of the roots, around evenly chosen roots, at the finest level and at the error of the next coarser one. The figures are
-those that the example `requests` counts, opening included; for the servers also those of their own logs (bytes without headers;
-moto's log has none). Before that, `lodpack extract` writes a cube from each source, and the meshes must be equal to the byte.
+For each file: opening, the first complete picture (the overview, or all roots at their coarsest level), and cubes that
+contain a hundredth of the roots, around evenly chosen roots, at the finest level and at the error of the next coarser
+one. The figures are those that the example `requests` counts, opening included; for the servers also those of their own
+logs (bytes without headers; moto's log has none). Before that, `lodpack extract` writes a cube from each source, and
+the meshes must be equal to the byte.
 
-With --mesh, one per file in the same order, Nexus's pyramid of that mesh (nxs_build, nxs_compress) is read for the same cubes.
-Its errors are neither bounds nor measured distances. Therefore it is drawn down to the node error at which the whole model has
-a measured RMS no larger than lodpack's finest level, or the next coarser one; its positions are coded as coarsely as that allows.
-Of its nodes, those are read whose tight spheres touch the cube, and those above them; its viewers request each node separately.
-The search compares about seven cuts with the mesh. With --equal-triangles, for large meshes, Nexus is drawn with as many
-triangles as lodpack's level instead. With --simplified, Nexus is also measured over a mesh that VTK has first simplified to
-that RMS: smaller, but without anything finer.
+With --mesh, one per file in the same order, Nexus's pyramid of that mesh (nxs_build, nxs_compress) is read for the same
+cubes. Its errors are neither bounds nor measured distances. Therefore it is drawn down to the node error at which the
+whole model has a measured RMS no larger than lodpack's finest level, or the next coarser one; its positions are coded
+as coarsely as that allows. Of its nodes, those are read whose tight spheres touch the cube, and those above them; its
+viewers request each node separately. The search compares about seven cuts with the mesh. With --equal-triangles, for
+large meshes, Nexus is drawn with as many triangles as lodpack's level instead. With --simplified, Nexus is also
+measured over a mesh that VTK has first simplified to that RMS: smaller, but without anything finer.
 
 Needs the output of `cargo build --release --workspace --bins --examples --features
 lodpack-cli/object-store,lodpack/http,lodpack/object-store`, nginx, and `pip install 'moto[s3,server]' boto3`; for Nexus
@@ -92,8 +94,8 @@ def nginx(program, folder, work):
 
 @contextlib.contextmanager
 def moto(folder, work):
-    """Runs an S3 server with the folder's files in the bucket `models`, to which the environment points. Yields the address and
-    the log."""
+    """Runs an S3 server with the folder's files in the bucket `models`, to which the environment points. Yields the
+    address and the log."""
     import boto3  # the caller reports missing modules
 
     port, log = free_port(), os.path.join(work, "moto.log")

@@ -3,11 +3,12 @@
 
 usage: terrain.py [--work DIR] [--samples N] [--only NAME]
 
-Needs numpy, matplotlib, rasterio, pydelatin and pymartini (requirements.txt), and the programs `lodpack` and `terrain` of this
-repository in target/release. Two real grids come with matplotlib (Jacksboro fault, 3 seconds of arc; the sea and the land around Vancouver,
-2 minutes); the fractal ones are generated. Every triangle mesh is judged by the same code: its height at every sample of the
-grid, and the largest vertical difference counts. Delatin and martini are then asked for as much error as lodpack's
-mesh has by that judge, so triangles stand beside each other at equal largest error. Times are CPU seconds."""
+Needs numpy, matplotlib, rasterio, pydelatin and pymartini (requirements.txt), and the programs `lodpack` and `terrain`
+of this repository in target/release. Two real grids come with matplotlib (Jacksboro fault, 3 seconds of arc; the sea
+and the land around Vancouver, 2 minutes); the fractal ones are generated. Every triangle mesh is judged by the same
+code: its height at every sample of the grid, and the largest vertical difference counts. Delatin and martini are then
+asked for as much error as lodpack's mesh has by that judge, so triangles stand beside each other at equal largest
+error. Times are CPU seconds."""
 import argparse
 import pathlib
 import resource
@@ -55,8 +56,8 @@ def read_ply(path):
 
 
 def vertical(vertices, triangles, grid):
-    """Largest and root mean square vertical difference at the samples of a grid. Where several triangles lie above each other, the nearest
-    one counts; samples on the very border may be missed, and do not count."""
+    """Largest and root mean square vertical difference at the samples of a grid. Where several triangles lie above each
+    other, the nearest one counts; samples on the very border may be missed, and do not count."""
     xs, ys, heights = grid
     columns, rows = (vertices[:, 0] - xs[0]) / (xs[1] - xs[0]), (vertices[:, 1] - ys[0]) / (ys[1] - ys[0])
     x, y, z = columns[triangles], rows[triangles], vertices[:, 2][triangles]
@@ -85,7 +86,8 @@ def vertical(vertices, triangles, grid):
 
 
 def least_triangles(make, judge, wanted):
-    """Triangles, and RMS, of the smallest mesh whose largest vertical difference is at most so much, by bisection of what it is asked for."""
+    """Triangles, and RMS, of the smallest mesh whose largest vertical difference is at most so much, by bisection of
+    what it is asked for."""
     low, high, best = wanted * 0.2, wanted * 2.0, None
     for _ in range(9):
         middle = (low + high) / 2

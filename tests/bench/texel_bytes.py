@@ -1,13 +1,16 @@
 """What colours and normals cost, beside what peers take for a surface that shows the same.
 
-    python3 tests/bench/texel_bytes.py textures LODPACK MODEL [MODEL ...] [--gltfpack PROGRAM]     (OBJ with MTL, or GLB)
-    python3 tests/bench/texel_bytes.py colours LODPACK MESH.ply [...]                              (painted, where it has no colours)
+    python3 tests/bench/texel_bytes.py textures LODPACK MODEL [MODEL ...] [--gltfpack PROGRAM]     (OBJ with MTL, or
+                                                                                                   GLB)
+    python3 tests/bench/texel_bytes.py colours LODPACK MESH.ply [...]                              (painted, where it
+                                                                                                   has no colours)
     python3 tests/bench/texel_bytes.py normals LODPACK MESH.ply [...]
 
-Colours are compared over the surface by `colours.py` and normals by `normals.py`, at the same points for all. Peers of textures keep the input's
-mesh and coordinates and code its images: WebP (pillow, method 6) and KTX2 of Basis Universal (alktx2) with averages, as gltfpack has it, each at
-several qualities; bytes at lodpack's PSNR are interpolated. The peer of colours and normals at vertices is Draco (DracoPy, level 10, positions of 12 bits), of the
-input and of meshes simplified by fast_simplification. Needs what those two need, and alktx2, DracoPy and fast_simplification.
+Colours are compared over the surface by `colours.py` and normals by `normals.py`, at the same points for all. Peers of
+textures keep the input's mesh and coordinates and code its images: WebP (pillow, method 6) and KTX2 of Basis Universal
+(alktx2) with averages, as gltfpack has it, each at several qualities; bytes at lodpack's PSNR are interpolated. The
+peer of colours and normals at vertices is Draco (DracoPy, level 10, positions of 12 bits), of the input and of meshes
+simplified by fast_simplification. Needs what those two need, and alktx2, DracoPy and fast_simplification.
 """
 
 import argparse

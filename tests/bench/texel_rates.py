@@ -2,8 +2,9 @@
 
     python3 tests/bench/texel_rates.py IMAGE [IMAGE ...]
 
-Each image is cut to at most 1024 x 1024 texels, coded by lodpack's example `texel_rates`, and by pillow's JPEG (4:4:4, optimised tables) and
-WebP (method 6) at qualities from 5 to 99; their bytes at the PSNR of each of lodpack's steps are interpolated. Needs numpy and pillow.
+Each image is cut to at most 1024 x 1024 texels, coded by lodpack's example `texel_rates`, and by pillow's JPEG (4:4:4,
+optimised tables) and WebP (method 6) at qualities from 5 to 99; their bytes at the PSNR of each of lodpack's steps are
+interpolated. Needs numpy and pillow.
 """
 
 import io

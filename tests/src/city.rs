@@ -21,8 +21,8 @@ const SQUARES: u32 = 28;
 /// Storeys of a wall that have triangles of their own.
 const BANDS: u32 = 2;
 
-/// Writes a city with the given number of tiles, nearly in a square, to a folder, and returns the number of its triangles. Textures have `side` texels along each
-/// side. One tile is held at a time.
+/// Writes a city with the given number of tiles, nearly in a square, to a folder, and returns the number of its
+/// triangles. Textures have `side` texels along each side. One tile is held at a time.
 ///
 /// # Errors
 /// If the folder or a file cannot be written.

@@ -1,8 +1,9 @@
 //! Hostile files: changed copies of sound ones, the same on every machine, whose checksums are right.
 //!
-//! A flipped byte alone says little about a reader, since a checksum finds it before anything else looks. So [`Seed`] finds the checksums
-//! of a file and what each covers, by trying every range: that needs no knowledge of the format, holds for files of every kind, and
-//! shares nothing with the reader. After a change it makes them right again, from the innermost to the header's.
+//! A flipped byte alone says little about a reader, since a checksum finds it before anything else looks. So [`Seed`]
+//! finds the checksums of a file and what each covers, by trying every range: that needs no knowledge of the format,
+//! holds for files of every kind, and shares nothing with the reader. After a change it makes them right again, from
+//! the innermost to the header's.
 
 use std::collections::{BTreeSet, HashMap};
 use std::ops::Range;
@@ -78,8 +79,8 @@ impl Seed {
     pub fn change(&self, dice: &mut Dice, others: &[Self]) -> (&'static str, Vec<u8>) {
         let mut bytes = self.bytes.clone();
         let length = bytes.len();
-        // As likely in a small part as in a large one, and rather in what is sealed last: a change of the directory or of the tables, which are
-        // half of a small file, ends everything at once.
+        // As likely in a small part as in a large one, and rather in what is sealed last: a change of the directory or
+        // of the tables, which are half of a small file, ends everything at once.
         let count = self.checksums.len() + 1;
         let place = |dice: &mut Dice| match self.checksums.get(dice.below(count).max(dice.below(count))) {
             Some((_, ranges)) => ranges[0].start + dice.below(ranges[0].len()),
@@ -213,8 +214,9 @@ fn checksum(bytes: &[u8]) -> u32 {
 
 /// Every place whose four bytes are the checksum of a range that does not touch them, with these ranges.
 ///
-/// By chance a number that is none looks like one about once in a file of 3 kB, and two of these could contradict each other for ever. But what
-/// checksums cover lies apart or one in the other, so a range that overlaps a shorter one in part is none.
+/// By chance a number that is none looks like one about once in a file of 3 kB, and two of these could contradict each
+/// other for ever. But what checksums cover lies apart or one in the other, so a range that overlaps a shorter one in
+/// part is none.
 fn find_checksums(bytes: &[u8]) -> Vec<(usize, Vec<Range<usize>>)> {
     let mut places: HashMap<u32, Vec<usize>> = HashMap::new();
     for (place, four) in bytes.windows(4).enumerate() {

@@ -26,7 +26,8 @@ pub struct Answer {
 }
 
 impl Nginx {
-    /// Serves a folder; writes its configuration and log into `work`, which is another one. Returns `None` where nginx is not installed.
+    /// Serves a folder; writes its configuration and log into `work`, which is another one. Returns `None` where nginx
+    /// is not installed.
     ///
     /// # Panics
     ///

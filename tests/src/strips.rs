@@ -24,7 +24,8 @@ pub fn materials() -> Vec<(Value, Drawing)> {
     ]
 }
 
-/// A PNG whose opacity is 0.2, 0.4, 0.6 or 0.8 by square of holes: each takes a quarter of the image. Red is 200 everywhere.
+/// A PNG whose opacity is 0.2, 0.4, 0.6 or 0.8 by square of holes: each takes a quarter of the image. Red is 200
+/// everywhere.
 ///
 /// # Panics
 /// If it cannot be encoded, which does not happen.

@@ -10,7 +10,8 @@ use std::io::{self, Write};
 pub struct Grid {
     /// Columns and rows.
     pub size: [u32; 2],
-    /// West and north edge (or, for points, the north-western sample), and the distances of columns and rows; none to say nothing.
+    /// West and north edge (or, for points, the north-western sample), and the distances of columns and rows; none to
+    /// say nothing.
     pub place: Option<[f64; 4]>,
     /// Whether pixels are points.
     pub is_point: bool,
@@ -132,8 +133,8 @@ impl Grid {
     }
 }
 
-/// Heights in metres, between about -6,000 and 6,000, that look like mountains and plains: octaves of noise in space, so that a globe has
-/// neither a seam nor a pole. Detail ends at two samples.
+/// Heights in metres, between about -6,000 and 6,000, that look like mountains and plains: octaves of noise in space,
+/// so that a globe has neither a seam nor a pole. Detail ends at two samples.
 #[derive(Clone, Copy, Debug)]
 pub struct Fractal {
     /// Another world.
@@ -217,7 +218,8 @@ pub struct Vertical {
 }
 
 impl Vertical {
-    /// Measures at every vertex of the input, which lies on a plane. Code of its own: it shares nothing with a certificate.
+    /// Measures at every vertex of the input, which lies on a plane. Code of its own: it shares nothing with a
+    /// certificate.
     pub fn between(positions: &[[f64; 3]], triangles: &[[u32; 3]], input: &Mesh) -> Self {
         let [low, high] = input.bounds();
         let cells = ((input.positions.len() as f64).sqrt() as usize).clamp(1, 4096);

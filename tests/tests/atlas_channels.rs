@@ -27,7 +27,8 @@ fn manifest(folder: &Folder, name: &str) -> Value {
     serde_json::from_slice(&folder.read(&format!("{name}/atlas.json"))).expect("JSON")
 }
 
-/// Asserts that images have the same bytes on both sides of each edge that `atlas.json` declares common; returns how many edges.
+/// Asserts that images have the same bytes on both sides of each edge that `atlas.json` declares common; returns how
+/// many edges.
 fn check_borders(folder: &Folder, name: &str, channel: usize) -> usize {
     let manifest = manifest(folder, name);
     let roots = manifest["roots"].as_array().expect("a list");

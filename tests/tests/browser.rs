@@ -1,9 +1,9 @@
-//! The reader as WebAssembly says what the native reader says: runs the tests of `reader/wasm` in Node, and those of the viewer page in
-//! Chromium, with the native reader's answers to compare.
+//! The reader as WebAssembly says what the native reader says: runs the tests of `reader/wasm` in Node, and those of
+//! the viewer page in Chromium, with the native reader's answers to compare.
 //!
-//! Needs Node, what `reader/wasm/build` makes, and for the page also what `npm ci` installs and Chromium. Where these are not there the
-//! tests say so and pass, unless `LODPACK_REQUIRE_BROWSER=1` is set. `LODPACK_REFERENCE_FILES` names more files to compare, separated by
-//! colons.
+//! Needs Node, what `reader/wasm/build` makes, and for the page also what `npm ci` installs and Chromium. Where these
+//! are not there the tests say so and pass, unless `LODPACK_REQUIRE_BROWSER=1` is set. `LODPACK_REFERENCE_FILES` names
+//! more files to compare, separated by colons.
 
 use crate::{build_file, scan};
 use lodpack::heights::{Heights, HeightsQuery};
@@ -132,8 +132,8 @@ fn runs(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok_and(|out| out.status.success())
 }
 
-/// Runs a test with the address of a scan on nginx, of which only ranges may be asked, and with the path of the scan. Where nginx is not
-/// installed, another server takes its place unless `LODPACK_REQUIRE_NGINX` is set.
+/// Runs a test with the address of a scan on nginx, of which only ranges may be asked, and with the path of the scan.
+/// Where nginx is not installed, another server takes its place unless `LODPACK_REQUIRE_NGINX` is set.
 pub fn with_served_scan(test: impl FnOnce(&str, &Path)) {
     let (folder, work) = [(); 2].map(|()| tempfile::tempdir().expect("a temporary directory")).into();
     let path = folder.path().join("scan.lodpack");

@@ -54,8 +54,8 @@ pub fn painted_file() -> Vec<u8> {
     folder.read("painted.lodpack")
 }
 
-/// A file of a torus around z, of radius 1, with the normals of its vertices. Where y is above 0 it is of metal and yellow, elsewhere it is matt,
-/// blue, and shines green.
+/// A file of a torus around z, of radius 1, with the normals of its vertices. Where y is above 0 it is of metal and
+/// yellow, elsewhere it is matt, blue, and shines green.
 pub fn lit_file() -> Vec<u8> {
     let folder = Folder::empty();
     save_lit(&folder, 120);
@@ -116,7 +116,8 @@ impl Folder {
     }
 }
 
-/// Root mean square differences of what is shown in the middle of each triangle from what belongs there: of colours, and of the number.
+/// Root mean square differences of what is shown in the middle of each triangle from what belongs there: of colours,
+/// and of the number.
 pub(crate) fn errors(shown: &TexturedMesh, [low, step]: [f64; 2]) -> [f64; 2] {
     let (mut sums, mut area_in_all) = ([0.0; 2], 0.0);
     for (number, (corners, places)) in shown.mesh.triangles.iter().zip(&shown.places).enumerate() {
@@ -435,7 +436,8 @@ fn images_are_jpeg_where_somebody_asks_for_it_and_factors_where_all_texels_are_t
     assert_eq!(image::image_dimensions(folder.path("one-0.png")).ok(), Some((1, 1)));
 }
 
-/// Writes a flat square as OBJ whose triangles each have one place of an image of five stripes: that of the stripe that they lie in.
+/// Writes a flat square as OBJ whose triangles each have one place of an image of five stripes: that of the stripe that
+/// they lie in.
 fn save_palette(folder: &Folder, side: u32) {
     let mut text = String::from("mtllib flat.mtl\nusemtl flat\n");
     for stripe in 0..STRIPES {
@@ -732,7 +734,8 @@ fn normals_are_those_of_the_input_wherever_few_triangles_are_flat() {
             let cross = (points[1] - points[0]).cross(points[2] - points[0]);
             let texel = image.interpolated(places[0].map(f64::from));
             let got = DVec3::new(texel[0], texel[1], texel[2]) - 128.0;
-            // Away from the circle in the middle of the ring. At a corner triangles are worst, and so are texels, which lie along an axis.
+            // Away from the circle in the middle of the ring. At a corner triangles are worst, and so are texels, which
+            // lie along an axis.
             let outwards = |p: DVec3| p - DVec3::new(p.x, p.y, 0.0).normalize();
             let wanted = outwards(points[0]);
             sums += cross.length() * got.angle_between(wanted).powi(2);
@@ -747,7 +750,8 @@ fn normals_are_those_of_the_input_wherever_few_triangles_are_flat() {
     }
 }
 
-/// How much the colours on the two sides of edges between nodes differ: root mean square and largest, over points along all of them.
+/// How much the colours on the two sides of edges between nodes differ: root mean square and largest, over points along
+/// all of them.
 pub(crate) fn seams(shown: &TexturedMesh) -> [f64; 2] {
     let mut sides: std::collections::BTreeMap<[u32; 2], Vec<(usize, usize)>> = Default::default();
     for (number, corners) in shown.mesh.triangles.iter().enumerate() {

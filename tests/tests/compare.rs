@@ -1,4 +1,5 @@
-//! One yardstick: `compare` measures what it should, and every accuracy that is printed holds for the file that was written.
+//! One yardstick: `compare` measures what it should, and every accuracy that is printed holds for the file that was
+//! written.
 
 use crate::commands::lodpack;
 use crate::heights::Folder;

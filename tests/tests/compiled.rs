@@ -1,5 +1,5 @@
-//! The crates that each program compiles: the budgets of tests/RESULTS.md, "What is compiled", and the licences and sources
-//! that deny.toml allows.
+//! The crates that each program compiles: the budgets of tests/RESULTS.md, "What is compiled", and the licences and
+//! sources that deny.toml allows.
 
 use serde_json::Value;
 use std::collections::BTreeSet;

@@ -1,4 +1,5 @@
-//! How surfaces are drawn: alpha modes, double-sided and unlit materials come through builds of every kind, and out again.
+//! How surfaces are drawn: alpha modes, double-sided and unlit materials come through builds of every kind, and out
+//! again.
 
 use crate::channels::Folder;
 use crate::levels::{document, validate};
@@ -62,7 +63,8 @@ fn every_level_is_drawn_like_the_input_and_every_way_of_building_gives_the_same_
         // Where regions meet, a line may end beside a sample of the seam.
         assert!(share < 0.02, "{share} of level {level} is drawn otherwise");
     }
-    // Alpha that means nothing is opaque, and alpha that means something is that of the input, which is compared only when it is drawn.
+    // Alpha that means nothing is opaque, and alpha that means something is that of the input, which is compared only
+    // when it is drawn.
     let shown = file.extract_textured(&file.uniform_cut(file.level_count() as u8 - 1).expect("a cut"), &[0, 1]);
     let shown = shown.expect("sound");
     let mut opacities = BTreeSet::new();

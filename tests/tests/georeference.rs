@@ -1,4 +1,5 @@
-//! Rasters say where they are and in which units, in many ways; what is built from them, and a window taken out again, says the same.
+//! Rasters say where they are and in which units, in many ways; what is built from them, and a window taken out again,
+//! says the same.
 
 use crate::heights::built;
 use crate::terrain::read;

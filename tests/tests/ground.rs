@@ -1,4 +1,5 @@
-//! A mesh on its ground of heights: built, joined, taken apart, verified and exported; and every way in which the two do not fit.
+//! A mesh on its ground of heights: built, joined, taken apart, verified and exported; and every way in which the two
+//! do not fit.
 
 use crate::commands::lodpack;
 use glam::DVec3;

@@ -1,5 +1,5 @@
-//! The house in order: rooms that import in one direction, a crate's face that can be surveyed, documents that point to what is
-//! there, a front door of one page.
+//! The house in order: rooms that import in one direction, a crate's face that can be surveyed, documents that point to
+//! what is there, a front door of one page.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -192,4 +192,30 @@ fn a_figure_that_says_something_else_than_another_is_named() {
     std::fs::write(&file, text.replacen("mean edges**, proven", "mean edges**", 1)).expect("a writable file");
     let (content, said) = script("figures.py", &args);
     assert!(!content && said.contains("there is no `**{} mean edges**, proven`"), "{said}");
+}
+
+#[test]
+fn comments_keep_the_width_of_code() {
+    let (content, said) = script("columns.py", &[]);
+    assert!(content, "{said}");
+}
+
+#[test]
+fn a_wide_comment_is_named_and_wide_code_is_not() {
+    let folder = tempfile::tempdir().expect("a temporary directory");
+    let args = ["--root", folder.path().to_str().expect("a readable path")];
+    let wide = "word ".repeat(30);
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a writable file");
+    write("a.rs", &format!("const A: &str = \"{wide}\";\n// {}\n", "x".repeat(140)));
+    write("b.py", &format!("A = \"{wide}\"\n"));
+    let (content, said) = script("columns.py", &args);
+    assert!(content, "{said}");
+    write("a.rs", &format!("fn a() {{}}\n\n/// {wide}\n"));
+    write("b.py", &format!("def b():\n    \"\"\"{wide}\"\"\"\n"));
+    write("c.js", &format!("/**\n * {wide}\n */\n"));
+    let (content, said) = script("columns.py", &args);
+    assert!(!content, "{said}");
+    for problem in ["a.rs:3: 154 columns", "b.py:2: 160 columns", "c.js:2: 153 columns"] {
+        assert!(said.contains(problem), "{problem}: {said}");
+    }
 }

@@ -1,4 +1,5 @@
-//! Images of the input: larger than memory, on full disks, and of kinds that are decoded as a whole; of opacity alone, and of one colour.
+//! Images of the input: larger than memory, on full disks, and of kinds that are decoded as a whole; of opacity alone,
+//! and of one colour.
 
 use crate::channels::Folder;
 use crate::commands::lodpack;
@@ -9,7 +10,8 @@ use lodpack_tests::generate::bumpy_sphere;
 use std::fs;
 use std::process::Command;
 
-/// Writes a bumpy sphere as OBJ, on which an image of any kind lies as seen from above; `material` follows the name of its only material.
+/// Writes a bumpy sphere as OBJ, on which an image of any kind lies as seen from above; `material` follows the name of
+/// its only material.
 fn save_sphere(folder: &Folder, detail: u32, material: &str) {
     let sphere = bumpy_sphere(detail);
     let mut text = String::from("mtllib ball.mtl\nusemtl ball\n");

@@ -1,4 +1,5 @@
-//! Inputs as people have them: folders, patterns, lodpack files whose input is gone, and meshes that say where in the world they are.
+//! Inputs as people have them: folders, patterns, lodpack files whose input is gone, and meshes that say where in the
+//! world they are.
 
 use crate::channels::save_coloured;
 use crate::commands::lodpack;
@@ -78,7 +79,8 @@ fn a_lodpack_file_is_an_input_with_all_that_it_carries() {
         channels.map(|channel| channel["name"].as_str().expect("a name").to_owned()).collect()
     };
     assert_eq!(names(&fine), names(&coarse));
-    // Its errors are to the surface of the file that was built again, which has the input's shape but for its own error.
+    // Its errors are to the surface of the file that was built again, which has the input's shape but for its own
+    // error.
     folder.run(&["extract", "scan.lodpack", "-o", "finest.ply"]);
     folder.run(&["verify", "coarse.lodpack", "--against", "finest.ply", "--cuts", "10"]);
     folder.run(&["build", "scan.lodpack", "--channels", "none", "--tolerance", "0.5edge", "-o", "bare.lodpack"]);

@@ -184,7 +184,8 @@ pub fn killed(mut command: Command, after: Duration, signal: &str) -> (bool, Str
     (!out.status.success(), String::from_utf8_lossy(&out.stderr).into_owned())
 }
 
-/// Kills a build that resumes, again and again and later each time, until one gets to its end. Returns how often it was killed.
+/// Kills a build that resumes, again and again and later each time, until one gets to its end. Returns how often it was
+/// killed.
 pub fn kills_until_built(folder: &Folder, build: &str, first: i32) -> u32 {
     let mut kills = 0;
     for round in first.. {
@@ -227,8 +228,8 @@ fn plans_parts_and_merges_can_be_killed() {
             if !was_running {
                 break;
             }
-            // What has its final name is finished: the signal came between the last rename and the end of the process. Whether
-            // it is whole, the merge and the comparison below will tell.
+            // What has its final name is finished: the signal came between the last rename and the end of the process.
+            // Whether it is whole, the merge and the comparison below will tell.
             if product != "job/job.json" && folder.path(product).exists() {
                 break;
             }

@@ -1,4 +1,5 @@
-//! Meshes whose files store no normals are written with computed ones: smooth up to creases, and the same on both sides of arcs.
+//! Meshes whose files store no normals are written with computed ones: smooth up to creases, and the same on both sides
+//! of arcs.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -78,7 +79,8 @@ fn both_sides_of_arcs_and_of_seams_of_images_have_the_same_normals() {
     }
 }
 
-/// The normals at each position of a cut that a session draws, after others. Levels of roots that are not a multiple of `step` are one coarser.
+/// The normals at each position of a cut that a session draws, after others. Levels of roots that are not a multiple of
+/// `step` are one coarser.
 fn streamed(bytes: Vec<u8>, steps: &[u32]) -> BTreeMap<[u64; 3], BTreeSet<[i16; 2]>> {
     let file = File::open(bytes, Limits::default()).expect("a sound file opens");
     let options = Options { mode: Mode::Synchronous, light: true, ..Options::default() };

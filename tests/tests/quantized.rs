@@ -1,6 +1,8 @@
-//! Files of heights as quantized-mesh: decoded by a library that lodpack has no part in, and compared with the heights that they were made from.
+//! Files of heights as quantized-mesh: decoded by a library that lodpack has no part in, and compared with the heights
+//! that they were made from.
 //!
-//! The decoder comes with `npm ci` in `tests/tiles`. Where it is not there, its tests say so and pass, unless `LODPACK_REQUIRE_TILES=1` is set.
+//! The decoder comes with `npm ci` in `tests/tiles`. Where it is not there, its tests say so and pass, unless
+//! `LODPACK_REQUIRE_TILES=1` is set.
 
 use crate::commands::lodpack;
 use crate::heights::Folder;
@@ -70,7 +72,8 @@ fn a_globe_becomes_terrain_tiles_that_another_decoder_reads() {
     let summary = export(&folder, &raster, "2m", &[]);
     let found = decoded(&folder);
     assert_eq!((&found["tiles"], &found["triangles"]), (&summary["tiles"], &summary["triangles"]));
-    // 2 + 8 + 32 tiles, of which each has a neighbour in the east, and all but the northernmost ones have one in the north.
+    // 2 + 8 + 32 tiles, of which each has a neighbour in the east, and all but the northernmost ones have one in the
+    // north.
     assert_eq!((found["tiles"].as_u64(), found["neighbours"].as_u64()), (Some(42), Some(42 + 42 - 2 - 4 - 8)));
     let fractal = Fractal::of_samples(5, size[0]);
     let row = |row: u32| {

@@ -1,4 +1,5 @@
-//! The program answers the table of queries (`tests/data/queries.txt`) as every language does. `reader/src/tests/queries.rs` says what its lines mean.
+//! The program answers the table of queries (`tests/data/queries.txt`) as every language does.
+//! `reader/src/tests/queries.rs` says what its lines mean.
 
 use crate::commands::lodpack;
 use serde_json::Value;
@@ -33,8 +34,9 @@ fn queries_are_answered_as_in_every_other_language() {
         let mut words = asked.split(' ');
         let name = words.next().expect("a file");
         let is_of_heights = name.starts_with("heights/");
-        // The program has no budget of bytes, keeps no cuts, takes channels by no name, refuses tolerances that are no numbers as it reads its arguments, and counts all
-        // triangles of heights where the readers leave out those of stitches.
+        // The program has no budget of bytes, keeps no cuts, takes channels by no name, refuses tolerances that are no
+        // numbers as it reads its arguments, and counts all triangles of heights where the readers leave out those of
+        // stitches.
         if asked.contains("bytes=")
             || asked.contains("tolerance=inf")
             || asked.contains("drawn-by=")

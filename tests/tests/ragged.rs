@@ -1,4 +1,5 @@
-//! Coarse levels of open surfaces: sheets with turned, ragged and holed borders, and closed and scattered ones beside them.
+//! Coarse levels of open surfaces: sheets with turned, ragged and holed borders, and closed and scattered ones beside
+//! them.
 
 use crate::open;
 use glam::DVec3;

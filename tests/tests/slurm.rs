@@ -162,8 +162,8 @@ fn an_array_survives_a_failed_task_and_a_killed_node() {
     assert!(slurm.state(rest).contains("ArrayTaskId=2"), "{}", slurm.state(rest));
 }
 
-/// Stands in for the program on the nodes: the first task of the stage that sends triangles to regions hangs on node n2 until the node is
-/// killed.
+/// Stands in for the program on the nodes: the first task of the stage that sends triangles to regions hangs on node n2
+/// until the node is killed.
 const DYING: &str = r#"#!/bin/sh
 case "$*" in
   *"--stage divide "*)

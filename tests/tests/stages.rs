@@ -1,4 +1,5 @@
-//! Jobs whose planning is divided, too, as people run them: workers, kills in every stage, what `status` says, and recipes.
+//! Jobs whose planning is divided, too, as people run them: workers, kills in every stage, what `status` says, and
+//! recipes.
 
 use crate::jobs::{Folder, killed, kills_until_built, later};
 use std::fs;

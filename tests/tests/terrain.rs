@@ -300,7 +300,8 @@ fn a_global_grid_is_closed_over_the_date_line_and_both_poles() {
     assert_eq!((mesh.triangles.len(), boundary_edges(&mesh)), (2 * 19 * 9, 2 * (19 + 9)));
 }
 
-/// The height of a made-up geoid at the samples of a grid of 18 x 10, 20 degrees apart, over the whole globe: multiples of 8 metres.
+/// The height of a made-up geoid at the samples of a grid of 18 x 10, 20 degrees apart, over the whole globe: multiples
+/// of 8 metres.
 fn undulation(column: u32, row: u32) -> f32 {
     8.0 * ((row * 7 + column % 18 * 5) % 11) as f32 - 40.0
 }
@@ -432,7 +433,8 @@ fn a_built_terrain_keeps_its_place_and_its_heights_within_the_tolerance() {
     let placement = file.placement().expect("it has a place");
     assert_eq!((placement.crs.as_str(), placement.unit, placement.origin), ("EPSG:32632", Some(1.0), [0.0; 3]));
     run(dir.path(), "verify a.lodpack --against a.tif --cuts 20");
-    // A foreign judge: a point within the error of the input is above it by no more than that and what the steepest slope adds.
+    // A foreign judge: a point within the error of the input is above it by no more than that and what the steepest
+    // slope adds.
     let input = read(&[path], &RasterOptions::default());
     let drawn = file.extract(&file.select(&Query::default()).expect("selectable")).expect("decodable");
     let vertical = Vertical::between(&drawn.positions, &drawn.triangles, &input);

@@ -8,7 +8,8 @@
 //! - [`tileset`]: files as 3D Tiles: valid, rendered, without cracks between tiles of any levels
 //! - [`quantized`]: files of heights as terrain tiles for Cesium, read by another decoder
 //! - [`levels`]: all levels in one GLB
-//! - [`compare`]: distances of any two surfaces, and that every accuracy which is printed holds for the file that is written
+//! - [`compare`]: distances of any two surfaces, and that every accuracy which is printed holds for the file that is
+//!   written
 //! - [`report`]: error against run time, over sweeps of settings and queries
 //! - [`soundness`]: certified errors hold, cuts are watertight, budgets are kept
 //! - [`determinism`]: the same bytes on any number of threads
@@ -32,7 +33,8 @@
 //! - [`ground`]: a mesh on its ground of heights in one file: joined, taken apart, verified, exported, refused
 //! - [`tin`]: few triangles of any shape out of files of heights, within a tolerance
 //! - [`bad_terrain`]: every kind of bad raster gives a correct file or one clear error
-//! - [`ragged`]: coarse levels of surfaces with ragged borders keep their outline, and no level says what another one does
+//! - [`ragged`]: coarse levels of surfaces with ragged borders keep their outline, and no level says what another one
+//!   does
 //! - [`stability`]: generated meshes, from easy to impossible, give sound files or clear errors
 //! - [`damage`]: truncated and flipped files are never trusted and never panic
 //! - [`nothing_unneeded`]: a scene without a feature has no byte for it, and `info --why` accounts for every byte

@@ -1,7 +1,7 @@
 //! Files as 3D Tiles: valid, rendered, and without cracks between tiles of any levels.
 //!
-//! Validators and the renderer come with `npm ci` in `tests/tiles`. Where they are not there their tests say so and pass, unless
-//! `LODPACK_REQUIRE_TILES=1` is set.
+//! Validators and the renderer come with `npm ci` in `tests/tiles`. Where they are not there their tests say so and
+//! pass, unless `LODPACK_REQUIRE_TILES=1` is set.
 
 use crate::channels::save_coloured;
 use crate::commands::lodpack;

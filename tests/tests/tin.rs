@@ -1,4 +1,5 @@
-//! Triangulations of windows of heights (`extract --tin`): within their tolerance, without cracks, and of few triangles.
+//! Triangulations of windows of heights (`extract --tin`): within their tolerance, without cracks, and of few
+//! triangles.
 
 use crate::commands::lodpack;
 use crate::heights::{Folder, built};

@@ -1,4 +1,5 @@
-//! Commands as people type them: what is called how where nobody names it, programs that are started, shells and man pages.
+//! Commands as people type them: what is called how where nobody names it, programs that are started, shells and man
+//! pages.
 
 use crate::commands::lodpack;
 use lodpack_tests::generate::{bumpy_sphere, save_ply};
@@ -135,7 +136,8 @@ fn several_inputs_and_directories_name_their_file() {
 #[cfg(unix)]
 fn view_starts_the_viewer_that_is_beside_it_or_in_path() {
     let desk = Desk::new();
-    // In the build's own directory, so that the program can be linked; the stand-in for the viewer prints its arguments.
+    // In the build's own directory, so that the program can be linked; the stand-in for the viewer prints its
+    // arguments.
     let place = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).expect("a temporary directory");
     let [own, other] = ["own", "other"].map(|name| place.path().join(name));
     [&own, &other].into_iter().for_each(|folder| fs::create_dir(folder).expect("made"));

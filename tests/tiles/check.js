@@ -1,7 +1,7 @@
 // Validates a folder of 3D Tiles: node check.js FOLDER. Prints a summary as JSON; exit status 1 if anything is wrong.
 //
-// Every tile goes through Khronos' glTF validator. The files of JSON are checked here, and also by the schemas of the 3D Tiles specification
-// where LODPACK_TILES_SCHEMA names a copy of its folder specification/schema.
+// Every tile goes through Khronos' glTF validator. The files of JSON are checked here, and also by the schemas of the
+// 3D Tiles specification where LODPACK_TILES_SCHEMA names a copy of its folder specification/schema.
 
 import { readFile, readdir } from 'node:fs/promises';
 import { dirname, join, normalize, relative } from 'node:path';

@@ -1,5 +1,5 @@
-// Draws a folder of 3D Tiles in headless Chromium with 3d-tiles-renderer: node draw.js FOLDER [ERROR_IN_PIXELS [PICTURE.png]]. Prints what was
-// drawn and what it took as JSON.
+// Draws a folder of 3D Tiles in headless Chromium with 3d-tiles-renderer: node draw.js FOLDER [ERROR_IN_PIXELS
+// [PICTURE.png]]. Prints what was drawn and what it took as JSON.
 
 import { fileURLToPath } from 'node:url';
 import { chromium } from 'playwright-core';

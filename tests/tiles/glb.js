@@ -1,4 +1,5 @@
-// Validates binary glTF with Khronos' validator: node glb.js FILE... Prints for each file the codes of its errors and warnings; exit status 1 if there are any.
+// Validates binary glTF with Khronos' validator: node glb.js FILE... Prints for each file the codes of its errors and
+// warnings; exit status 1 if there are any.
 
 import { readFile } from 'node:fs/promises';
 import validator from 'gltf-validator';

@@ -1,5 +1,5 @@
-// Checks a folder of quantized-mesh tiles with a decoder that lodpack has no part in: node quantized.js FOLDER. Prints what it found as JSON; exit
-// status 1 if anything is wrong.
+// Checks a folder of quantized-mesh tiles with a decoder that lodpack has no part in: node quantized.js FOLDER. Prints
+// what it found as JSON; exit status 1 if anything is wrong.
 
 import { readFile, readdir } from 'node:fs/promises';
 import { join } from 'node:path';

@@ -84,7 +84,8 @@ pub struct Args {
     /// position:target, or position:target:up, or position:target:up:degrees; the first three as x,y,z
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub camera: Option<String>,
-    /// Up axis: x, y or z; without this option the axis that the file says, or else z for heights, and y for anything else
+    /// Up axis: x, y or z; without this option the axis that the file says, or else z for heights, and y for anything
+    /// else
     #[arg(long, value_name = "AXIS", value_parser = ["x", "y", "z"])]
     pub up: Option<String>,
     /// Draw all frames of a recorded path, or of a built-in one with N frames

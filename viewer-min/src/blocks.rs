@@ -15,9 +15,9 @@ const NONE: u32 = u32::MAX;
 /// Numbers per border triangle.
 pub const RECORD: usize = 12;
 
-/// A root's border triangles for vertex pulling, [`RECORD`] numbers each: the corners, then for each edge its chain and where it
-/// begins and ends along that, or no chain. A chain runs from one corner that is a vertex of the surface to the next, and has the number
-/// of its first side. In light the corners are those of triangles with normals.
+/// A root's border triangles for vertex pulling, [`RECORD`] numbers each: the corners, then for each edge its chain and
+/// where it begins and ends along that, or no chain. A chain runs from one corner that is a vertex of the surface to
+/// the next, and has the number of its first side. In light the corners are those of triangles with normals.
 pub fn border_records(surface: &DrawnSurface, light: Option<&Light>) -> Vec<u32> {
     let chains = Chains::new(surface);
     let edge = |edge: Vec<BorderEdge>| match (edge.first(), edge.last()) {
@@ -62,9 +62,10 @@ impl Chains {
     }
 }
 
-/// The vertices to which a root's border is snapped. First the most triangles that the fan of any border triangle needs; then, for each
-/// chain, by its number, the index and the number of its vertices; then the vertices in the order of the loop, each its place along the
-/// chain, its position and its normal. Contains only what finer neighbours have beyond the root's own.
+/// The vertices to which a root's border is snapped. First the most triangles that the fan of any border triangle
+/// needs; then, for each chain, by its number, the index and the number of its vertices; then the vertices in the order
+/// of the loop, each its place along the chain, its position and its normal. Contains only what finer neighbours have
+/// beyond the root's own.
 pub fn snap_table(drawn: &DrawnRoot, light: Option<&Light>, records: &[u32]) -> Vec<u32> {
     let DrawnRoot { surface, strips, .. } = drawn;
     let chains = Chains::new(surface);

@@ -72,7 +72,8 @@ pub(crate) fn drawing(channels: &[ChannelInfo], shown: u8) -> Option<u8> {
     is_colour.then_some(number as u8)
 }
 
-/// The number of the channel of this name, or the first one of colours, or that of normals; none if `name` is "none", or if there is none.
+/// The number of the channel of this name, or the first one of colours, or that of normals; none if `name` is "none",
+/// or if there is none.
 pub(crate) fn find(channels: &[ChannelInfo], name: Option<&str>) -> Result<Option<u8>> {
     let number = |is_it: &dyn Fn(&ChannelInfo) -> bool| channels.iter().position(is_it).map(|number| number as u8);
     match name {

@@ -17,7 +17,8 @@ pub(crate) const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 /// The counter for the check for cracks.
 pub(crate) const STENCIL: TextureFormat = TextureFormat::Stencil8;
 
-/// What gives out devices. Lists of draws are not checked on the device: the pool writes them, and knows where its roots lie.
+/// What gives out devices. Lists of draws are not checked on the device: the pool writes them, and knows where its
+/// roots lie.
 pub(crate) fn instance(mut descriptor: wgpu::InstanceDescriptor) -> wgpu::Instance {
     descriptor.flags.remove(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
     wgpu::Instance::new(descriptor)

@@ -1,4 +1,5 @@
-//! Large buffers for the triangles of many roots: a call of the device draws all roots of a buffer, so a frame of 10,000 roots takes few.
+//! Large buffers for the triangles of many roots: a call of the device draws all roots of a buffer, so a frame of
+//! 10,000 roots takes few.
 
 use std::{ops::Range, sync::Arc};
 

@@ -171,7 +171,8 @@ const STILL: Coherence = Coherence { hysteresis: 0.0, play: 0.0 };
 pub struct Looks {
     /// Whether frames wait for what they want.
     pub mode: Mode,
-    /// How large samples of heights may be on the screen, in pixels; if infinite, tiles are as fine as triangles have to be.
+    /// How large samples of heights may be on the screen, in pixels; if infinite, tiles are as fine as triangles have
+    /// to be.
     pub sample_px: f64,
     /// Whether triangles are shaded flat where the file stores no normals.
     pub is_flat: bool,
@@ -240,8 +241,9 @@ impl Scene {
                     bounds = [[0, 1, 2].map(|k| least[k].min(low[k])), [0, 1, 2].map(|k| most[k].max(high[k]))];
                     ground = Some(Box::new(GroundScene { scene, frame, mesh_bounds }));
                 }
-                // In a tree, what comes into view is drawn by a root above it until it is there. Where all that is outside is drawn too, at
-                // its coarsest, that one is near; otherwise it could be the top, in place of the whole picture.
+                // In a tree, what comes into view is drawn by a root above it until it is there. Where all that is
+                // outside is drawn too, at its coarsest, that one is near; otherwise it could be the top, in place of
+                // the whole picture.
                 let has_tree = file.top_count() < file.root_count();
                 let outside = if has_tree && mode != Mode::Synchronous { Outside::Coarsest } else { Outside::Drop };
                 let has_light = !is_flat && normals(file.channels()).is_none();
@@ -295,8 +297,8 @@ impl Scene {
         Some(*ground)
     }
 
-    /// What a view of all of it has to know. A mesh has the axis up that its file says, or else y. Heights go along z, and are looked at from
-    /// near the ground; so is a mesh that stands on some, unless it says that y is up.
+    /// What a view of all of it has to know. A mesh has the axis up that its file says, or else y. Heights go along z,
+    /// and are looked at from near the ground; so is a mesh that stands on some, unless it says that y is up.
     pub(crate) fn extent(&self) -> Extent {
         let axis = |file: &File<Source>| file.placement().map(|placement| placement.up);
         let (up, near_share) = match (&self.content, &self.ground) {
@@ -469,7 +471,8 @@ impl Scene {
         }
     }
 
-    /// Draws what the view shows, after everything for it is loaded: of a large file, more of the tree is known after each frame.
+    /// Draws what the view shows, after everything for it is loaded: of a large file, more of the tree is known after
+    /// each frame.
     pub fn follow_to_the_end(&mut self, view: &View) -> Result<Report> {
         let mut report = self.follow(view)?;
         for _ in 0..MOST_FRAMES {
@@ -492,7 +495,8 @@ impl Scene {
         Ok(self.report(&streamed))
     }
 
-    /// Draws these nodes for a tile of the picture that a view shows. The ground is that of the whole picture, so that it is the same in all tiles.
+    /// Draws these nodes for a tile of the picture that a view shows. The ground is that of the whole picture, so that
+    /// it is the same in all tiles.
     pub fn show_tile(&mut self, nodes: &[Node], whole: &View) -> Result<Report> {
         let report = self.show(nodes)?;
         match &mut self.ground {
@@ -573,7 +577,8 @@ impl Scene {
         let tree = mesh.tree()?;
         let arcs_of = |node: &Node| &tree.arcs[node.root as usize];
         let arcs: HashSet<u32> = own.iter().flat_map(arcs_of).copied().collect();
-        // In a tree, roots that meet only at a corner may change each other's borders, and anywhere each other's normals, so all are kept.
+        // In a tree, roots that meet only at a corner may change each other's borders, and anywhere each other's
+        // normals, so all are kept.
         let needs_all = self.has_light || mesh.file.top_count() < mesh.file.root_count();
         let is_near =
             |node: &Node| needs_all || arcs_of(node).iter().any(|arc| arcs.contains(arc)) || own.contains(node);

@@ -1,7 +1,8 @@
 //! A root's image on the GPU: one texture, and a table of pieces from which the shader finds the place of any point.
 //!
-//! There are no texture coordinates: a place is the product of a point with two vectors of its piece ([`Piece`]), also for the points that
-//! finer neighbours insert into the border. Points are taken from an origin of the root's own, so that single precision suffices.
+//! There are no texture coordinates: a place is the product of a point with two vectors of its piece ([`Piece`]), also
+//! for the points that finer neighbours insert into the border. Points are taken from an origin of the root's own, so
+//! that single precision suffices.
 
 use lodpack::{
     Lattice,
@@ -170,7 +171,8 @@ fn uploaded(gpu: &Gpu, size: [u32; 2], format: TextureFormat, texels: &[u8]) -> 
     image
 }
 
-/// A piece in the shader: for each coordinate of a place what a point from the origin is multiplied with, and what is added; then its range.
+/// A piece in the shader: for each coordinate of a place what a point from the origin is multiplied with, and what is
+/// added; then its range.
 fn piece_rows(piece: &Piece, lattice: &Lattice, origin: [f64; 3]) -> [[f32; 4]; 3] {
     let start = piece.unbounded(lattice.units(origin));
     let step = lattice.step();

@@ -194,7 +194,8 @@ impl App {
         present.show(window, &canvas);
         self.canvas = canvas;
         let result = result.and(present.gpu.check());
-        // Performance mode takes what it gets. Budgets that were asked for are worth a message, when they begin to be too small.
+        // Performance mode takes what it gets. Budgets that were asked for are worth a message, when they begin to be
+        // too small.
         let begins = self.report.exceeded != exceeded_before && !self.controls.wants_speed();
         if let Some(complaint) = self.report.complaint().filter(|_| begins) {
             self.say(complaint);

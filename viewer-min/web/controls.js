@@ -9,7 +9,9 @@ export class Controls {
   #keys = new Set();
   #travelled = 0;
 
-  /** `pick(x, y)` returns the point of the surface at a place of the picture, or null; `click(x, y)` hears of clicks. */
+  /**
+   * `pick(x, y)` returns the point of the surface at a place of the picture, or null; `click(x, y)` hears of clicks.
+   */
   constructor(canvas, camera, { changed, pick, click }) {
     Object.assign(this, { canvas, camera, changed, pick, click });
     /** Whether dragging turns the head, and keys move. */

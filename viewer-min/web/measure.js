@@ -19,7 +19,10 @@ export class Measure {
     this.#ends = [];
   }
 
-  /** Distance and bound, or null. The points of the input that the ends stand for are as far apart, give or take the bound. */
+  /**
+   * Distance and bound, or null. The points of the input that the ends stand for are as far apart, give or take the
+   * bound.
+   */
   get result() {
     if (this.#ends.length < 2) return null;
     const [a, b] = this.#ends;

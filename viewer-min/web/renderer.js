@@ -71,7 +71,8 @@ vec4 mean_at(sampler2D image) {
   }
   return sum / (count * count);
 }
-// A number from 0 to 1 for a pixel, so that those of neighbours are spread evenly (Jimenez 2014, interleaved gradient noise).
+// A number from 0 to 1 for a pixel, so that those of neighbours are spread evenly (Jimenez 2014, interleaved gradient
+// noise).
 float scattered(vec2 pixel) {
   return fract(52.9829189 * fract(dot(floor(pixel), vec2(0.06711056, 0.00583715))));
 }
@@ -180,8 +181,8 @@ export class Renderer {
   }
 
   /**
-   * Draws surfaces into one picture, each as a camera in its own space sees it. `image` says what the images of one show: 'colours', 'classes',
-   * 'directions', or nothing.
+   * Draws surfaces into one picture, each as a camera in its own space sees it. `image` says what the images of one
+   * show: 'colours', 'classes', 'directions', or nothing.
    */
   draw(surfaces, { colour, tolerance, wireframe, isUnlit }) {
     const { gl, places } = this;

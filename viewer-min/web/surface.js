@@ -61,7 +61,10 @@ export class Surface {
     return { pool, origin, camera: own, levelCount: heights?.depthCount ?? levels.length, image: channel ? IMAGES[channel.kind] ?? 'colours' : undefined };
   }
 
-  /** The nearest point that a ray meets, or null. Distances are counted in lengths of the direction, and so are the same in both spaces. */
+  /**
+   * The nearest point that a ray meets, or null. Distances are counted in lengths of the direction, and so are the same
+   * in both spaces.
+   */
   pick(from, direction) {
     const { file: { frame }, stream: { origin }, pool } = this;
     const [start, along] = frame ? [frame.pointOfGround(from), frame.offsetOfGround(direction)] : [from, direction];
@@ -72,8 +75,8 @@ export class Surface {
   /** Where a hit is in the space of the picture, and how far the surface there can be from the input. */
   place({ point, entry }) {
     const { file: { frame }, stream: { origin } } = this;
-    // What is drawn is nowhere farther from the input than the certified error. Rounding the vertices adds half a unit in the last place on
-    // each axis, and finding the point no more than that.
+    // What is drawn is nowhere farther from the input than the certified error. Rounding the vertices adds half a unit
+    // in the last place on each axis, and finding the point no more than that.
     const rounding = Math.hypot(...entry.min.map((low, axis) => Math.max(Math.abs(low), Math.abs(entry.max[axis])) * 2 ** -23));
     const there = add(point, origin);
     return { point: frame?.point(there) ?? there, error: (entry.error + rounding) * (frame?.scale ?? 1) };

@@ -43,7 +43,8 @@ async function show(from, name) {
     if (!bounds()) {
       complain('There is nothing to see', `${name} is a sound file, but its surface is empty.`);
     } else {
-      // A mesh says which axis is up, or nothing. Heights go along z; where a mesh stands on them, in the space of the mesh.
+      // A mesh says which axis is up, or nothing. Heights go along z; where a mesh stands on them, in the space of the
+      // mesh.
       if (file.up) $('up').value = file.up;
       if (file.kind === 'heights' || ground) $('up').value = ground?.file.frame.meshFromGround[6] ? 'y' : 'z';
       camera.showAll(bounds(), upAxis());

@@ -1,7 +1,8 @@
 """Builds a mesh with Dask: python build.py MESH OUT.lodpack [WORKERS] [SCHEDULER_ADDRESS]
 
-Workers must see the job's directory. Without an address, Dask's local threads start the processes. Each worker does tasks of all stages
-until none is left; what is done takes no time, so the same command continues after any interruption.
+Workers must see the job's directory. Without an address, Dask's local threads start the processes. Each worker does
+tasks of all stages until none is left; what is done takes no time, so the same command continues after any
+interruption.
 """
 
 import os

@@ -27,7 +27,8 @@ pub struct AttributeSink {
     /// What is not yet written to temporary files.
     collected: Attributes,
     appearance: Appearance,
-    /// The numbers of its images by their hash: models can name tens of thousands, each of which is looked for among the others.
+    /// The numbers of its images by their hash: models can name tens of thousands, each of which is looked for among
+    /// the others.
     image_numbers: HashMap<u64, Vec<u32>>,
     /// How many values were written, of vertices and of corners.
     written: [u64; 2],
@@ -178,7 +179,8 @@ impl AttributeSink {
         self.collected.charts.push(ChartRun { first_triangle, chart });
     }
 
-    /// Makes factors of images that have one colour wherever they are shown, if decoding one does not take more than `memory`.
+    /// Makes factors of images that have one colour wherever they are shown, if decoding one does not take more than
+    /// `memory`.
     pub(super) fn fold_images(&mut self, memory: u64) {
         let Appearance { materials, images, layout, .. } = &mut self.appearance;
         fold_images(materials, images, &self.used_parts, layout.colour.is_some(), memory);
@@ -190,8 +192,8 @@ impl AttributeSink {
         self.written[0] + self.written[1] + (vertex_values.len() + corner_values.len()) as u64
     }
 
-    /// Ends a file, given its vertices and triangles; the next one begins after those of all files before it. Images whose decoding takes
-    /// more than `memory` are not looked at. Returns what a user should know of the file.
+    /// Ends a file, given its vertices and triangles; the next one begins after those of all files before it. Images
+    /// whose decoding takes more than `memory` are not looked at. Returns what a user should know of the file.
     pub(super) fn end_file(
         &mut self,
         [vertices, triangles]: [u64; 2],
@@ -230,7 +232,8 @@ impl AttributeSink {
         notes
     }
 
-    /// Makes the current file opaque, whose triangles these are, where all that it shows would be invisible. Says what was done.
+    /// Makes the current file opaque, whose triangles these are, where all that it shows would be invisible. Says what
+    /// was done.
     fn show_unseen(&mut self, triangles: Range<u64>, memory: u64) -> Vec<&'static str> {
         let (alpha, mut notes) = (std::mem::take(&mut self.alpha), vec![]);
         self.file.ignores_alpha = alpha.is_unmeant();

@@ -35,7 +35,8 @@ impl<'a> Beside<'a> {
         Self { inner: inner.unwrap_or_default(), ..beside }
     }
 
-    /// The path of a file, whether it is there or not; none, with a note, if it would lie outside of the input's folder.
+    /// The path of a file, whether it is there or not; none, with a note, if it would lie outside of the input's
+    /// folder.
     pub fn find(&self, what: &str, name: &[u8]) -> Option<PathBuf> {
         let found = self.path(name);
         if found.is_none() {
@@ -52,7 +53,8 @@ impl<'a> Beside<'a> {
         })
     }
 
-    /// The path of a file that is there under the name as it is written, or as it is meant; in any letters, large or small.
+    /// The path of a file that is there under the name as it is written, or as it is meant; in any letters, large or
+    /// small.
     pub fn existing(&self, name: &[u8]) -> Option<PathBuf> {
         self.first_of(self.within(&spellings(name)))
     }
@@ -89,8 +91,9 @@ impl<'a> Beside<'a> {
             .unwrap_or_default()
     }
 
-    /// The path of a file of the same name, where the whole path leads elsewhere. Exporters write the path that a file had on their machine.
-    /// The content of a file must not cause files elsewhere to be read, but one of the same name here is what is meant.
+    /// The path of a file of the same name, where the whole path leads elsewhere. Exporters write the path that a file
+    /// had on their machine. The content of a file must not cause files elsewhere to be read, but one of the same name
+    /// here is what is meant.
     pub fn of_same_name(&self, name: &[u8]) -> Option<PathBuf> {
         self.first_of(self.elsewhere(&spellings(name)))
     }
@@ -129,8 +132,8 @@ pub(super) fn leaves_folder(path: &Path) -> bool {
     })
 }
 
-/// The names that may be meant, most likely first: files may be called `a "b" # c.png`, but some programs quote names and write comments
-/// behind them.
+/// The names that may be meant, most likely first: files may be called `a "b" # c.png`, but some programs quote names
+/// and write comments behind them.
 fn spellings(name: &[u8]) -> Vec<OsString> {
     let name = name.trim_ascii();
     let mut meant = vec![name, unquoted(name)];

@@ -1,4 +1,5 @@
-//! Files as their exporters write them: opacity that is not meant, names, images in tiles, orders of columns, types and ranges of numbers.
+//! Files as their exporters write them: opacity that is not meant, names, images in tiles, orders of columns, types and
+//! ranges of numbers.
 
 use super::attribute_tests::{BYTES, Folder, OBJ_SQUARE, QUAD, RED_TO_BLUE, colours, ply, png, uvs};
 use super::tests::{error_of, import_noting};

@@ -11,7 +11,8 @@ fn textured_square(head: &str) -> String {
     format!("{head}{OBJ_SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")
 }
 
-/// Reads the square with a library and an image of several colours `g.png`; returns what the material of each triangle is, and the notes.
+/// Reads the square with a library and an image of several colours `g.png`; returns what the material of each triangle
+/// is, and the notes.
 fn materials_of(obj: &str, library: &[u8]) -> (Vec<Material>, String) {
     let folder = Folder::new(&[("a.obj", obj.as_bytes()), ("a.mtl", library), ("g.png", &png(4, 4))]);
     let (appearance, attributes, notes) = folder.sound(&["a.obj"]);

@@ -14,9 +14,10 @@ const KINDS: [&[&str]; 3] = [
     &["lodpack"],
 ];
 
-/// The files of inputs as they were typed. A folder stands for all meshes below it, in the order of their names; where there are none, for
-/// all rasters; and where there are none of these either, for all lodpack files. A pattern like `tiles/*.ply` or `city/**/*.obj` stands for
-/// all files that match it. Folders in which there is a file `marker` stay what they are.
+/// The files of inputs as they were typed. A folder stands for all meshes below it, in the order of their names; where
+/// there are none, for all rasters; and where there are none of these either, for all lodpack files. A pattern like
+/// `tiles/*.ply` or `city/**/*.obj` stands for all files that match it. Folders in which there is a file `marker` stay
+/// what they are.
 ///
 /// A note says what a folder or a pattern stands for.
 ///
@@ -65,7 +66,8 @@ fn files_in(folder: &Path, marker: &str) -> Result<Vec<PathBuf>, ImportError> {
     files.ok_or_else(|| ImportError::EmptyFolder { path: folder.to_owned() })
 }
 
-/// Whether a file has the name of an image of positions of an atlas. Of an atlas whose list is lost, only patches would be read.
+/// Whether a file has the name of an image of positions of an atlas. Of an atlas whose list is lost, only patches would
+/// be read.
 fn is_image_of_positions(file: &Path) -> bool {
     let number = file.file_name().and_then(|name| name.to_str()?.strip_prefix("root_")?.strip_suffix(".exr"));
     number.is_some_and(|number| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit() || byte == b'_'))

@@ -101,8 +101,8 @@ pub fn import_shape(paths: &[PathBuf], raster: &RasterOptions, progress: &dyn Pr
     }
 }
 
-/// Like [`import_meshes`], with the attributes that channels are made from; and spills into temporary files if a build in memory would
-/// need more than is allowed.
+/// Like [`import_meshes`], with the attributes that channels are made from; and spills into temporary files if a build
+/// in memory would need more than is allowed.
 ///
 /// # Errors
 ///
@@ -132,7 +132,8 @@ pub fn import_large_meshes(
     finish(sink, progress)
 }
 
-/// Reads the shape of a mesh whose bytes are in memory; `path` is where they come from, for messages and for the files that they name.
+/// Reads the shape of a mesh whose bytes are in memory; `path` is where they come from, for messages and for the files
+/// that they name.
 ///
 /// # Errors
 ///
@@ -147,7 +148,8 @@ pub fn import_bytes(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Resul
     }
 }
 
-/// Imports what a caller has from elsewhere: `push` hands over its vertices, triangles and attributes. `path` is where they come from, for messages.
+/// Imports what a caller has from elsewhere: `push` hands over its vertices, triangles and attributes. `path` is where
+/// they come from, for messages.
 ///
 /// # Errors
 ///
@@ -207,8 +209,8 @@ fn read_mesh(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     sink.end_file(source.path)
 }
 
-/// The files that an input is read together with: headers of rasters and, where colours are kept, libraries of materials and images.
-/// It need not be sound: what cannot be read names nothing.
+/// The files that an input is read together with: headers of rasters and, where colours are kept, libraries of
+/// materials and images. It need not be sound: what cannot be read names nothing.
 pub fn files_beside(path: &Path, channels: &Channels) -> Vec<PathBuf> {
     if let Some(format) = raster::format_of(path) {
         return raster::files_beside(path, format);

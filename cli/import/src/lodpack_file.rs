@@ -1,5 +1,5 @@
-//! Reads a lodpack file as an input: its finest surface, with what it carries. So a file can be built again with another tolerance, without
-//! channels, or together with others, when its own input is gone.
+//! Reads a lodpack file as an input: its finest surface, with what it carries. So a file can be built again with
+//! another tolerance, without channels, or together with others, when its own input is gone.
 
 use std::fs::File;
 

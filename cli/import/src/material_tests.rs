@@ -80,7 +80,8 @@ fn waves(x: u32, y: u32) -> [u8; 3] {
     normal.to_array().map(|value| (127.5 + 127.5 * value).round() as u8)
 }
 
-/// What a library of one material gives, among images of several kinds: its image of normals with what that is multiplied by, and the notes.
+/// What a library of one material gives, among images of several kinds: its image of normals with what that is
+/// multiplied by, and the notes.
 fn with_bump(library: &str) -> (Option<(String, f32)>, String) {
     let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n";
     let grey = |x: u32, y: u32| [((x * y) % 256) as u8; 3];

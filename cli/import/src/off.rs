@@ -1,9 +1,10 @@
-//! OFF (Geomview's text format, <http://www.geomview.org/docs/html/OFF.html>): a line with the word OFF, a line with the numbers
-//! of vertices, faces and edges, then a line for each vertex and each face.
+//! OFF (Geomview's text format, <http://www.geomview.org/docs/html/OFF.html>): a line with the word OFF, a line with
+//! the numbers of vertices, faces and edges, then a line for each vertex and each face.
 //!
-//! Letters before the word announce what vertices carry beside their position (`COFF`, `NOFF`, `STCNOFF`, in any order), and faces may end
-//! in a colour. Colours of vertices are read where channels are wanted; the rest is stepped over. Writers disagree on how many numbers a
-//! colour has, so a vertex is the first three numbers of its line, whatever follows.
+//! Letters before the word announce what vertices carry beside their position (`COFF`, `NOFF`, `STCNOFF`, in any
+//! order), and faces may end in a colour. Colours of vertices are read where channels are wanted; the rest is stepped
+//! over. Writers disagree on how many numbers a colour has, so a vertex is the first three numbers of its line,
+//! whatever follows.
 
 use glam::DVec3;
 

@@ -1,7 +1,7 @@
 //! Images that have one colour everywhere, or wherever the surface shows them: they are factors of their materials.
 //!
-//! Programs write such images where a user has chosen a colour, and as images become maps of texels, each would cost some kilobytes of a
-//! file that a factor does not cost.
+//! Programs write such images where a user has chosen a colour, and as images become maps of texels, each would cost
+//! some kilobytes of a file that a factor does not cost.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -14,9 +14,9 @@ use lodpack_mesh::srgb::{brightness, linear_from_srgb};
 /// What is known of the materials of a file: their numbers, and the range of each set of texture coordinates.
 pub(super) type UsedParts = (Range<usize>, Vec<UvBounds>);
 
-/// Multiplies the factors of materials by images that have one colour wherever they are shown, and takes these away. Images of normals
-/// and of occlusion have no factor and stay. `has_vertex_colours` says that some vertices have colours, which a material may hide by its
-/// image alone. What takes more than `memory` is not looked at.
+/// Multiplies the factors of materials by images that have one colour wherever they are shown, and takes these away.
+/// Images of normals and of occlusion have no factor and stay. `has_vertex_colours` says that some vertices have
+/// colours, which a material may hide by its image alone. What takes more than `memory` is not looked at.
 pub(super) fn fold_images(
     materials: &mut [Material],
     images: &[ImageSource],
@@ -116,7 +116,8 @@ fn fold(
         }
         material.base_texture = None;
     }
-    // Without it, the alpha of an image of colours counts, so this comes last. Whether its own alpha does depends on all of it.
+    // Without it, the alpha of an image of colours counts, so this comes last. Whether its own alpha does depends on
+    // all of it.
     if let Some([red, green, blue, alpha]) =
         of(&material.opacity_texture, Shown::All).filter(|_| material.base_texture.is_none())
     {

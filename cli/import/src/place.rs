@@ -1,5 +1,5 @@
-//! Where in the world mesh files say that they are: their formats, their comments, and the small files that programs of photogrammetry put
-//! beside meshes whose coordinates they have moved.
+//! Where in the world mesh files say that they are: their formats, their comments, and the small files that programs of
+//! photogrammetry put beside meshes whose coordinates they have moved.
 //!
 //! | says it | what |
 //! |---|---|
@@ -30,7 +30,8 @@ const FOLDERS_UP: usize = 2;
 /// Words after which three numbers are what was taken off the coordinates.
 const OFFSETS: [&str; 4] = ["offset", "shift", "origin", "translation"];
 
-/// What all of the files say alike about their coordinates; none if they say nothing, or do not agree. Notes say which it is.
+/// What all of the files say alike about their coordinates; none if they say nothing, or do not agree. Notes say which
+/// it is.
 pub fn survey_meshes(paths: &[PathBuf], progress: &dyn Progress) -> Option<Placement> {
     let mut agreed: Option<(Placement, String)> = None;
     for (number, path) in paths.iter().enumerate() {

@@ -13,8 +13,8 @@ const MAX_CLIPPED_CORNERS: usize = 1024;
 /// What is said of faces that are left out.
 pub(super) const THIN: &str = "faces with fewer than three distinct corners were skipped: they have no surface";
 
-/// The places of the corners of a polygon that differ from the one before them. With fewer than three it has no surface; otherwise it has
-/// two triangles fewer than these.
+/// The places of the corners of a polygon that differ from the one before them. With fewer than three it has no
+/// surface; otherwise it has two triangles fewer than these.
 pub(super) fn distinct_corners(polygon: &[u32], corners: &mut Vec<u32>) {
     corners.clear();
     corners.extend((0..polygon.len() as u32).filter(|&i| i == 0 || polygon[i as usize] != polygon[i as usize - 1]));
@@ -37,8 +37,8 @@ pub(super) struct Triangulator {
 }
 
 impl Triangulator {
-    /// Adds the triangles of a polygon, wound like the polygon, whose corners they name by their place in it. `position` gives the
-    /// position of a vertex.
+    /// Adds the triangles of a polygon, wound like the polygon, whose corners they name by their place in it.
+    /// `position` gives the position of a vertex.
     pub(super) fn push_polygon(
         &mut self,
         polygon: &[u32],

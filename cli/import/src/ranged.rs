@@ -1,7 +1,8 @@
-//! Inputs whose vertices and triangles lie at known places, so that several processes can each read a range of them: binary STL, binary
-//! PLY of triangles alone, and texts of which tasks have already read ranges ([`super::text`]).
+//! Inputs whose vertices and triangles lie at known places, so that several processes can each read a range of them:
+//! binary STL, binary PLY of triangles alone, and texts of which tasks have already read ranges ([`super::text`]).
 //!
-//! What is read is what [`super::import_large_meshes`] reads, in the same order. All other inputs have to be read from their beginning.
+//! What is read is what [`super::import_large_meshes`] reads, in the same order. All other inputs have to be read from
+//! their beginning.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -48,7 +49,8 @@ pub(super) enum Places {
     Stl(u64),
 }
 
-/// Whether inputs are files of meshes that may be read in ranges: named channels have to be there, and normals are made for all.
+/// Whether inputs are files of meshes that may be read in ranges: named channels have to be there, and normals are made
+/// for all.
 pub(super) fn files_of(paths: &[PathBuf], channels: &Channels) -> bool {
     let is_plain = matches!(channels, Channels::Auto | Channels::None);
     is_plain && !paths.iter().any(|path| path.is_dir() || raster::format_of(path).is_some())
@@ -61,8 +63,8 @@ impl std::fmt::Debug for RangedMesh {
 }
 
 impl RangedMesh {
-    /// Opens inputs; none where one of them has to be read from its beginning, or has channels that are wanted. `texts` are what tasks have
-    /// read of those that are text.
+    /// Opens inputs; none where one of them has to be read from its beginning, or has channels that are wanted. `texts`
+    /// are what tasks have read of those that are text.
     ///
     /// # Errors
     /// If a file cannot be read, or there are too many vertices.

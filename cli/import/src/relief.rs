@@ -1,7 +1,8 @@
 //! What an image of relief holds: MTL has one keyword for both heights and normals.
 //!
-//! Exporters such as Blender's write normals there, others heights, and the text does not say which. The image does: relative to a surface,
-//! normals have length 1 and point outwards, so few colours of all are theirs, and heights are grey.
+//! Exporters such as Blender's write normals there, others heights, and the text does not say which. The image does:
+//! relative to a surface, normals have length 1 and point outwards, so few colours of all are theirs, and heights are
+//! grey.
 
 use glam::DVec3;
 
@@ -23,21 +24,22 @@ pub(super) enum Relief {
 
 /// At most this many rows are looked at, evenly spread.
 const MOST_ROWS: u32 = 64;
-/// By how much the length of a normal may be off 1. Averages are shorter, and codecs move colours: of 40 images of normals in models of
-/// controllers, at least 99.7 % of the texels of each are within this, and of no image of colours or factors beside them more than 9.1 %.
+/// By how much the length of a normal may be off 1. Averages are shorter, and codecs move colours: of 40 images of
+/// normals in models of controllers, at least 99.7 % of the texels of each are within this, and of no image of colours
+/// or factors beside them more than 9.1 %.
 const OFF_LENGTH: f64 = 0.15;
 /// Red, green and blue of grey differ by at most this many of 255: JPEG changes them.
 const GREY: u8 = 8;
 /// The share of texels that has to agree.
 const NEARLY_ALL: f64 = 0.95;
-/// How far normals lean to one side on average, of what they point outwards: less than .04 in all of those images. A blue sky has their
-/// length, but leans.
+/// How far normals lean to one side on average, of what they point outwards: less than .04 in all of those images. A
+/// blue sky has their length, but leans.
 const MOST_LEAN: f64 = 0.3;
 
 /// Looks at some rows of an image.
 ///
-/// Where decoding takes more than `memory` allows, it is said to hold normals: then the import refuses it as it refuses other images, so that
-/// a file never depends on memory.
+/// Where decoding takes more than `memory` allows, it is said to hold normals: then the import refuses it as it refuses
+/// other images, so that a file never depends on memory.
 ///
 /// # Errors
 /// What is wrong with the image.

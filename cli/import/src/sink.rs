@@ -339,7 +339,8 @@ impl MeshSink {
         self.attributes.set_corner_layout(layout, triangles);
     }
 
-    /// Declares how many bytes the document of the current file takes; refuses files for which there is not enough memory.
+    /// Declares how many bytes the document of the current file takes; refuses files for which there is not enough
+    /// memory.
     pub(super) fn hold(&mut self, source: &Source, bytes: u64) -> Parsed<()> {
         let what = "its JSON text, embedded buffers included,";
         self.hold_or_refuse(source, bytes, what, "export it as GLB or with a .bin file, convert it to PLY")
@@ -351,8 +352,8 @@ impl MeshSink {
         self.hold_or_refuse(source, bytes, what, "convert it to PLY, or to GLB without compression")
     }
 
-    /// Declares how many bytes the surface of the current file takes before it is handed on; refuses files for which there is not enough
-    /// memory.
+    /// Declares how many bytes the surface of the current file takes before it is handed on; refuses files for which
+    /// there is not enough memory.
     pub(super) fn hold_whole(&mut self, source: &Source, bytes: u64) -> Parsed<()> {
         self.hold_or_refuse(source, bytes, "its surface", "extract a PLY file from it")
     }

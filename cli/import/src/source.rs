@@ -80,7 +80,8 @@ impl Deref for FileBytes {
     }
 }
 
-/// What a path leads to that is no regular file. It is asked before a file is opened, because opening a pipe could block forever.
+/// What a path leads to that is no regular file. It is asked before a file is opened, because opening a pipe could
+/// block forever.
 fn kind_of_no_file(metadata: &Metadata) -> Option<&'static str> {
     match metadata {
         of if of.is_file() => None,

@@ -1,8 +1,8 @@
-//! Text in ranges of its bytes: OBJ, and ASCII PLY. Each task reads the lines that begin in its range, and leaves positions and triangles
-//! in files of its own ([`super::text_files`]), from which any of them can be looked up.
+//! Text in ranges of its bytes: OBJ, and ASCII PLY. Each task reads the lines that begin in its range, and leaves
+//! positions and triangles in files of its own ([`super::text_files`]), from which any of them can be looked up.
 //!
-//! What is read is what [`super::import_large_meshes`] reads, in the same order. Polygons are kept as they are, since their triangles depend on
-//! positions that other tasks read; how many triangles they have does not.
+//! What is read is what [`super::import_large_meshes`] reads, in the same order. Polygons are kept as they are, since
+//! their triangles depend on positions that other tasks read; how many triangles they have does not.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -123,7 +123,8 @@ impl TextFile {
         matches!(self.kind, Kind::Obj | Kind::Ply(_))
     }
 
-    /// Checks the vertices that begin in some bytes of a file that is no text, and returns the smallest and largest coordinates.
+    /// Checks the vertices that begin in some bytes of a file that is no text, and returns the smallest and largest
+    /// coordinates.
     ///
     /// # Errors
     /// If a coordinate is not finite.
@@ -134,7 +135,8 @@ impl TextFile {
         Ok(bounds)
     }
 
-    /// Whether an OBJ file has colours that are wanted. This looks for libraries in all of it, so a job asks once, before it begins.
+    /// Whether an OBJ file has colours that are wanted. This looks for libraries in all of it, so a job asks once,
+    /// before it begins.
     fn looks_coloured(&self) -> bool {
         let source = self.source();
         let has_colours = || obj::count_in_range(&source, 0..LOOKED_THROUGH, true).is_err();

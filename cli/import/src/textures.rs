@@ -25,9 +25,9 @@ fn named_images(appearance: &Appearance) -> BTreeSet<usize> {
     appearance.materials.iter().flat_map(Material::images).map(|number| number as usize).collect()
 }
 
-/// Looks at all images that materials use. One that is finer than texels are stored is noted. One that cannot be read is noted, and its
-/// materials keep their factor alone; the image that is too large is an error, and so is one whose decoding takes more than its share of
-/// `memory`.
+/// Looks at all images that materials use. One that is finer than texels are stored is noted. One that cannot be read
+/// is noted, and its materials keep their factor alone; the image that is too large is an error, and so is one whose
+/// decoding takes more than its share of `memory`.
 pub(super) fn check_images(
     appearance: &mut Appearance,
     memory: u64,

@@ -1,7 +1,7 @@
 //! Every OBJ text that tests of this room read, read by another reader as well.
 //!
-//! tobj refuses what it does not know: faces before their vertices, comments behind statements, lines that go on. What it reads has the same
-//! triangles, area, box and materials here.
+//! tobj refuses what it does not know: faces before their vertices, comments behind statements, lines that go on. What
+//! it reads has the same triangles, area, box and materials here.
 
 use glam::DVec3;
 
@@ -46,8 +46,8 @@ impl Measured {
     }
 }
 
-/// What tobj reads of a text. None where it refuses it, or takes it for something else: it divides positions by weights, takes lines of
-/// several corners for polygons, and knows no line ends of a carriage return alone.
+/// What tobj reads of a text. None where it refuses it, or takes it for something else: it divides positions by
+/// weights, takes lines of several corners for polygons, and knows no line ends of a carriage return alone.
 fn by_tobj(text: &[u8]) -> Option<Measured> {
     let lines = || text.split(|&byte| byte == b'\n');
     let is_other = |line: &[u8]| {

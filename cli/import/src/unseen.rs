@@ -1,7 +1,8 @@
 //! Opacity that nobody can have meant: where all that a file shows would be invisible, it is opaque.
 //!
-//! Programs write an alpha of 0 that means nothing (Rvcg and PCL with colours of vertices), or opacity where the next one reads what is
-//! missing of it. The colours are there all the same, and a surface that is brought to be looked at is to be seen.
+//! Programs write an alpha of 0 that means nothing (Rvcg and PCL with colours of vertices), or opacity where the next
+//! one reads what is missing of it. The colours are there all the same, and a surface that is brought to be looked at
+//! is to be seen.
 
 use lodpack_mesh::appearance::{AlphaMode, Material};
 use lodpack_mesh::images::{ImageSource, Opacity, shows_nothing};

@@ -1,5 +1,5 @@
-//! Whether images that inputs name can be used, before anything depends on it: where they cannot, materials show what they would show
-//! without them.
+//! Whether images that inputs name can be used, before anything depends on it: where they cannot, materials show what
+//! they would show without them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::SeekFrom;
@@ -85,8 +85,8 @@ fn decode<'a>(open: &mut dyn FnMut() -> Result<Box<dyn EncodedImage + 'a>, Strin
     Ok(())
 }
 
-/// Whether the file is a PNG without its last chunk, as a download leaves it that was interrupted. Nearly all files of images are whole, so
-/// that they need not be decoded to know that they can be.
+/// Whether the file is a PNG without its last chunk, as a download leaves it that was interrupted. Nearly all files of
+/// images are whole, so that they need not be decoded to know that they can be.
 fn is_cut_short(mut encoded: impl EncodedImage) -> std::io::Result<bool> {
     const SIGNATURE: &[u8; 8] = b"\x89PNG\r\n\x1a\n";
     let mut start = [0; 8];

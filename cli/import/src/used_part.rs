@@ -33,7 +33,8 @@ impl UvBounds {
         self.has_missing |= !(uv[0].is_finite() && uv[1].is_finite());
     }
 
-    /// The columns and rows of texels that these places show, with those that they are blended with. None if they may be anywhere.
+    /// The columns and rows of texels that these places show, with those that they are blended with. None if they may
+    /// be anywhere.
     pub fn texels(&self, texture: &TextureUse, size: [u32; 2]) -> Option<[Range<u32>; 2]> {
         if self.has_missing || self.low[0] > self.high[0] {
             return None;

@@ -1,4 +1,5 @@
-//! How a surface looks, apart from its shape: which channels an input has, and the materials and images that its colours come from.
+//! How a surface looks, apart from its shape: which channels an input has, and the materials and images that its
+//! colours come from.
 //!
 //! An [`Appearance`] is small and goes into the plan of a build. The values themselves are [`super::attributes`].
 
@@ -140,7 +141,8 @@ impl Appearance {
         self.maps != MaterialMaps::default() || self.has_drawings
     }
 
-    /// Whether it only changes from one material to another: none has an image, and vertices have no colours or normals.
+    /// Whether it only changes from one material to another: none has an image, and vertices have no colours or
+    /// normals.
     pub fn is_even(&self) -> bool {
         let varies = self.layout.colour.is_some() || self.maps.normal;
         let has_images = self.materials.iter().any(|material| material.images().next().is_some());
@@ -153,7 +155,8 @@ impl Appearance {
         self.layout.scalars.iter().filter(|(name, _)| is_label(name)).map(|(_, place)| *place).collect()
     }
 
-    /// Texels of images for each of `triangles` triangles: a power of two, or 0, so that it changes rarely when more is added.
+    /// Texels of images for each of `triangles` triangles: a power of two, or 0, so that it changes rarely when more is
+    /// added.
     pub fn texels_each(&self, triangles: u64) -> u64 {
         let texels = self.texels / triangles.max(1);
         if texels > 0 { 1 << texels.ilog2() } else { 0 }
@@ -246,13 +249,15 @@ impl ScalarRange {
         }
     }
 
-    /// By how much values may be off since they are kept in single precision: half of the distance between such numbers where they are largest.
+    /// By how much values may be off since they are kept in single precision: half of the distance between such numbers
+    /// where they are largest.
     pub fn rounding(&self) -> f64 {
         let largest = self.low.abs().max(self.high.abs());
         if largest.is_finite() { 0.5 * (f64::from(largest) - f64::from(largest.next_down())) } else { 0.0 }
     }
 
-    /// Whether the values are numbers of classes, between which there is nothing: whole numbers under a name that classes have.
+    /// Whether the values are numbers of classes, between which there is nothing: whole numbers under a name that
+    /// classes have.
     pub fn is_label(&self) -> bool {
         let are_exact = self.is_whole && self.low.abs().max(self.high.abs()) <= LARGEST_EXACT;
         are_exact && f64::from(self.high) - f64::from(self.low) <= f64::from(u16::MAX) && is_name_of_labels(&self.name)
@@ -267,7 +272,8 @@ impl ScalarRange {
     }
 }
 
-/// What a triangle is made of, as far as inputs say it. Factors and images are multiplied, as glTF 2.0 has it (section 3.9).
+/// What a triangle is made of, as far as inputs say it. Factors and images are multiplied, as glTF 2.0 has it (section
+/// 3.9).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Material {
     /// Its name in the input; may be empty.
@@ -276,8 +282,8 @@ pub struct Material {
     pub base_colour: [f32; 4],
     /// The image over it.
     pub base_texture: Option<TextureUse>,
-    /// An image of opacity alone, which alpha is multiplied by: its alpha, or its brightness where all of it is opaque. The alpha of the
-    /// image of colours does not count then.
+    /// An image of opacity alone, which alpha is multiplied by: its alpha, or its brightness where all of it is opaque.
+    /// The alpha of the image of colours does not count then.
     pub opacity_texture: Option<TextureUse>,
     /// An image of normals relative to the surface: right, up and outwards; and what the first two are multiplied with.
     pub normal_texture: Option<(TextureUse, f32)>,
@@ -305,7 +311,8 @@ pub struct Material {
     pub alpha: AlphaMode,
     /// Whether its colour is shown without lighting.
     pub unlit: bool,
-    /// Whether the colours of vertices do not count where it is: PLY and OBJ files have textures in their place, glTF files beneath them.
+    /// Whether the colours of vertices do not count where it is: PLY and OBJ files have textures in their place, glTF
+    /// files beneath them.
     pub hides_vertex_colour: bool,
 }
 
@@ -392,7 +399,8 @@ impl Material {
         self.textures().map(|texture| texture.image)
     }
 
-    /// Makes its numbers those that are stored. A mean of many that lie between two stored ones is sometimes one and sometimes the other.
+    /// Makes its numbers those that are stored. A mean of many that lie between two stored ones is sometimes one and
+    /// sometimes the other.
     pub fn round(&mut self) {
         let Self { base_colour: [red, green, blue, alpha], emissive, metallic, roughness, .. } = self;
         for light in [red, green, blue].into_iter().chain(emissive) {

@@ -1,7 +1,8 @@
 //! What a mesh carries beside its shape: numbers per vertex or per corner, and a material and a chart per triangle.
 //!
-//! Each input file has a layout of its own ([`FileAttributes`]), because its parser finds out only while it reads what there is.
-//! Regions have one layout for all: [`RegionAttributes::gather`] makes the records of their corners, each stored once.
+//! Each input file has a layout of its own ([`FileAttributes`]), because its parser finds out only while it reads what
+//! there is. Regions have one layout for all: [`RegionAttributes::gather`] makes the records of their corners, each
+//! stored once.
 
 use serde::{Deserialize, Serialize};
 
@@ -31,9 +32,11 @@ impl From<Mesh> for Surface {
 pub struct Attributes {
     /// By input file.
     pub files: Vec<FileAttributes>,
-    /// The materials of triangles: runs of one material, by their first triangle. Triangles before the first run have material 0.
+    /// The materials of triangles: runs of one material, by their first triangle. Triangles before the first run have
+    /// material 0.
     pub materials: Vec<MaterialRun>,
-    /// The charts that the input itself cuts its triangles into, as runs like those of materials; empty if it is not cut.
+    /// The charts that the input itself cuts its triangles into, as runs like those of materials; empty if it is not
+    /// cut.
     pub charts: Vec<ChartRun>,
     /// The values of all vertices of all files.
     pub vertex_values: Vec<f32>,

@@ -1,12 +1,13 @@
-//! Powers of two and logarithms with the same bits on all machines. Mathematics libraries differ in the last bit, so nothing that the
-//! bytes of a file depend on may call them; `clippy.toml` lists their functions.
+//! Powers of two and logarithms with the same bits on all machines. Mathematics libraries differ in the last bit, so
+//! nothing that the bytes of a file depend on may call them; `clippy.toml` lists their functions.
 
 /// 2^exponent, exactly, for exponents from -1022 to 1023.
 pub fn power_of_two(exponent: i32) -> f64 {
     f64::from_bits(((exponent + 1023) as u64) << 52)
 }
 
-/// The largest exponent whose power of two is not above a positive number; -1023 for subnormal numbers, 1024 for infinity.
+/// The largest exponent whose power of two is not above a positive number; -1023 for subnormal numbers, 1024 for
+/// infinity.
 pub fn floor_log2(number: f64) -> i32 {
     (number.to_bits() >> 52) as i32 - 1023
 }

@@ -70,7 +70,8 @@ pub fn write_mesh(
     write_mesh_with_normals(out, format, (positions, triangles), None, Upright::default())
 }
 
-/// Writes a mesh, and its normals where the format has room for them. In PLY each vertex must have one; GLB has a vertex for each fan.
+/// Writes a mesh, and its normals where the format has room for them. In PLY each vertex must have one; GLB has a
+/// vertex for each fan.
 ///
 /// # Errors
 /// As [`write_mesh`].
@@ -120,8 +121,8 @@ pub(super) fn normal_columns(normals: &[[f32; 3]]) -> Vec<Column> {
     ["nx", "ny", "nz"].into_iter().enumerate().map(column).collect()
 }
 
-/// Writes binary PLY. Vertices have as many components of colour as there are in `colours`: one entry each, or none at all; and an entry of each
-/// column.
+/// Writes binary PLY. Vertices have as many components of colour as there are in `colours`: one entry each, or none at
+/// all; and an entry of each column.
 pub(super) fn write_ply<const N: usize>(
     out: &mut impl Write,
     positions: &[[f64; 3]],

@@ -61,8 +61,9 @@ pub fn add_rounding(levels: &mut [GlbLevel]) {
     }
 }
 
-/// Writes the levels of a mesh, the finest first, as nodes of which a program shows one by the share of the picture that the model covers:
-/// a level from where on its error is below a pixel at 1,920 x 1,080. Programs that do not know the extension show the finest.
+/// Writes the levels of a mesh, the finest first, as nodes of which a program shows one by the share of the picture
+/// that the model covers: a level from where on its error is below a pixel at 1,920 x 1,080. Programs that do not know
+/// the extension show the finest.
 ///
 /// # Errors
 /// Any error of the writer; [`io::ErrorKind::InvalidInput`] without a level or beyond 4 GiB.
@@ -154,7 +155,8 @@ impl Scene {
             self.accessors.push(float(view, "VEC3"));
         }
         if of_pages.iter().any(|of_page| of_page["normalTexture"].is_object()) {
-            // The last number says that the third direction lies to the right of the tangent, seen from outside: rows count from above.
+            // The last number says that the third direction lies to the right of the tangent, seen from outside: rows
+            // count from above.
             let tangents = mesh.frames.iter().flat_map(|frame| frame[0].into_iter().chain([-1.0]));
             let view = self.binary.add(tangents.flat_map(f32::to_le_bytes), ARRAY_BUFFER);
             attributes["TANGENT"] = self.accessors.len().into();

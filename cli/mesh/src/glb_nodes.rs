@@ -24,7 +24,8 @@ const PLACES: [(&str, usize); 6] =
 /// Writes GLB files as one whose scene shows the nodes of all their scenes, with these names.
 ///
 /// # Errors
-/// Any error of the writer; [`ErrorKind::InvalidData`] if one of them is no GLB with one buffer, [`ErrorKind::InvalidInput`] beyond 4 GiB.
+/// Any error of the writer; [`ErrorKind::InvalidData`] if one of them is no GLB with one buffer,
+/// [`ErrorKind::InvalidInput`] beyond 4 GiB.
 pub fn write_joined_glb(out: impl Write, models: &[(&str, Vec<u8>)]) -> io::Result<()> {
     let mut joined = json!({"asset": {"version": "2.0", "generator": "lodpack"}, "scene": 0});
     let (mut shown, mut binary) = (Vec::<Value>::new(), Vec::new());

@@ -71,8 +71,8 @@ impl ImageSource {
 pub const MAX_IMAGE_TEXELS: u64 = 1 << 28;
 
 impl ImageSource {
-    /// The encoded bytes as they are wanted, so that those of a large image are not in memory all at once. `folder` is the work
-    /// directory, where it keeps images.
+    /// The encoded bytes as they are wanted, so that those of a large image are not in memory all at once. `folder` is
+    /// the work directory, where it keeps images.
     ///
     /// # Errors
     /// If they cannot be read.
@@ -166,8 +166,8 @@ pub fn image_size(mut encoded: impl EncodedImage) -> Result<[u32; 2], String> {
     if width == 0 || height == 0 {
         return Err("it has no texels: export it again".into());
     }
-    // A header that was written over must not cost the time and memory of what it declares. Every block of a JPEG takes a bit; the other
-    // formats can have any number of texels in few bytes, or fail at their first missing row.
+    // A header that was written over must not cost the time and memory of what it declares. Every block of a JPEG takes
+    // a bit; the other formats can have any number of texels in few bytes, or fail at their first missing row.
     let bytes = encoded.seek(SeekFrom::End(0)).map_err(|error| unreadable(&error))?;
     if format == Some(ImageFormat::Jpeg) && bytes.saturating_mul(8 * JPEG_BLOCK) < texels_of([width, height]) {
         return Err(damaged(&format!("its {bytes} bytes cannot hold {width} x {height} texels")));
@@ -232,7 +232,8 @@ pub fn decode_image(mut encoded: impl EncodedImage) -> Result<DynamicImage, Stri
     decode(encoded)
 }
 
-/// What has to be changed in a TIFF so that it has its last tiles as a whole, if these are in LZW: the decoder stumbles over parts of their rows.
+/// What has to be changed in a TIFF so that it has its last tiles as a whole, if these are in LZW: the decoder stumbles
+/// over parts of their rows.
 fn whole_tiles(encoded: &mut impl EncodedImage) -> Option<(Directory, [(u16, u32); 2])> {
     const LZW: u64 = 5;
     if !tiff_directory::is_tiff(encoded.fill_buf().ok()?) {
@@ -279,7 +280,8 @@ pub fn refuse_cut_jpeg(encoded: &mut impl EncodedImage) -> Result<(), String> {
     Ok(())
 }
 
-/// The most memory that decoding an image takes, until its texels are where they stay; 0 for what is decoded row by row.
+/// The most memory that decoding an image takes, until its texels are where they stay; 0 for what is decoded row by
+/// row.
 ///
 /// # Errors
 /// What is wrong with it.
@@ -324,8 +326,8 @@ fn most_bytes_of_one_colour(texels: u64) -> u64 {
 /// An image is looked at, however many bytes it has, if less than one texel in this many counts.
 const SMALL_PART: u64 = 64;
 
-/// Red, green, blue and alpha that all texels within some columns and rows have, of 65535. None where texels differ, where the image has
-/// enough bytes that they certainly do, and where decoding takes more than `memory`.
+/// Red, green, blue and alpha that all texels within some columns and rows have, of 65535. None where texels differ,
+/// where the image has enough bytes that they certainly do, and where decoding takes more than `memory`.
 ///
 /// # Errors
 /// What is wrong with it.

@@ -33,7 +33,8 @@ pub struct Look {
 }
 
 impl Look {
-    /// The look that a file has, and the numbers of the channels to ask for. `with_all` says whether more than colours can be written.
+    /// The look that a file has, and the numbers of the channels to ask for. `with_all` says whether more than colours
+    /// can be written.
     pub fn of(channels: &[ChannelInfo], with_all: bool) -> (Self, Vec<u8>) {
         let mut wanted = vec![];
         let mut find = |is_it: &dyn Fn(&ChannelInfo) -> bool| {

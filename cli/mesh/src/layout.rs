@@ -9,9 +9,9 @@ pub struct AttributeLayout {
     pub colour: Option<usize>,
     /// Place of the three coordinates of the normal. NaN where a corner has none.
     pub normal: Option<usize>,
-    /// Place of the three coordinates of the tangent, along which images of normals have their right, and of the side on which they have
-    /// their top: that of the cross product of normal and tangent if it is positive, the other one if it is negative. NaN where a corner has
-    /// none.
+    /// Place of the three coordinates of the tangent, along which images of normals have their right, and of the side
+    /// on which they have their top: that of the cross product of normal and tangent if it is positive, the other one
+    /// if it is negative. NaN where a corner has none.
     pub tangent: Option<usize>,
     /// Places of the two coordinates of each set. NaN where a corner has none.
     pub uv: Vec<usize>,

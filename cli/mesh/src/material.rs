@@ -1,4 +1,5 @@
-//! What a page looks like, as a material of glTF 2.0 (section 3.9): images of its layers, and factors where all texels are the same.
+//! What a page looks like, as a material of glTF 2.0 (section 3.9): images of its layers, and factors where all texels
+//! are the same.
 
 use std::io;
 

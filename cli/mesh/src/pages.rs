@@ -53,7 +53,8 @@ fn without_alpha(image: Image<u8>) -> Image<u8> {
 pub type Page = Vec<(Layer, Image<u8>)>;
 
 impl PagedMesh {
-    /// Packs what the images of nodes show into pages of at most `side` texels along each side: see [`decode::PagedMesh::new`].
+    /// Packs what the images of nodes show into pages of at most `side` texels along each side: see
+    /// [`decode::PagedMesh::new`].
     pub fn new(textured: &TexturedMesh, look: &Look, side: u32) -> Self {
         let paged = decode::PagedMesh::new(textured, side);
         let mut pages: Vec<Page> = vec![vec![]; paged.page_sizes.len()];
@@ -105,8 +106,9 @@ impl PagedMesh {
         Ok(Self { positions, triangles: vec![triangles], normals, ..Self::default() })
     }
 
-    /// Gives each vertex a normal, unless a layer has them or all is drawn without light. Vertices on creases are there once more for each
-    /// further normal. `mesh` is that of which this one has been made, whose vertices are those around which triangles meet.
+    /// Gives each vertex a normal, unless a layer has them or all is drawn without light. Vertices on creases are there
+    /// once more for each further normal. `mesh` is that of which this one has been made, whose vertices are those
+    /// around which triangles meet.
     ///
     /// # Errors
     /// As [`Fans::new`].
@@ -149,8 +151,8 @@ impl PagedMesh {
         pages.map(|(page, _)| of_page(page)).all(|all| all.is_some_and(|all| all.iter().all(|one| one.is_unlit)))
     }
 
-    /// The triangles page by page, and those of a page by how they are drawn: the page, the drawing if the file says one, and the triangles.
-    /// After those of all pages come those without texels.
+    /// The triangles page by page, and those of a page by how they are drawn: the page, the drawing if the file says
+    /// one, and the triangles. After those of all pages come those without texels.
     pub fn parts(&self) -> Vec<Part<'_>> {
         let mut parts = vec![];
         for (page, triangles) in self.triangles.iter().enumerate() {

@@ -1,7 +1,8 @@
 //! Normals for surfaces that store none: means around vertices that end at creases (SPEC.md, 14.4).
 //!
-//! Weights are areas. Angles are more usual (Thürmer and Wüthrich, "Computing Vertex Normals from Polygonal Facets", 1998), but simplified meshes
-//! have long thin triangles beside large ones that lie along the surface, and their normals are farther off: format-spec/trials/light.md has the measurements.
+//! Weights are areas. Angles are more usual (Thürmer and Wüthrich, "Computing Vertex Normals from Polygonal Facets",
+//! 1998), but simplified meshes have long thin triangles beside large ones that lie along the surface, and their
+//! normals are farther off: format-spec/trials/light.md has the measurements.
 
 use std::io;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -11,9 +12,11 @@ use rayon::prelude::*;
 
 /// An edge is a crease where its triangles' normals are at least 30 degrees apart: the cosine.
 const CREASE: f64 = 0.866_025_403_784_438_6;
-/// The name of their accessor in glTF, by which a build knows that they say nothing of the surface that its triangles do not.
+/// The name of their accessor in glTF, by which a build knows that they say nothing of the surface that its triangles
+/// do not.
 pub const COMPUTED: &str = "normals of triangles, joined";
-/// A triangle whose sines sum to less has no normal, and a sum of normals that is shorter than this share of its weights no direction.
+/// A triangle whose sines sum to less has no normal, and a sum of normals that is shorter than this share of its
+/// weights no direction.
 const TINY: f64 = 1e-9;
 /// What nothing else has a say in.
 const UP: DVec3 = DVec3::Z;
@@ -51,7 +54,8 @@ impl Fans {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, what));
         }
         let (start, corners) = corners_of_vertices(positions.len(), triangles);
-        // The fan of each corner: a number within its chunk of vertices, until it is known how many fans other chunks have.
+        // The fan of each corner: a number within its chunk of vertices, until it is known how many fans other chunks
+        // have.
         let fan_of: Vec<[AtomicU32; 3]> = (0..triangles.len()).into_par_iter().map(|_| Default::default()).collect();
         let chunk = |first: usize| {
             let (mut around, mut fans) = (Around::default(), vec![]);
@@ -84,7 +88,8 @@ impl Fans {
     }
 }
 
-/// The corners of each vertex, ascending: where they begin, and their numbers. Corner `3 t + k` is corner `k` of triangle `t`.
+/// The corners of each vertex, ascending: where they begin, and their numbers. Corner `3 t + k` is corner `k` of
+/// triangle `t`.
 fn corners_of_vertices(vertex_count: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
     let mut start = vec![0u32; vertex_count + 1];
     triangles.iter().flatten().for_each(|&v| start[v as usize + 1] += 1);
@@ -106,7 +111,8 @@ struct Around {
     normals: Vec<(DVec3, f64)>,
     /// Lengths of the two edges of each triangle that end at the vertex.
     lengths: Vec<[f64; 2]>,
-    /// Edges that end at the vertex: the other end, whether the triangle's border runs there from here, and the corner's place.
+    /// Edges that end at the vertex: the other end, whether the triangle's border runs there from here, and the
+    /// corner's place.
     edges: Vec<(u32, bool, u32)>,
     /// The fan of each corner.
     fan_of: Vec<u32>,
@@ -200,7 +206,8 @@ fn root(fan_of: &mut [u32], mut corner: u32) -> u32 {
     corner
 }
 
-/// The normal of a triangle, or zero if it has none, the sine at one of its corners, and the lengths of the edges that end there.
+/// The normal of a triangle, or zero if it has none, the sine at one of its corners, and the lengths of the edges that
+/// end there.
 fn normal_of([a, b, c]: [DVec3; 3], corner: usize) -> (DVec3, f64, [f64; 2]) {
     let ways = [way(a, b), way(b, c), way(c, a)];
     let [(p, _), (q, _), (r, _)] = ways;
@@ -212,8 +219,8 @@ fn normal_of([a, b, c]: [DVec3; 3], corner: usize) -> (DVec3, f64, [f64; 2]) {
     (normal, next.cross(previous).length(), [to_next, from_previous])
 }
 
-/// Direction and length of the way from one point to another. The direction is zero if they are the same. Neither squares nor differences
-/// leave the range of numbers.
+/// Direction and length of the way from one point to another. The direction is zero if they are the same. Neither
+/// squares nor differences leave the range of numbers.
 fn way(from: DVec3, to: DVec3) -> (DVec3, f64) {
     let (mut way, mut unit) = (to - from, 1.0);
     if !way.is_finite() {

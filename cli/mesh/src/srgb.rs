@@ -17,7 +17,8 @@ pub const fn linear_from_srgb(encoded: f32) -> f32 {
         return (encoded / 12.92) as f32;
     }
     let base = (encoded + 0.055) / 1.055;
-    // base^2.4 = base^2 * (base^2)^(1/5), and Newton's method finds the fifth root. It starts above the root, so it comes down to it.
+    // base^2.4 = base^2 * (base^2)^(1/5), and Newton's method finds the fifth root. It starts above the root, so it
+    // comes down to it.
     let square = base * base;
     let (mut root, mut round) = (1.0, 0);
     while round < 12 {
@@ -44,7 +45,8 @@ static LEAST_OF_NEXT: [f32; 256] = {
     table
 };
 
-/// The number of parts into which linear light is divided for a first guess: enough that no part has more than two bytes.
+/// The number of parts into which linear light is divided for a first guess: enough that no part has more than two
+/// bytes.
 const PARTS: usize = 4096;
 
 /// The byte at the beginning of each part.

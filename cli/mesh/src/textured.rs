@@ -1,4 +1,5 @@
-//! Writes meshes with what they look like: PLY with colours of vertices, OBJ with a material file and pages of colours. GLB is next door.
+//! Writes meshes with what they look like: PLY with colours of vertices, OBJ with a material file and pages of colours.
+//! GLB is next door.
 
 use std::io::{self, BufWriter, Write};
 
@@ -10,8 +11,9 @@ use super::export::{Column, normal_columns};
 use super::layers::Layer;
 use super::pages::PagedMesh;
 
-/// Writes binary PLY: each vertex has the mean of what the triangles around it show there, and the label of one of them. `colour` and
-/// `numbers` are places among the channels that the mesh has; `normals` are of its vertices, or there are none.
+/// Writes binary PLY: each vertex has the mean of what the triangles around it show there, and the label of one of
+/// them. `colour` and `numbers` are places among the channels that the mesh has; `normals` are of its vertices, or
+/// there are none.
 ///
 /// # Errors
 /// Any error of the writer.

@@ -15,8 +15,9 @@ pub enum Tolerance {
     OfDiagonal(f64),
     /// As a multiple of the input's mean edge length.
     OfMeanEdge(f64),
-    /// As a multiple of the input's mean edge length times its mean bend: `auto` for grids of heights. Scans bend about equally much at all
-    /// scales, but the coarser a grid of heights is, the flatter it is, and half an edge of a globe's grid is higher than its mountains.
+    /// As a multiple of the input's mean edge length times its mean bend: `auto` for grids of heights. Scans bend about
+    /// equally much at all scales, but the coarser a grid of heights is, the flatter it is, and half an edge of a
+    /// globe's grid is higher than its mountains.
     OfBend(f64),
     /// In metres; requires that the input's unit is known.
     Metres(f64),

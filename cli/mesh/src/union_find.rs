@@ -35,8 +35,8 @@ pub fn components(vertex_count: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
     parent
 }
 
-/// The number of components of a mesh. Where every vertex has one fan, they are connected through edges. A vertex that no triangle uses
-/// counts as one.
+/// The number of components of a mesh. Where every vertex has one fan, they are connected through edges. A vertex that
+/// no triangle uses counts as one.
 pub fn count_components(vertex_count: usize, triangles: &[[u32; 3]]) -> usize {
     let components = components(vertex_count, triangles);
     (0..).zip(components).filter(|&(vertex, component): &(u32, u32)| vertex == component).count()

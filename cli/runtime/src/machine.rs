@@ -2,8 +2,9 @@
 
 use std::time::Duration;
 
-/// Has blocks of more than a mebibyte go back to the system when they are freed. The library of the system would keep those of up to 32
-/// once it has seen some, between small ones that are still in use: a third more memory where maps of textures are baked.
+/// Has blocks of more than a mebibyte go back to the system when they are freed. The library of the system would keep
+/// those of up to 32 once it has seen some, between small ones that are still in use: a third more memory where maps of
+/// textures are baked.
 #[expect(unsafe_code, reason = "the standard library has no say in this")]
 pub fn return_large_blocks() {
     #[cfg(target_env = "gnu")]
@@ -31,7 +32,8 @@ fn clock(id: libc::clockid_t) -> Duration {
     Duration::new(time.tv_sec.max(0) as u64, time.tv_nsec.clamp(0, 999_999_999) as u32)
 }
 
-/// A memory figure of a process in bytes, as Linux names it: "VmHWM" is the peak of its resident memory, "VmRSS" the present value.
+/// A memory figure of a process in bytes, as Linux names it: "VmHWM" is the peak of its resident memory, "VmRSS" the
+/// present value.
 pub fn status_bytes(process: &str, what: &str) -> Option<u64> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let value = status.lines().find_map(|line| line.strip_prefix(what)?.strip_prefix(':'))?;

@@ -6,7 +6,8 @@ pub trait Progress: Sync {
     fn begin(&self, stage: &'static str, total: u64);
     /// More of the current stage's work is done.
     fn advance(&self, amount: u64);
-    /// An earlier process has already done this much of the current stage's work, so it says nothing about the speed of this one.
+    /// An earlier process has already done this much of the current stage's work, so it says nothing about the speed of
+    /// this one.
     fn skip(&self, amount: u64) {
         self.advance(amount);
     }

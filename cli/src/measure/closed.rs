@@ -88,7 +88,8 @@ pub(super) fn fault<S: ReadAt>(file: &Heights<S>, cut: &HeightsCut, mesh: &Heigh
     }))
 }
 
-/// What lies along an edge, on the side where its triangle is not. None if the edge runs through cells, where no surface ends.
+/// What lies along an edge, on the side where its triangle is not. None if the edge runs through cells, where no
+/// surface ends.
 fn strip_beyond(grid: &Grid, corners: [[u64; 2]; 3]) -> Option<Strip> {
     let ([columns, last_row], poles) = (grid.cells(), grid.poles());
     let is_pole = |row: u64| row == 0 && poles[0] || row == last_row && poles[1];
@@ -106,7 +107,8 @@ fn strip_beyond(grid: &Grid, corners: [[u64; 2]; 3]) -> Option<Strip> {
     let (from, to) = ([known(p, q, 0)?, p[1]?], [known(q, p, 0)?, q[1]?]);
     let axis = (0..2).find(|&axis| from[axis] == to[axis] && from[1 - axis] != to[1 - axis])?;
     let line = from[axis];
-    // The column of a corner at a pole is asked for where the others lie in one, and then the triangle has no area on the globe.
+    // The column of a corner at a pole is asked for where the others lie in one, and then the triangle has no area on
+    // the globe.
     let beyond = if c[axis]? < line { line } else { line - 1 };
     let along = from[1 - axis].min(to[1 - axis])..from[1 - axis].max(to[1 - axis]);
     let beyond = beyond..beyond + 1;

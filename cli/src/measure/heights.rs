@@ -1,4 +1,5 @@
-//! Checks of files of heights: whether everything can be read, whether cuts are closed, and whether rasters are as close as is stored.
+//! Checks of files of heights: whether everything can be read, whether cuts are closed, and whether rasters are as
+//! close as is stored.
 
 use std::fmt::Write;
 
@@ -269,7 +270,8 @@ fn words(query: &HeightsQuery) -> String {
     words
 }
 
-/// How far the samples of the rasters are from the triangles that cover them, as shares of the errors of these triangles' tiles.
+/// How far the samples of the rasters are from the triangles that cover them, as shares of the errors of these
+/// triangles' tiles.
 fn check_errors<S: ReadAt>(
     file: &Heights<S>,
     known: &Known,
@@ -325,7 +327,8 @@ fn check_errors<S: ReadAt>(
 
 type Corner = ([i64; 2], [f64; 3]);
 
-/// Gives the corners of a triangle of a tile columns in one run around the globe: the last column of samples is also the first one.
+/// Gives the corners of a triangle of a tile columns in one run around the globe: the last column of samples is also
+/// the first one.
 fn unroll(corners: &mut [Corner; 3], around: i64, [first, last]: [u64; 2], is_pole: impl Fn(i64) -> bool) {
     let easternmost = corners.iter().filter(|(at, _)| !is_pole(at[1])).map(|(at, _)| at[0]).max().unwrap_or(0);
     for ([column, row], _) in corners {
@@ -355,7 +358,8 @@ fn without_poles(corners: [Corner; 3], is_pole: impl Fn(i64) -> bool) -> Vec<[Co
     vec![at(corners[a].0[0]), at(corners[b].0[0]), wedge]
 }
 
-/// Calls `with` for each sample in a triangle: its column and row, and the shares of the corners. `down` says where a row is.
+/// Calls `with` for each sample in a triangle: its column and row, and the shares of the corners. `down` says where a
+/// row is.
 fn for_each_sample(corners: [[i64; 2]; 3], down: impl Fn(i64) -> f64, mut with: impl FnMut([i64; 2], [f64; 3])) {
     let cross =
         |p: [f64; 2], q: [f64; 2], at: [f64; 2]| (q[0] - p[0]) * (at[1] - p[1]) - (q[1] - p[1]) * (at[0] - p[0]);

@@ -1,4 +1,5 @@
-//! How far two surfaces are apart: the largest distance of each from the other, between two bounds, and its root mean square.
+//! How far two surfaces are apart: the largest distance of each from the other, between two bounds, and its root mean
+//! square.
 
 use std::ops::Range;
 
@@ -58,15 +59,15 @@ impl<'a> Side<'a> {
         Self { positions, tree, running, mean_edge }
     }
 
-    /// Both bounds of the largest distance of this side from the other, to a relative gap or below a floor, and its root mean square at some
-    /// number of points. `done` is called 64 times at most.
+    /// Both bounds of the largest distance of this side from the other, to a relative gap or below a floor, and its
+    /// root mean square at some number of points. `done` is called 64 times at most.
     pub fn measured(&self, other: &Side, samples: usize, goal: (f64, f64), done: &(dyn Fn() + Sync)) -> OneSided {
         let (rms, most, at) = self.sampled(other, samples);
         OneSided { rms, ..self.enclosed(other, goal, (most, at), done) }
     }
 
-    /// Root mean square and largest distance of points of this side from the other, and where that is. Point i lies where the
-    /// accumulated area passes (i + 1/2) / n of the total, so points are spread evenly.
+    /// Root mean square and largest distance of points of this side from the other, and where that is. Point i lies
+    /// where the accumulated area passes (i + 1/2) / n of the total, so points are spread evenly.
     fn sampled(&self, other: &Side, samples: usize) -> (f64, f64, DVec3) {
         let Some(&total) = self.running.last() else { return Default::default() };
         let point = |i: usize| {

@@ -1,6 +1,8 @@
-//! A web server for a few files: byte ranges for programs and pages on any host (RFC 9110), and what is wrong with other servers.
+//! A web server for a few files: byte ranges for programs and pages on any host (RFC 9110), and what is wrong with
+//! other servers.
 //!
-//! It serves what is on its [`Shelf`] and nothing else, so no address can lead to another file. Every connection has a thread.
+//! It serves what is on its [`Shelf`] and nothing else, so no address can lead to another file. Every connection has a
+//! thread.
 
 mod answer;
 mod check;
@@ -21,7 +23,8 @@ use std::time::Duration;
 
 /// A connection without a request for this long is closed, and so is one that takes nothing.
 const IDLE: Duration = Duration::from_secs(60);
-/// Most connections at once; a browser opens six. Further ones are refused, so that no one can start threads without end.
+/// Most connections at once; a browser opens six. Further ones are refused, so that no one can start threads without
+/// end.
 const CONNECTIONS: usize = 256;
 
 /// A server that listens and does not answer yet.

@@ -32,7 +32,8 @@ pub struct Request {
 pub struct Head(Vec<u8>);
 
 impl Head {
-    /// The next request: nothing when the client has closed the connection, and none inside for one that cannot be understood.
+    /// The next request: nothing when the client has closed the connection, and none inside for one that cannot be
+    /// understood.
     pub fn next(&mut self, mut stream: impl Read) -> io::Result<Option<Option<Request>>> {
         loop {
             match parse(&self.0) {

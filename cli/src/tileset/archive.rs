@@ -1,5 +1,6 @@
-//! Tilesets as one file: `.3tz`, the archive format of 3D Tiles (version 1.3). It is a ZIP whose files are stored as they are, so that a range
-//! request fetches one, with an index behind them that leads from the hash of a path to its place.
+//! Tilesets as one file: `.3tz`, the archive format of 3D Tiles (version 1.3). It is a ZIP whose files are stored as
+//! they are, so that a range request fetches one, with an index behind them that leads from the hash of a path to its
+//! place.
 
 use std::fs::{self, File};
 use std::io::{self, Read, Seek, Write};
@@ -62,7 +63,8 @@ fn collect(folder: &Path, above: &str, names: &mut Vec<(String, PathBuf)>) -> io
     Ok(())
 }
 
-/// For each file the MD5 of its name and where its header begins, ordered by the hash as two numbers of 64 bits, the first one first.
+/// For each file the MD5 of its name and where its header begins, ordered by the hash as two numbers of 64 bits, the
+/// first one first.
 fn index_of(file: &mut (impl Read + Seek)) -> io::Result<Vec<u8>> {
     let mut zip = ZipArchive::new(file).map_err(reason)?;
     let mut entries = Vec::with_capacity(zip.len());

@@ -1,7 +1,8 @@
-//! Tiles of the last level of terrain tiles: their vertices are the file's own samples and, along their borders, the places where lines between these cross.
+//! Tiles of the last level of terrain tiles: their vertices are the file's own samples and, along their borders, the
+//! places where lines between these cross.
 //!
-//! Nothing is resampled, so what a tile is off is what fewer triangles and roundings to numbers of 15 bits cost, and all of it is measured: at each of the
-//! file's samples, against the triangles as a decoder has them.
+//! Nothing is resampled, so what a tile is off is what fewer triangles and roundings to numbers of 15 bits cost, and
+//! all of it is measured: at each of the file's samples, against the triangles as a decoder has them.
 
 use glam::DVec3;
 use lodpack::ReadAt;
@@ -188,7 +189,8 @@ pub(super) fn finest_tile<S: ReadAt>(
         .flat_map(|row| heights[index(1, row)..index(width - 1, row)].iter().copied())
         .collect();
     let range = range_of(&own);
-    // A vertex at a rounded place has the height of the surface there, not that of its sample. On a border it follows from the border alone.
+    // A vertex at a rounded place has the height of the surface there, not that of its sample. On a border it follows
+    // from the border alone.
     let moved = |column: usize, row: usize| {
         let height = |column: usize, row: usize| heights[index(column, row)];
         let change = |rounded: i32, around: [f64; 3], [before, behind]: [f64; 2]| {

@@ -1,7 +1,8 @@
-//! Places on the globe: from WGS 84 longitudes and latitudes, and from its UTM zones, to earth-centred coordinates (ECEF, EPSG:4978).
+//! Places on the globe: from WGS 84 longitudes and latitudes, and from its UTM zones, to earth-centred coordinates
+//! (ECEF, EPSG:4978).
 //!
-//! UTM by the series of Krüger to the sixth order (Karney 2011, "Transverse Mercator with an accuracy of a few nanometers"): within a zone it
-//! is better than a micrometre. Heights are above the ellipsoid.
+//! UTM by the series of Krüger to the sixth order (Karney 2011, "Transverse Mercator with an accuracy of a few
+//! nanometers"): within a zone it is better than a micrometre. Heights are above the ellipsoid.
 #![expect(
     clippy::disallowed_methods,
     reason = "a place on the globe may differ in its last bit; no byte of a .lodpack file depends on it"
@@ -69,7 +70,8 @@ pub fn east_north_up(longitude: f64, latitude: f64) -> [[f64; 3]; 3] {
     [[-sin_l, cos_l, 0.0], [-sin_b * cos_l, -sin_b * sin_l, cos_b], [cos_b * cos_l, cos_b * sin_l, sin_b]]
 }
 
-/// The directions up, east and north at a place in earth-centred coordinates: up is the normal of the ellipsoid through it.
+/// The directions up, east and north at a place in earth-centred coordinates: up is the normal of the ellipsoid through
+/// it.
 pub(super) fn up_east_north_at(place: DVec3) -> [DVec3; 3] {
     let flattened = 1.0 - F;
     let squared = DVec3::new(A, A, A * flattened).powf(2.0);
@@ -109,7 +111,8 @@ fn from_transverse_mercator(east: f64, north: f64) -> (f64, f64) {
     }
     let conformal = xi_sphere.sin() / (eta_sphere.sinh().powi(2) + xi_sphere.cos().powi(2)).sqrt();
     let longitude = eta_sphere.sinh().atan2(xi_sphere.cos());
-    // Newton's method from the conformal to the geographic latitude, both as tangents; the third step is below rounding.
+    // Newton's method from the conformal to the geographic latitude, both as tangents; the third step is below
+    // rounding.
     let (e, mut tangent) = (E2.sqrt(), conformal / (1.0 - E2));
     for _ in 0..5 {
         let secant = (1.0 + tangent * tangent).sqrt();

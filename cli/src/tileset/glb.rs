@@ -1,9 +1,10 @@
 //! The content of a tile: binary glTF with compressed triangles (EXT_meshopt_compression).
 //!
-//! Positions are lattice points as single-precision numbers: steps from the middle of the file times a power of two, with 24 bits, which the
-//! compression stores as integers (its filter EXPONENTIAL). So nothing is rounded in a file of up to 2^24 steps, and what tiles share is
-//! the same in all of them to the bit. No tile has a transform of its own: with 16-bit integers (KHR_mesh_quantization) each would need
-//! one, in which renderers round, and pixels of the background show between tiles.
+//! Positions are lattice points as single-precision numbers: steps from the middle of the file times a power of two,
+//! with 24 bits, which the compression stores as integers (its filter EXPONENTIAL). So nothing is rounded in a file of
+//! up to 2^24 steps, and what tiles share is the same in all of them to the bit. No tile has a transform of its own:
+//! with 16-bit integers (KHR_mesh_quantization) each would need one, in which renderers round, and pixels of the
+//! background show between tiles.
 
 use super::material::{Paint, plain};
 use crate::mesh::encoded::Encoded;
@@ -106,7 +107,8 @@ impl Content {
     }
 }
 
-/// Numbers of vertices in the order in which triangles use them, and the triangles with their new numbers; others are dropped.
+/// Numbers of vertices in the order in which triangles use them, and the triangles with their new numbers; others are
+/// dropped.
 pub fn in_order_of_use(count: usize, indices: &[u32]) -> (Vec<u32>, Vec<u32>) {
     let mut new = vec![u32::MAX; count];
     let mut used = Vec::with_capacity(count);
@@ -353,7 +355,8 @@ fn packed(document: &Value, binary: &[u8]) -> Vec<u8> {
     text.resize(text.len().next_multiple_of(4), b' ');
     let total = 12 + 8 + text.len() + 8 + binary.len();
     let mut glb = Vec::with_capacity(total);
-    // A tile is far smaller than 4 GiB: a block has at most 2^32 triangles of less than a byte, and its memory is limited.
+    // A tile is far smaller than 4 GiB: a block has at most 2^32 triangles of less than a byte, and its memory is
+    // limited.
     let words = |glb: &mut Vec<u8>, words: &[usize]| {
         words.iter().for_each(|&word| glb.extend_from_slice(&(word as u32).to_le_bytes()));
     };

@@ -12,7 +12,8 @@ pub fn folder_of(number: usize) -> String {
     number.to_string()
 }
 
-/// Writes the file that leads to the tilesets in the first folders of a folder, one for each summary, and sums these up.
+/// Writes the file that leads to the tilesets in the first folders of a folder, one for each summary, and sums these
+/// up.
 ///
 /// # Errors
 /// [`TilesetError`].

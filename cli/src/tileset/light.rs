@@ -1,8 +1,10 @@
-//! Light for tiles of files that store no normals: those of SPEC.md, 14.4, since renderers show a mesh without them flat, or without light.
+//! Light for tiles of files that store no normals: those of SPEC.md, 14.4, since renderers show a mesh without them
+//! flat, or without light.
 //!
-//! The fans of a vertex inside a tile are the tile's own. Those of a vertex on a border have triangles in several tiles, of levels that nobody
-//! knows in advance, but every tile draws its borders with the same points. So there the normals are those of the finest cut, whatever
-//! is drawn beside it, and light does not change along a border either, but where a crease ends of which a coarse tile lacks a side.
+//! The fans of a vertex inside a tile are the tile's own. Those of a vertex on a border have triangles in several
+//! tiles, of levels that nobody knows in advance, but every tile draws its borders with the same points. So there the
+//! normals are those of the finest cut, whatever is drawn beside it, and light does not change along a border either,
+//! but where a crease ends of which a coarse tile lacks a side.
 
 use std::collections::{HashMap, HashSet};
 use std::io;
@@ -114,8 +116,9 @@ impl BorderNormals {
         found.map_err(|source| TilesetError::Write { path: super::ENTRY.into(), source })
     }
 
-    /// Gives the vertices of a tile that lie on borders the normals that all tiles have there. A border at the finest samples makes folds in a
-    /// coarse tile. They are seen from behind, where renderers turn normals round, so theirs point inwards.
+    /// Gives the vertices of a tile that lie on borders the normals that all tiles have there. A border at the finest
+    /// samples makes folds in a coarse tile. They are seen from behind, where renderers turn normals round, so theirs
+    /// point inwards.
     pub fn settle(&self, points: &[LatticePoint], normals: &mut [[f32; 3]]) {
         for (point, normal) in points.iter().zip(normals) {
             let Some(&(first, count)) = self.of_point.get(point) else { continue };

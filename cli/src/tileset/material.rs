@@ -84,7 +84,8 @@ impl Surface {
         Ok(this)
     }
 
-    /// Takes a normal for each point. Points that are alike now become one, as those whose normals a border has made the same.
+    /// Takes a normal for each point. Points that are alike now become one, as those whose normals a border has made
+    /// the same.
     fn join(&mut self, normals: Vec<[f32; 3]>) {
         let mut first_of = HashMap::new();
         let mut kept = vec![];
@@ -124,7 +125,8 @@ impl Paint {
         !self.page.is_empty()
     }
 
-    /// The encoded images with their media types, and the materials that show them as textures 0, 1, ...: one for each part.
+    /// The encoded images with their media types, and the materials that show them as textures 0, 1, ...: one for each
+    /// part.
     ///
     /// # Errors
     /// If an image is too large for its format.

@@ -1,9 +1,10 @@
 //! Files as 3D Tiles 1.1, for the globes and viewers that read these: explicit tiles that mirror the file's own tree.
 //!
-//! A *tile* is a root at one of its levels. Its content is glTF with quantised and compressed triangles, its geometric error is the certified
-//! error (3D Tiles asks for what a certificate is: the error, in metres, if the tile is drawn and its children are not), and it is replaced
-//! by the finer levels of its root, then by the root's children. The borders of all tiles are drawn with all samples that any tile has, so
-//! neighbours of any levels meet without a crack, and no tile needs a skirt.
+//! A *tile* is a root at one of its levels. Its content is glTF with quantised and compressed triangles, its geometric
+//! error is the certified error (3D Tiles asks for what a certificate is: the error, in metres, if the tile is drawn
+//! and its children are not), and it is replaced by the finer levels of its root, then by the root's children. The
+//! borders of all tiles are drawn with all samples that any tile has, so neighbours of any levels meet without a crack,
+//! and no tile needs a skirt.
 
 mod archive;
 mod finest;
@@ -46,7 +47,8 @@ pub const ENTRY: &str = "tileset.json";
 /// Tiles that are decoded together: they share arcs, and their neighbours' index blocks.
 const TILES_AT_ONCE: usize = 32;
 
-/// Whether a name at the top of a folder may be that of something that [`write_tileset`] or [`write_quantized`] has written.
+/// Whether a name at the top of a folder may be that of something that [`write_tileset`] or [`write_quantized`] has
+/// written.
 pub fn is_product(name: &str) -> bool {
     name == ENTRY || name == LAYER || name.bytes().all(|digit| digit.is_ascii_digit())
 }

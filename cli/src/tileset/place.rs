@@ -37,7 +37,8 @@ pub enum PlaceError {
 pub struct Placed {
     /// The transform.
     pub frame: Frame,
-    /// By how many metres the corners of the file's box are at most off, because a transform does not bend with the globe.
+    /// By how many metres the corners of the file's box are at most off, because a transform does not bend with the
+    /// globe.
     pub deviation: f64,
 }
 
@@ -103,7 +104,8 @@ pub fn place(placement: &Placement, up: Option<UpAxis>, bounds: [[f64; 3]; 2]) -
     }
 }
 
-/// A projected system, whose coordinates can be put on the globe one by one: heights of a whole country do not stay flat.
+/// A projected system, whose coordinates can be put on the globe one by one: heights of a whole country do not stay
+/// flat.
 #[derive(Clone, Copy, Debug)]
 pub struct Projection {
     crs: Crs,

@@ -1,9 +1,12 @@
-//! Files of heights as a pyramid of terrain tiles for Cesium: quantized-mesh 1.0 in the geographic scheme of TMS, and a `layer.json`.
+//! Files of heights as a pyramid of terrain tiles for Cesium: quantized-mesh 1.0 in the geographic scheme of TMS, and a
+//! `layer.json`.
 //!
-//! Level z divides the globe into 2^(z+1) x 2^z squares of degrees. Cesium takes a tile of level 0 to be 77 km off, and half as much at each
-//! further level, and knows no other error. So each tile gets as many triangles as a quarter of that asks for, measured in space at 65 x 65 samples that lie
-//! between those of the file, at the depth where these are as close. Vertices of the last level are the file's samples themselves (`finest`). Vertices on the border of a tile depend on the samples there
-//! alone: neighbours of a level have the same ones. Where levels differ, Cesium draws skirts. Nothing has a hole: what has no data lies on the ellipsoid.
+//! Level z divides the globe into 2^(z+1) x 2^z squares of degrees. Cesium takes a tile of level 0 to be 77 km off, and
+//! half as much at each further level, and knows no other error. So each tile gets as many triangles as a quarter of
+//! that asks for, measured in space at 65 x 65 samples that lie between those of the file, at the depth where these are
+//! as close. Vertices of the last level are the file's samples themselves (`finest`). Vertices on the border of a tile
+//! depend on the samples there alone: neighbours of a level have the same ones. Where levels differ, Cesium draws
+//! skirts. Nothing has a hole: what has no data lies on the ellipsoid.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -24,7 +27,8 @@ use crate::progress::Progress;
 
 /// The file that leads to all tiles.
 pub const LAYER: &str = "layer.json";
-/// Metres that Cesium takes a tile of level 0 to be off: a quarter of the distance of 65 samples in each of two tiles around the equator.
+/// Metres that Cesium takes a tile of level 0 to be off: a quarter of the distance of 65 samples in each of two tiles
+/// around the equator.
 const LEVEL_ZERO_ERROR: f64 = A * std::f64::consts::TAU * 0.25 / (65.0 * 2.0);
 /// The share of that which a tile may be off. Cesium draws tiles that are two pixels off, so this is half a pixel.
 const TOLERANCE_SHARE: f64 = 0.25;
@@ -33,7 +37,8 @@ const SAMPLE_SHARE: f64 = 0.02;
 /// Cells along the side of a tile.
 const TILE_CELLS: usize = 64;
 const TILE_SIDE: usize = TILE_CELLS + 1;
-/// Samples of the last level are at most this many times as far apart as those of the file: half of a step between levels.
+/// Samples of the last level are at most this many times as far apart as those of the file: half of a step between
+/// levels.
 const NEARLY_AS_CLOSE: f64 = std::f64::consts::SQRT_2;
 /// Cells of the file in a tile of the last level at most, so that the numbers of its vertices have 16 bits.
 const MOST_CELLS: usize = 250;
@@ -61,7 +66,8 @@ pub struct QuantizedSummary {
     pub triangles: u64,
     /// Triangles of the finest level.
     pub finest_triangles: u64,
-    /// No sample that the file was made from is further from the triangles of the finest level, as they are written, in metres.
+    /// No sample that the file was made from is further from the triangles of the finest level, as they are written, in
+    /// metres.
     pub finest_error: f64,
     /// Of all files.
     pub bytes: u64,
@@ -81,8 +87,8 @@ pub fn is_on_wgs84(surface: &Surface) -> bool {
     matches!(surface.base, Base::Ellipsoid { axis, eccentricity } if axis == RADII[0] && eccentricity > 0.0)
 }
 
-/// Writes a file on the ellipsoid of WGS 84 as terrain tiles into a folder, which exists and is empty. No level is finer than the
-/// file's samples, or than the first one that reaches `tolerance`, in metres.
+/// Writes a file on the ellipsoid of WGS 84 as terrain tiles into a folder, which exists and is empty. No level is
+/// finer than the file's samples, or than the first one that reaches `tolerance`, in metres.
 ///
 /// # Errors
 /// [`TilesetError`].
@@ -432,7 +438,8 @@ pub(super) fn encoded(content: Content) -> Vec<u8> {
     out
 }
 
-/// The first 88 bytes: the middle, the range of heights, a ball around everything, and a point that is behind the horizon where everything is.
+/// The first 88 bytes: the middle, the range of heights, a ball around everything, and a point that is behind the
+/// horizon where everything is.
 fn header(content: &Content) -> Vec<u8> {
     let (low, high) = content
         .places
@@ -453,7 +460,8 @@ fn header(content: &Content) -> Vec<u8> {
     out
 }
 
-/// The nearest point above the middle, in radii of the ellipsoid, that no camera sees over the horizon unless it sees one of the places.
+/// The nearest point above the middle, in radii of the ellipsoid, that no camera sees over the horizon unless it sees
+/// one of the places.
 fn occluder(middle: DVec3, places: &[DVec3]) -> DVec3 {
     let scaled = |place: DVec3| place / DVec3::from_array(RADII);
     let towards = scaled(middle).normalize_or_zero();
@@ -502,7 +510,8 @@ mod tests {
             (0..25).map(|k| at(f64::from(k % 5), f64::from(k / 5), 1000.0 * f64::from(k % 7))).collect();
         let middle = places.iter().sum::<DVec3>() / 25.0;
         let point = occluder(middle, &places);
-        // In space where the ellipsoid is a ball of radius 1, a point is hidden behind the cone from the camera around it.
+        // In space where the ellipsoid is a ball of radius 1, a point is hidden behind the cone from the camera around
+        // it.
         let is_hidden = |camera: DVec3, point: DVec3| {
             let (to, tangent) = (point - camera, camera.length_squared() - 1.0);
             let along = -to.dot(camera);

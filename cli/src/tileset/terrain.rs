@@ -1,9 +1,10 @@
 //! Files of heights as 3D Tiles: the tiles of the file at one of their resolutions each.
 //!
-//! A viewer draws neighbours of different depths side by side, and a tile cannot know which: so skirts hang from its borders, which reach
-//! below what a neighbour up to two depths coarser draws there. Each tile has an origin of its own, because single precision does not reach
-//! from the middle of a globe to a metre on it. Samples in a projection that is known go to their places on the globe one by one, and what the
-//! globe bends away from straight sides counts as error.
+//! A viewer draws neighbours of different depths side by side, and a tile cannot know which: so skirts hang from its
+//! borders, which reach below what a neighbour up to two depths coarser draws there. Each tile has an origin of its
+//! own, because single precision does not reach from the middle of a globe to a metre on it. Samples in a projection
+//! that is known go to their places on the globe one by one, and what the globe bends away from straight sides counts
+//! as error.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -22,7 +23,8 @@ use crate::progress::Progress;
 
 /// Tiles that a thread draws one after the other: neighbours, whose ancestors are decoded once.
 const TILES_AT_ONCE: usize = 64;
-/// A coarser resolution is drawn if its error is at most this many times that of the finest one: more triangles would show next to nothing.
+/// A coarser resolution is drawn if its error is at most this many times that of the finest one: more triangles would
+/// show next to nothing.
 const NEARLY_FINEST: f64 = 1.25;
 /// Lattice steps in the smallest error that is told apart from 0.
 const STEPS_IN_ERROR: f64 = 64.0;
@@ -30,7 +32,8 @@ const STEPS_IN_ERROR: f64 = 64.0;
 const COORDINATE_BITS: i32 = 60;
 /// A skirt reaches below what a tile this many depths above draws.
 const DEPTHS_APART: usize = 2;
-/// A tile this many depths above has sides of four times the length, which the globe bends away from sixteen times as far.
+/// A tile this many depths above has sides of four times the length, which the globe bends away from sixteen times as
+/// far.
 const BENDS_IN_SKIRT: f64 = 17.0;
 /// Metres: nowhere is the ellipsoid of WGS 84 curved more.
 const LEAST_RADIUS: f64 = 6_335_000.0;
@@ -55,8 +58,8 @@ struct Space<'a> {
     lattice: Lattice,
 }
 
-/// Writes a file of heights as a tileset into a folder, which exists and is empty. With a projection the tileset is earth-centred, in metres,
-/// and the frame of the options has to be that of such coordinates.
+/// Writes a file of heights as a tileset into a folder, which exists and is empty. With a projection the tileset is
+/// earth-centred, in metres, and the frame of the options has to be that of such coordinates.
 ///
 /// # Errors
 /// [`TilesetError`].
@@ -285,7 +288,8 @@ fn with_skirts(grid: &Grid, drawn: &DrawnTile, drawing: &Drawing, space: &Space)
     Skirted { places, samples, triangles, bend }
 }
 
-/// Whether a side of a triangle is where another tile may begin: it runs along a border of the tile that is no border of the grid.
+/// Whether a side of a triangle is where another tile may begin: it runs along a border of the tile that is no border
+/// of the grid.
 fn is_border(grid: &Grid, drawn: &DrawnTile, a: usize, b: usize) -> bool {
     let lines = [(&drawn.lines.columns, a % SIDE, b % SIDE), (&drawn.lines.rows, a / SIDE, b / SIDE)];
     lines.into_iter().enumerate().any(|(axis, (lines, a, b))| {

@@ -4,9 +4,9 @@
 //! parameter. So every sample is a vertex of the input, nothing is resampled, and both neighbours agree on it. A sample
 //! belongs to a level if the interval that it halves deviates from its chord by more than that level allows.
 //!
-//! Later stages may assume that samples are nested (both ends of the interval that a sample halves are at least as coarse
-//! as the sample), and that of several arcs between the same corners, those with inner vertices keep a middle sample at
-//! every level.
+//! Later stages may assume that samples are nested (both ends of the interval that a sample halves are at least as
+//! coarse as the sample), and that of several arcs between the same corners, those with inner vertices keep a middle
+//! sample at every level.
 
 use crate::arcs::{ARC_UNITS, Atlas, closest_on_segment, halving};
 use crate::chart::NEVER;

@@ -1,5 +1,5 @@
-//! Areas of a surface between which its colours jump: simplify keeps the edges between them, and bake puts nothing of one into the image of
-//! another.
+//! Areas of a surface between which its colours jump: simplify keeps the edges between them, and bake puts nothing of
+//! one into the image of another.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,7 +8,8 @@ use lodpack_mesh::union_find::find;
 
 /// The square of the difference between two ways to draw: no colours differ more.
 pub const OF_DRAWINGS: f64 = 255.0 * 255.0;
-/// How far from an edge colours are compared, in texels: on it, images show some of what lies beside their charts or pieces.
+/// How far from an edge colours are compared, in texels: on it, images show some of what lies beside their charts or
+/// pieces.
 pub const INWARDS: f64 = 0.5;
 /// And at most this share of the triangle.
 pub const MOST_INWARDS: f64 = 0.3;
@@ -104,7 +105,8 @@ pub struct ColourAreas {
 }
 
 impl ColourAreas {
-    /// Areas that are sets of triangles, by pairs between which colours jump; triangles of other sets are in none. `sets` are those of
+    /// Areas that are sets of triangles, by pairs between which colours jump; triangles of other sets are in none.
+    /// `sets` are those of
     /// [`lodpack_mesh::union_find`], one entry for each triangle.
     pub fn of_sets(sets: &mut [u32], pairs: Vec<[u32; 2]>) -> Self {
         let known: BTreeSet<u32> = pairs.iter().flatten().copied().collect();

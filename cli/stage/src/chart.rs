@@ -18,9 +18,9 @@ pub struct BorderVertex {
     /// Position along that side in the direction of the loop: 0 at the side's first corner, always below 1. For a
     /// sample it is exactly a dyadic fraction k / 2^j; between samples it grows strictly.
     pub param: f64,
-    /// The coarsest level at which this vertex is a sample of its arc (0 for corners), or [`NEVER`], or [`FREE`]. A vertex
-    /// of level m belongs to the border at every level l >= m. Samples are nested dyadically: if k / 2^j (k odd) has level
-    /// m, then the ends of its interval, (k - 1) / 2^j and (k + 1) / 2^j, have levels <= m.
+    /// The coarsest level at which this vertex is a sample of its arc (0 for corners), or [`NEVER`], or [`FREE`]. A
+    /// vertex of level m belongs to the border at every level l >= m. Samples are nested dyadically: if k / 2^j (k odd)
+    /// has level m, then the ends of its interval, (k - 1) / 2^j and (k + 1) / 2^j, have levels <= m.
     pub level: u8,
 }
 

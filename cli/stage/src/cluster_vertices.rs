@@ -1,12 +1,13 @@
-//! The stage **cluster vertices**: all vertices of a lattice cell become one (Rossignac and Borrel, "Multi-resolution 3D
-//! approximations for rendering complex scenes", 1993; Correa 2004, section 3.3).
+//! The stage **cluster vertices**: all vertices of a lattice cell become one (Rossignac and Borrel, "Multi-resolution
+//! 3D approximations for rendering complex scenes", 1993; Correa 2004, section 3.3).
 //!
-//! It takes any surface to any number of triangles, however many parts it has: parts that share a cell grow together, and parts
-//! within a cell vanish. No point of a triangle moves farther than the diagonal of a cell. Vertices are placed where the planes of
-//! their cell's triangles meet best (Lindstrom, "Out-of-core simplification of large polygonal models", 2000), but not outside of it.
+//! It takes any surface to any number of triangles, however many parts it has: parts that share a cell grow together,
+//! and parts within a cell vanish. No point of a triangle moves farther than the diagonal of a cell. Vertices are
+//! placed where the planes of their cell's triangles meet best (Lindstrom, "Out-of-core simplification of large
+//! polygonal models", 2000), but not outside of it.
 //!
-//! Where the input is closed, so is the result: every edge has as many triangles one way as the other. A part that becomes flat
-//! keeps its two sides, as a triangle and its back.
+//! Where the input is closed, so is the result: every edge has as many triangles one way as the other. A part that
+//! becomes flat keeps its two sides, as a triangle and its back.
 
 use std::collections::HashSet;
 
@@ -90,8 +91,8 @@ pub fn cluster_vertices(mesh: &Mesh, edge: f64) -> Mesh {
     Mesh { positions: placed.collect(), triangles: merged(triangles) }
 }
 
-/// Triangles without those that have become edges or points; of those between the same vertices the two sides cancel out, but for one of each
-/// where nothing else would be left.
+/// Triangles without those that have become edges or points; of those between the same vertices the two sides cancel
+/// out, but for one of each where nothing else would be left.
 fn merged(triangles: impl Iterator<Item = [u32; 3]>) -> Vec<[u32; 3]> {
     // By the vertices from the lowest one on, in one of the two windings.
     let mut found: Vec<([u32; 3], bool)> = vec![];

@@ -1,8 +1,8 @@
 //! Nested groups of charts: the shape of the tree above them, from places and sizes alone.
 //!
-//! A set of charts is cut across an axis where few arcs join both sides, into parts of about equal size, and so on: from the top, so
-//! that groups are compact however many there are. A group of height h holds about 4^h charts of average size; charts that are
-//! smaller, such as the parts of a scene, come in larger numbers.
+//! A set of charts is cut across an axis where few arcs join both sides, into parts of about equal size, and so on:
+//! from the top, so that groups are compact however many there are. A group of height h holds about 4^h charts of
+//! average size; charts that are smaller, such as the parts of a scene, come in larger numbers.
 
 use glam::DVec3;
 use std::cmp::Ordering;
@@ -35,7 +35,8 @@ pub fn size(unit: f64, height: u32) -> f64 {
     (0..height).fold(unit, |size, _| size * FANOUT)
 }
 
-/// The groups of each height, lowest first: for each group its members, which are groups of the height below, or charts.
+/// The groups of each height, lowest first: for each group its members, which are groups of the height below, or
+/// charts.
 pub fn group(charts: &Charts, unit: f64) -> Vec<Vec<Vec<u32>>> {
     let count = charts.weights.len();
     let mut halving = Halving::new(charts);
@@ -106,12 +107,13 @@ impl<'a> Halving<'a> {
         self.divide(upper, parts - lower, out);
     }
 
-    /// The axis across which to cut a set, and how many charts to leave on the lower side, which should have this share of the weight.
+    /// The axis across which to cut a set, and how many charts to leave on the lower side, which should have this share
+    /// of the weight.
     fn fewest_arcs(&mut self, set: &mut [u32], share: f64) -> (usize, usize) {
         let total = self.weight(set) as f64;
         let slack = SLACK * share.min(1.0 - share);
-        // Cut arcs count as long as the share is near; else the nearest share does. Where no arc would be cut, the set is halved
-        // across its longest side.
+        // Cut arcs count as long as the share is near; else the nearest share does. Where no arc would be cut, the set
+        // is halved across its longest side.
         let mut best = ((f64::INFINITY, i64::MAX, f64::INFINITY), 0, 1);
         let extent = self.extent(set);
         for axis in 0..3 {

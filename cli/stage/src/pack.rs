@@ -1,8 +1,9 @@
 //! The stage **pack**: small parts of a scene share charts.
 //!
-//! A part that is whole in one chart, and smaller than a chart should be, would cost an entry of the index and a patch of its own,
-//! however few triangles it has. Such parts are put together with others nearby until they are as large as a chart. They stay parts:
-//! nothing is joined but the list of triangles. A reader gets them together, as it gets the triangles of any chart.
+//! A part that is whole in one chart, and smaller than a chart should be, would cost an entry of the index and a patch
+//! of its own, however few triangles it has. Such parts are put together with others nearby until they are as large as
+//! a chart. They stay parts: nothing is joined but the list of triangles. A reader gets them together, as it gets the
+//! triangles of any chart.
 
 use glam::DVec3;
 
@@ -13,8 +14,9 @@ use lodpack_mesh::{Adjacency, Mesh, NONE};
 /// The largest share of a chart's size at which a part is put together with others.
 const SMALL: f64 = 0.5;
 
-/// What each chart weighs where parts are put together, or charts become groups: its triangles, or, if that is more, as many as a chart of `target`
-/// triangles has for what it carries. `shares` are those of triangles in the most that a chart should carry; empty where they carry nothing.
+/// What each chart weighs where parts are put together, or charts become groups: its triangles, or, if that is more, as
+/// many as a chart of `target` triangles has for what it carries. `shares` are those of triangles in the most that a
+/// chart should carry; empty where they carry nothing.
 pub fn chart_weights(labels: &[u32], target: u32, shares: &[f64]) -> Vec<u64> {
     let count = labels.iter().max().map_or(0, |&last| last as usize + 1);
     let (mut weights, mut carried) = (vec![0_u64; count], vec![0.0; count]);
@@ -28,8 +30,9 @@ pub fn chart_weights(labels: &[u32], target: u32, shares: &[f64]) -> Vec<u64> {
     weights
 }
 
-/// Gives parts that are whole in one chart of `labels`, and small compared with charts of `target` triangles, charts in common. A part
-/// with open edges stays alone unless `may_be_open`: such edges may belong to other regions. `shares` are as in
+/// Gives parts that are whole in one chart of `labels`, and small compared with charts of `target` triangles, charts in
+/// common. A part with open edges stays alone unless `may_be_open`: such edges may belong to other regions. `shares`
+/// are as in
 /// [`chart_weights`].
 pub fn pack_parts(
     mesh: &Mesh,

@@ -1,9 +1,9 @@
 //! Subdivide: divides triangles that show so many texels that charts of few of them would have more than a map holds.
 //!
-//! A photograph of a quarter of a gigatexel may lie on two triangles. The surface stays as it is, and so does what it shows: edges are divided
-//! at their middles, the longest first, each together with both of its triangles (longest-edge propagation paths; Rivara, "New longest-edge
-//! algorithms for the refinement and/or improvement of unstructured triangulations", 1997). Inner vertices of charts that are flat go again when
-//! patches are simplified.
+//! A photograph of a quarter of a gigatexel may lie on two triangles. The surface stays as it is, and so does what it
+//! shows: edges are divided at their middles, the longest first, each together with both of its triangles (longest-edge
+//! propagation paths; Rivara, "New longest-edge algorithms for the refinement and/or improvement of unstructured
+//! triangulations", 1997). Inner vertices of charts that are flat go again when patches are simplified.
 
 use std::collections::HashMap;
 
@@ -31,7 +31,8 @@ pub struct Subdivided {
     pub texels: f64,
 }
 
-/// Divides the triangles of a region. Those at its boundary keep the edges there unless it is alone: other regions have them, too.
+/// Divides the triangles of a region. Those at its boundary keep the edges there unless it is alone: other regions have
+/// them, too.
 pub fn subdivide(
     mesh: &mut Mesh,
     adjacency: &mut Adjacency,
@@ -64,7 +65,8 @@ pub fn subdivide(
     Subdivided { triangles: triangles as u64, vertices: vertices as u64, texels: sum }
 }
 
-/// The texels that triangles show of which a file keeps this share, as shares of the most that a chart should have; nothing if there are no images.
+/// The texels that triangles show of which a file keeps this share, as shares of the most that a chart should have;
+/// nothing if there are no images.
 pub fn texel_shares(attributes: &RegionAttributes, appearance: &Appearance, triangles: usize, kept: f64) -> Vec<f64> {
     let mut shares = texels_of_triangles(attributes, appearance, triangles);
     shares.iter_mut().for_each(|texels| *texels *= kept / MOST_CHART_TEXELS);
@@ -110,7 +112,8 @@ impl Refined<'_> {
         [edge, next_half_edge(edge)].map(|h| self.mesh.triangles[h as usize / 3][h as usize % 3])
     }
 
-    /// The longest of the edges of a triangle for which something holds. An order of all edges: none is as long as another.
+    /// The longest of the edges of a triangle for which something holds. An order of all edges: none is as long as
+    /// another.
     fn longest(&self, triangle: u32, holds: impl Fn(&u32) -> bool) -> Option<u32> {
         let key = |edge: u32| {
             let [a, b] = self.ends(edge);
@@ -127,8 +130,8 @@ impl Refined<'_> {
         self.is_alone || self.adjacency.opposite[edge as usize] != NONE
     }
 
-    /// Where a path ends that leads over longest edges: at one that is the longest of both its triangles, or that of one beyond which the longest
-    /// must stay.
+    /// Where a path ends that leads over longest edges: at one that is the longest of both its triangles, or that of
+    /// one beyond which the longest must stay.
     fn last_edge(&self, mut triangle: u32) -> Option<u32> {
         let mut last = self.longest(triangle, |&edge| self.may_divide(edge))?;
         while self.longest(triangle, |_| true) == Some(last) {
@@ -165,7 +168,8 @@ impl Refined<'_> {
         Some([edge / 3, added / 3, opposite / 3, other_added / 3])
     }
 
-    /// Puts a vertex on an edge of a triangle: the triangle keeps the part up to it. Returns the edge from there on, of a new triangle.
+    /// Puts a vertex on an edge of a triangle: the triangle keeps the part up to it. Returns the edge from there on, of
+    /// a new triangle.
     fn split(&mut self, edge: u32, vertex: u32) -> u32 {
         let (triangle, first) = (edge as usize / 3, edge as usize % 3);
         let second = (first + 1) % 3;

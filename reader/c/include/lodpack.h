@@ -152,8 +152,8 @@ typedef struct {
 typedef struct {
   // What `read` is called with. It has to stay valid until the file is closed.
   void *context;
-  // Fills `buffer` with `length` bytes from `offset` on, and returns 0, or anything else if it cannot. It is called in the threads that
-  // call functions with the file, so by several at once if these do; it must not unwind.
+  // Fills `buffer` with `length` bytes from `offset` on, and returns 0, or anything else if it cannot. It is called
+  // in the threads that call functions with the file, so by several at once if these do; it must not unwind.
   int (*read)(void *context, uint64_t offset, uint8_t *buffer, size_t length);
   // Number of bytes of the file.
   uint64_t size;
@@ -207,11 +207,13 @@ typedef struct {
 
 // Where a ground is in the space of its mesh.
 typedef struct {
-  // Rows of the matrix that takes positions of the ground to the space of the mesh. The fourth column is what is added.
+  // Rows of the matrix that takes positions of the ground to the space of the mesh. The fourth column is what is
+  // added.
   double mesh_from_ground[3][4];
   // The way back.
   double ground_from_mesh[3][4];
-  // Units of the mesh in a unit of the ground. Errors of the ground grow by it; its tolerances are those of the mesh divided by it.
+  // Units of the mesh in a unit of the ground. Errors of the ground grow by it; its tolerances are those of the mesh
+  // divided by it.
   double scale;
 } lodpack_ground_frame;
 
@@ -261,7 +263,8 @@ typedef struct {
   double height_scale;
   // Metres in a unit of heights; 0 if nobody has said.
   double unit;
-  // The coordinate reference system, as "EPSG:" and a number or as WKT; empty if there is none. Valid until the file is closed.
+  // The coordinate reference system, as "EPSG:" and a number or as WKT; empty if there is none. Valid until the file
+  // is closed.
   const char *crs;
 } lodpack_heights_info;
 
@@ -269,9 +272,11 @@ typedef struct {
 typedef struct {
   // The error to reach, in units of positions. By default 0: as fine as possible.
   double tolerance;
-  // The least coordinates: x and y, or degrees of longitude and latitude; by default minus infinity. Tiles that meet the box are drawn whole.
+  // The least coordinates: x and y, or degrees of longitude and latitude; by default minus infinity. Tiles that meet
+  // the box are drawn whole.
   double low[2];
-  // The greatest coordinates; by default infinity. On a globe the least longitude may be larger: then the box crosses the end of the grid.
+  // The greatest coordinates; by default infinity. On a globe the least longitude may be larger: then the box
+  // crosses the end of the grid.
   double high[2];
   // The most triangles, without those that close the lines between tiles; by default UINT64_MAX.
   uint64_t max_triangles;
@@ -291,7 +296,8 @@ typedef struct {
 
 // What to draw, and how finely. lodpack_query_default() fills all of it.
 typedef struct {
-  // The error to reach, in units of the file's coordinates. By default 0: as fine as possible. With a view its own tolerance counts.
+  // The error to reach, in units of the file's coordinates. By default 0: as fine as possible. With a view its own
+  // tolerance counts.
   double tolerance;
   // The box's smallest coordinates; by default minus infinity.
   double box_low[3];
@@ -299,7 +305,8 @@ typedef struct {
   double box_high[3];
   // A camera, or null: by default everything is in sight.
   const lodpack_view *view;
-  // The most triangles; by default UINT64_MAX. The cut is one that the file holds: a mixture of levels, often well below.
+  // The most triangles; by default UINT64_MAX. The cut is one that the file holds: a mixture of levels, often well
+  // below.
   uint64_t max_triangles;
   // The most nodes (roots at a level each); by default UINT64_MAX.
   uint64_t max_nodes;
@@ -335,7 +342,8 @@ typedef struct {
   uint64_t texel_cache_bytes;
   // Threads that read and decode; at least 1.
   uint32_t thread_count;
-  // Whether frames wait until everything that they want is there. By default they do not: what is missing is drawn coarser.
+  // Whether frames wait until everything that they want is there. By default they do not: what is missing is drawn
+  // coarser.
   int32_t waits;
   // The channels to show, by number; by default none. All roots of heights have their normals and colours anyway.
   const uint32_t *channels;
@@ -380,26 +388,27 @@ extern "C" {
 // Writes what the file says about a channel. Reads nothing. A file of heights has one: its heights.
 lodpack_status lodpack_get_channel(const lodpack_file *file, uint32_t number, lodpack_channel *channel);
 
-// Copies the colour of each vertex to `rgba`, which has room for `capacity` vertices, `stride_bytes` from one to the next (0 for no gaps):
-// red, green, blue and opacity as screens show them (sRGB). White where nothing is known. `channel` counts those that the mesh was
-// decoded with. Measured numbers get colours of a ramp from dark blue to yellow, classes one each. Of heights channel 0 has the colours of the
-// file's ramp.
+// Copies the colour of each vertex to `rgba`, which has room for `capacity` vertices, `stride_bytes` from one to the
+// next (0 for no gaps): red, green, blue and opacity as screens show them (sRGB). White where nothing is known.
+// `channel` counts those that the mesh was decoded with. Measured numbers get colours of a ramp from dark blue to
+// yellow, classes one each. Of heights channel 0 has the colours of the file's ramp.
 lodpack_status lodpack_copy_colours(const lodpack_mesh *mesh,
                                     uint32_t channel,
                                     uint8_t *rgba,
                                     size_t capacity,
                                     size_t stride_bytes);
 
-// Copies the values of each vertex to `values`, `component_count` of the channel each: numbers in units of the channel. NaN where nothing
-// is known. `channel` counts those that the mesh was decoded with. Of heights channel 0 has the heights.
+// Copies the values of each vertex to `values`, `component_count` of the channel each: numbers in units of the
+// channel. NaN where nothing is known. `channel` counts those that the mesh was decoded with. Of heights channel 0 has
+// the heights.
 lodpack_status lodpack_copy_values(const lodpack_mesh *mesh, uint32_t channel, double *values, size_t capacity, size_t stride_bytes);
 
-// Copies the normal of each vertex to `normals`: of heights, or of a mesh that was decoded with a channel of normals. Length 1, or 0 where
-// nothing is known.
+// Copies the normal of each vertex to `normals`: of heights, or of a mesh that was decoded with a channel of normals.
+// Length 1, or 0 where nothing is known.
 lodpack_status lodpack_copy_normals(const lodpack_mesh *mesh, float *normals, size_t capacity, size_t stride_bytes);
 
-// Opens a file of either kind: a path, or an address that begins with http:// or https://, in UTF-8. Reads 8 kB of a small file. Web servers have to
-// support range requests.
+// Opens a file of either kind: a path, or an address that begins with http:// or https://, in UTF-8. Reads 8 kB of a
+// small file. Web servers have to support range requests.
 lodpack_status lodpack_open(const char *path,
                             lodpack_file **file);
 
@@ -421,13 +430,15 @@ lodpack_status lodpack_get_level(const lodpack_file *file, uint32_t number, lodp
 // Reads the complete file, and checks every checksum and every rule of the format.
 lodpack_status lodpack_verify(const lodpack_file *file);
 
-// Opens the ground that a mesh stands on as a file of heights, and writes where it is. Writes a null pointer and no frame if there is none. Reads
-// 16 kB. The ground is closed like any file, and stays open when the file of the mesh is closed.
+// Opens the ground that a mesh stands on as a file of heights, and writes where it is. Writes a null pointer and no
+// frame if there is none. Reads 16 kB. The ground is closed like any file, and stays open when the file of the mesh is
+// closed.
 lodpack_status lodpack_open_ground(const lodpack_file *file,
                                    lodpack_file **ground,
                                    lodpack_ground_frame *frame);
 
-// The camera that shows the ground in the same pixels as a camera shows the mesh, and with the same depths. A stream of the ground is drawn with it.
+// The camera that shows the ground in the same pixels as a camera shows the mesh, and with the same depths. A stream
+// of the ground is drawn with it.
 lodpack_status lodpack_view_of_ground(const lodpack_ground_frame *frame,
                                       const lodpack_view *view,
                                       lodpack_view *seen);
@@ -438,13 +449,14 @@ lodpack_status lodpack_get_heights_info(const lodpack_file *file, lodpack_height
 // A query for everything at the finest resolution.
 lodpack_heights_query lodpack_heights_query_default(void);
 
-// Finds the coarsest tiles within the tolerance, or the finest ones that keep the budget. lodpack_decode() makes their mesh, without cracks.
+// Finds the coarsest tiles within the tolerance, or the finest ones that keep the budget. lodpack_decode() makes their
+// mesh, without cracks.
 lodpack_status lodpack_select_heights(const lodpack_file *file,
                                       const lodpack_heights_query *query,
                                       lodpack_cut **cut);
 
-// Reads a window of samples to `heights`, which has room for `capacity` numbers: `row_count` rows of `column_count`, from the north; NaN where
-// there are none. Around a globe a window may go on beyond the last column.
+// Reads a window of samples to `heights`, which has room for `capacity` numbers: `row_count` rows of `column_count`,
+// from the north; NaN where there are none. Around a globe a window may go on beyond the last column.
 lodpack_status lodpack_read_heights(const lodpack_file *file,
                                     uint64_t first_column,
                                     uint64_t column_count,
@@ -453,21 +465,23 @@ lodpack_status lodpack_read_heights(const lodpack_file *file,
                                     double *heights,
                                     size_t capacity);
 
-// Reads, decodes and joins the triangles of a cut of this file, or of one of the same bytes. The mesh is watertight where the whole surface is. Of heights it has normals and
-// colours, too.
+// Reads, decodes and joins the triangles of a cut of this file, or of one of the same bytes. The mesh is watertight
+// where the whole surface is. Of heights it has normals and colours, too.
 lodpack_status lodpack_decode(const lodpack_file *file,
                               const lodpack_cut *cut,
                               lodpack_mesh **mesh);
 
-// As lodpack_decode(), with the images of `channel_count` channels, by number. lodpack_copy_colours() and lodpack_copy_values() then tell
-// what the surface carries at vertices, and lodpack_make_pages() makes textures of it. The bytes of other channels are not read.
+// As lodpack_decode(), with the images of `channel_count` channels, by number. lodpack_copy_colours() and
+// lodpack_copy_values() then tell what the surface carries at vertices, and lodpack_make_pages() makes textures of it.
+// The bytes of other channels are not read.
 lodpack_status lodpack_decode_channels(const lodpack_file *file,
                                        const lodpack_cut *cut,
                                        const uint32_t *channels,
                                        size_t channel_count,
                                        lodpack_mesh **mesh);
 
-// Decodes the overview: one small mesh of everything, which came with opening. Without an overview the mesh is a null pointer.
+// Decodes the overview: one small mesh of everything, which came with opening. Without an overview the mesh is a null
+// pointer.
 lodpack_status lodpack_decode_overview(const lodpack_file *file, lodpack_mesh **mesh);
 
 // Number of vertices; 0 for a null pointer.
@@ -476,27 +490,29 @@ size_t lodpack_vertex_count(const lodpack_mesh *mesh);
 // Number of triangles; 0 for a null pointer.
 size_t lodpack_triangle_count(const lodpack_mesh *mesh);
 
-// Copies the vertices' positions to `positions`, which has room for `capacity` vertices, `stride_bytes` from one to the next (0 for no
-// gaps; what lies between stays as it is).
+// Copies the vertices' positions to `positions`, which has room for `capacity` vertices, `stride_bytes` from one to
+// the next (0 for no gaps; what lies between stays as it is).
 lodpack_status lodpack_copy_positions(const lodpack_mesh *mesh, double *positions, size_t capacity, size_t stride_bytes);
 
-// As lodpack_copy_positions(), in single precision relative to `origin`: three coordinates near the mesh, such as the middle of its
-// file's bounds, without which coordinates far from zero lose digits. A null pointer is the origin of coordinates.
+// As lodpack_copy_positions(), in single precision relative to `origin`: three coordinates near the mesh, such as the
+// middle of its file's bounds, without which coordinates far from zero lose digits. A null pointer is the origin of
+// coordinates.
 lodpack_status lodpack_copy_positions_float(const lodpack_mesh *mesh,
                                             const double *origin,
                                             float *positions,
                                             size_t capacity,
                                             size_t stride_bytes);
 
-// Copies three vertex numbers for each triangle to `indices`, which has room for `capacity` triangles: counter-clockwise seen from
-// outside.
+// Copies three vertex numbers for each triangle to `indices`, which has room for `capacity` triangles:
+// counter-clockwise seen from outside.
 lodpack_status lodpack_copy_triangles(const lodpack_mesh *mesh, uint32_t *indices, size_t capacity);
 
 // Frees a mesh.
 void lodpack_free_mesh(lodpack_mesh *mesh);
 
-// Makes another mesh, whose vertices have a place in a page of images each: those on borders between images are there several times. Pages have
-// at most `most_texels` texels along each side (such as 4096), unless one image is larger. All channels share these places.
+// Makes another mesh, whose vertices have a place in a page of images each: those on borders between images are there
+// several times. Pages have at most `most_texels` texels along each side (such as 4096), unless one image is larger.
+// All channels share these places.
 lodpack_status lodpack_make_pages(const lodpack_mesh *mesh,
                                   uint32_t most_texels,
                                   lodpack_mesh **pages);
@@ -507,19 +523,20 @@ size_t lodpack_page_count(const lodpack_mesh *mesh);
 // Writes how large a page is, and which triangles lie in it. Triangles after those of the last page have no texels.
 lodpack_status lodpack_get_page(const lodpack_mesh *mesh, size_t number, lodpack_page *page);
 
-// Copies the place of each vertex in its page to `places`, which has room for `capacity` vertices, `stride_bytes` from one to the next (0 for
-// no gaps): texture coordinates from 0 to 1, where the first row of texels is at 0.
+// Copies the place of each vertex in its page to `places`, which has room for `capacity` vertices, `stride_bytes` from
+// one to the next (0 for no gaps): texture coordinates from 0 to 1, where the first row of texels is at 0.
 lodpack_status lodpack_copy_places(const lodpack_mesh *mesh,
                                    float *places,
                                    size_t capacity,
                                    size_t stride_bytes);
 
-// Copies a page of a channel to `rgba`, which has room for `capacity` texels of four bytes: row by row from the top, in the colours of
-// lodpack_copy_colours(). `channel` counts those that the mesh was decoded with.
+// Copies a page of a channel to `rgba`, which has room for `capacity` texels of four bytes: row by row from the top,
+// in the colours of lodpack_copy_colours(). `channel` counts those that the mesh was decoded with.
 lodpack_status lodpack_copy_page_colours(const lodpack_mesh *mesh, uint32_t channel, size_t number, uint8_t *rgba, size_t capacity);
 
-// Copies a page of a channel to `numbers`, which has room for `capacity_bytes`: row by row from the top, `component_count` numbers a texel, of
-// `number_bytes` each (see lodpack_channel). `channel` counts those that the mesh was decoded with. 0 where nothing is known.
+// Copies a page of a channel to `numbers`, which has room for `capacity_bytes`: row by row from the top,
+// `component_count` numbers a texel, of `number_bytes` each (see lodpack_channel). `channel` counts those that the
+// mesh was decoded with. 0 where nothing is known.
 lodpack_status lodpack_copy_page_numbers(const lodpack_mesh *mesh,
                                          uint32_t channel,
                                          size_t number,
@@ -532,8 +549,8 @@ lodpack_view lodpack_view_default(void);
 // A query for everything at the finest level.
 lodpack_query lodpack_query_default(void);
 
-// Finds the coarsest cut within the tolerance that keeps every budget. Reads the index where the query needs it, and no surface. A box
-// beside the surface gives an empty cut.
+// Finds the coarsest cut within the tolerance that keeps every budget. Reads the index where the query needs it, and
+// no surface. A box beside the surface gives an empty cut.
 lodpack_status lodpack_select(const lodpack_file *file, const lodpack_query *query, lodpack_cut **cut);
 
 // Writes what is known of a cut.
@@ -542,8 +559,8 @@ lodpack_status lodpack_get_cut_info(const lodpack_cut *cut, lodpack_cut_info *in
 // Frees a cut.
 void lodpack_free_cut(lodpack_cut *cut);
 
-// What went wrong in this thread's last call that returned a status: a text that is valid until the thread's next such call, and empty
-// if nothing went wrong.
+// What went wrong in this thread's last call that returned a status: a text that is valid until the thread's next such
+// call, and empty if nothing went wrong.
 const char *lodpack_last_error(void);
 
 // The version of this library, such as "0.1.0".
@@ -552,20 +569,23 @@ const char *lodpack_version(void);
 // Options that suit most programs: 64 MiB of the file, 256 MiB of triangles and of images, four threads.
 lodpack_stream_options lodpack_stream_options_default(void);
 
-// Starts threads that load a file of either kind for a moving camera; null `options` are the default ones. A stream may be used by one thread at a
-// time. Its file may be closed before it, but what the file is read from has to stay until both are.
+// Starts threads that load a file of either kind for a moving camera; null `options` are the default ones. A stream
+// may be used by one thread at a time. Its file may be closed before it, but what the file is read from has to stay
+// until both are.
 lodpack_status lodpack_open_stream(const lodpack_file *file,
                                    const lodpack_stream_options *options,
                                    lodpack_stream **stream);
 
-// Draws a frame: what a query wants, as far as it is loaded, without cracks. It does not wait, unless the stream was opened so. Call it again for
-// the next picture, also where the camera stands still, until the frame is complete. The query needs a view, or a tolerance.
+// Draws a frame: what a query wants, as far as it is loaded, without cracks. It does not wait, unless the stream was
+// opened so. Call it again for the next picture, also where the camera stands still, until the frame is complete. The
+// query needs a view, or a tolerance.
 lodpack_status lodpack_draw_frame(lodpack_stream *stream,
                                   const lodpack_query *query,
                                   lodpack_frame *frame);
 
-// Writes which root of the last frame to upload, and its mesh, which the caller frees. Where the stream shows channels and the root's images are there, the
-// mesh has one page with all of them, else none. Of heights it has normals, and colours if there is a ramp.
+// Writes which root of the last frame to upload, and its mesh, which the caller frees. Where the stream shows channels
+// and the root's images are there, the mesh has one page with all of them, else none. Of heights it has normals, and
+// colours if there is a ramp.
 lodpack_status lodpack_get_upload(const lodpack_stream *stream,
                                   size_t number,
                                   lodpack_upload *upload,
@@ -577,7 +597,8 @@ lodpack_status lodpack_get_drop(const lodpack_stream *stream, size_t number, uin
 // Waits until everything that the last frame wanted is loaded, or given up. The next frame draws it.
 lodpack_status lodpack_settle(const lodpack_stream *stream);
 
-// The next thing that a stream could not load and draws coarser: a text that is valid until the next call with the stream, or null.
+// The next thing that a stream could not load and draws coarser: a text that is valid until the next call with the
+// stream, or null.
 const char *lodpack_next_problem(lodpack_stream *stream);
 
 // Has later frames try again what could not be loaded.

@@ -172,10 +172,10 @@ impl Mesh {
     }
 }
 
-/// Copies the colour of each vertex to `rgba`, which has room for `capacity` vertices, `stride_bytes` from one to the next (0 for no gaps):
-/// red, green, blue and opacity as screens show them (sRGB). White where nothing is known. `channel` counts those that the mesh was
-/// decoded with. Measured numbers get colours of a ramp from dark blue to yellow, classes one each. Of heights channel 0 has the colours of the
-/// file's ramp.
+/// Copies the colour of each vertex to `rgba`, which has room for `capacity` vertices, `stride_bytes` from one to the
+/// next (0 for no gaps): red, green, blue and opacity as screens show them (sRGB). White where nothing is known.
+/// `channel` counts those that the mesh was decoded with. Measured numbers get colours of a ramp from dark blue to
+/// yellow, classes one each. Of heights channel 0 has the colours of the file's ramp.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_copy_colours(
     mesh: *const Mesh,
@@ -205,8 +205,9 @@ pub extern "C" fn lodpack_copy_colours(
     })
 }
 
-/// Copies the values of each vertex to `values`, `component_count` of the channel each: numbers in units of the channel. NaN where nothing
-/// is known. `channel` counts those that the mesh was decoded with. Of heights channel 0 has the heights.
+/// Copies the values of each vertex to `values`, `component_count` of the channel each: numbers in units of the
+/// channel. NaN where nothing is known. `channel` counts those that the mesh was decoded with. Of heights channel 0 has
+/// the heights.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_copy_values(
     mesh: *const Mesh,
@@ -229,8 +230,8 @@ pub extern "C" fn lodpack_copy_values(
     })
 }
 
-/// Copies the normal of each vertex to `normals`: of heights, or of a mesh that was decoded with a channel of normals. Length 1, or 0 where
-/// nothing is known.
+/// Copies the normal of each vertex to `normals`: of heights, or of a mesh that was decoded with a channel of normals.
+/// Length 1, or 0 where nothing is known.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_copy_normals(
     mesh: *const Mesh,

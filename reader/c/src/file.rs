@@ -129,8 +129,8 @@ pub struct Level {
     pub page_bytes: u64,
 }
 
-/// Opens a file of either kind: a path, or an address that begins with http:// or https://, in UTF-8. Reads 8 kB of a small file. Web servers have to
-/// support range requests.
+/// Opens a file of either kind: a path, or an address that begins with http:// or https://, in UTF-8. Reads 8 kB of a
+/// small file. Web servers have to support range requests.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_open(path: *const c_char, file: *mut *mut File) -> Status {
     guard(|| {

@@ -16,16 +16,19 @@ use crate::{
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GroundFrame {
-    /// Rows of the matrix that takes positions of the ground to the space of the mesh. The fourth column is what is added.
+    /// Rows of the matrix that takes positions of the ground to the space of the mesh. The fourth column is what is
+    /// added.
     pub mesh_from_ground: [[f64; 4]; 3],
     /// The way back.
     pub ground_from_mesh: [[f64; 4]; 3],
-    /// Units of the mesh in a unit of the ground. Errors of the ground grow by it; its tolerances are those of the mesh divided by it.
+    /// Units of the mesh in a unit of the ground. Errors of the ground grow by it; its tolerances are those of the mesh
+    /// divided by it.
     pub scale: f64,
 }
 
-/// Opens the ground that a mesh stands on as a file of heights, and writes where it is. Writes a null pointer and no frame if there is none. Reads
-/// 16 kB. The ground is closed like any file, and stays open when the file of the mesh is closed.
+/// Opens the ground that a mesh stands on as a file of heights, and writes where it is. Writes a null pointer and no
+/// frame if there is none. Reads 16 kB. The ground is closed like any file, and stays open when the file of the mesh is
+/// closed.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_open_ground(file: *const File, ground: *mut *mut File, frame: *mut GroundFrame) -> Status {
     guard(|| {
@@ -45,7 +48,8 @@ pub extern "C" fn lodpack_open_ground(file: *const File, ground: *mut *mut File,
     })
 }
 
-/// The camera that shows the ground in the same pixels as a camera shows the mesh, and with the same depths. A stream of the ground is drawn with it.
+/// The camera that shows the ground in the same pixels as a camera shows the mesh, and with the same depths. A stream
+/// of the ground is drawn with it.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_view_of_ground(frame: *const GroundFrame, view: *const View, seen: *mut View) -> Status {
     guard(|| {

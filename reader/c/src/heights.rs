@@ -52,7 +52,8 @@ pub struct HeightsInfo {
     pub height_scale: f64,
     /// Metres in a unit of heights; 0 if nobody has said.
     pub unit: f64,
-    /// The coordinate reference system, as "EPSG:" and a number or as WKT; empty if there is none. Valid until the file is closed.
+    /// The coordinate reference system, as "EPSG:" and a number or as WKT; empty if there is none. Valid until the file
+    /// is closed.
     pub crs: *const c_char,
 }
 
@@ -62,9 +63,11 @@ pub struct HeightsInfo {
 pub struct HeightsQuery {
     /// The error to reach, in units of positions. By default 0: as fine as possible.
     pub tolerance: f64,
-    /// The least coordinates: x and y, or degrees of longitude and latitude; by default minus infinity. Tiles that meet the box are drawn whole.
+    /// The least coordinates: x and y, or degrees of longitude and latitude; by default minus infinity. Tiles that meet
+    /// the box are drawn whole.
     pub low: [f64; 2],
-    /// The greatest coordinates; by default infinity. On a globe the least longitude may be larger: then the box crosses the end of the grid.
+    /// The greatest coordinates; by default infinity. On a globe the least longitude may be larger: then the box
+    /// crosses the end of the grid.
     pub high: [f64; 2],
     /// The most triangles, without those that close the lines between tiles; by default UINT64_MAX.
     pub max_triangles: u64,
@@ -108,7 +111,8 @@ pub extern "C" fn lodpack_heights_query_default() -> HeightsQuery {
     HeightsQuery { tolerance: 0.0, low: [f64::NEG_INFINITY; 2], high: [f64::INFINITY; 2], max_triangles: u64::MAX }
 }
 
-/// Finds the coarsest tiles within the tolerance, or the finest ones that keep the budget. lodpack_decode() makes their mesh, without cracks.
+/// Finds the coarsest tiles within the tolerance, or the finest ones that keep the budget. lodpack_decode() makes their
+/// mesh, without cracks.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_select_heights(file: *const File, query: *const HeightsQuery, cut: *mut *mut Cut) -> Status {
     guard(|| {
@@ -125,8 +129,8 @@ pub extern "C" fn lodpack_select_heights(file: *const File, query: *const Height
     })
 }
 
-/// Reads a window of samples to `heights`, which has room for `capacity` numbers: `row_count` rows of `column_count`, from the north; NaN where
-/// there are none. Around a globe a window may go on beyond the last column.
+/// Reads a window of samples to `heights`, which has room for `capacity` numbers: `row_count` rows of `column_count`,
+/// from the north; NaN where there are none. Around a globe a window may go on beyond the last column.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_read_heights(
     file: *const File,

@@ -91,8 +91,8 @@ impl Mesh {
     }
 }
 
-/// Reads, decodes and joins the triangles of a cut of this file, or of one of the same bytes. The mesh is watertight where the whole surface is. Of heights it has normals and
-/// colours, too.
+/// Reads, decodes and joins the triangles of a cut of this file, or of one of the same bytes. The mesh is watertight
+/// where the whole surface is. Of heights it has normals and colours, too.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_decode(file: *const File, cut: *const Cut, mesh: *mut *mut Mesh) -> Status {
     guard(|| {
@@ -111,8 +111,9 @@ pub extern "C" fn lodpack_decode(file: *const File, cut: *const Cut, mesh: *mut 
     })
 }
 
-/// As lodpack_decode(), with the images of `channel_count` channels, by number. lodpack_copy_colours() and lodpack_copy_values() then tell
-/// what the surface carries at vertices, and lodpack_make_pages() makes textures of it. The bytes of other channels are not read.
+/// As lodpack_decode(), with the images of `channel_count` channels, by number. lodpack_copy_colours() and
+/// lodpack_copy_values() then tell what the surface carries at vertices, and lodpack_make_pages() makes textures of it.
+/// The bytes of other channels are not read.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_decode_channels(
     file: *const File,
@@ -140,7 +141,8 @@ pub extern "C" fn lodpack_decode_channels(
     })
 }
 
-/// Decodes the overview: one small mesh of everything, which came with opening. Without an overview the mesh is a null pointer.
+/// Decodes the overview: one small mesh of everything, which came with opening. Without an overview the mesh is a null
+/// pointer.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_decode_overview(file: *const File, mesh: *mut *mut Mesh) -> Status {
     guard(|| {
@@ -165,8 +167,8 @@ pub extern "C" fn lodpack_triangle_count(mesh: *const Mesh) -> usize {
     borrow(mesh, "mesh").map_or(0, |mesh| mesh.triangles().len())
 }
 
-/// Copies the vertices' positions to `positions`, which has room for `capacity` vertices, `stride_bytes` from one to the next (0 for no
-/// gaps; what lies between stays as it is).
+/// Copies the vertices' positions to `positions`, which has room for `capacity` vertices, `stride_bytes` from one to
+/// the next (0 for no gaps; what lies between stays as it is).
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_copy_positions(
     mesh: *const Mesh,
@@ -177,8 +179,9 @@ pub extern "C" fn lodpack_copy_positions(
     guard(|| copy_rows(borrow(mesh, "mesh")?.positions().iter().copied(), positions, capacity, stride_bytes))
 }
 
-/// As lodpack_copy_positions(), in single precision relative to `origin`: three coordinates near the mesh, such as the middle of its
-/// file's bounds, without which coordinates far from zero lose digits. A null pointer is the origin of coordinates.
+/// As lodpack_copy_positions(), in single precision relative to `origin`: three coordinates near the mesh, such as the
+/// middle of its file's bounds, without which coordinates far from zero lose digits. A null pointer is the origin of
+/// coordinates.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_copy_positions_float(
     mesh: *const Mesh,
@@ -195,8 +198,8 @@ pub extern "C" fn lodpack_copy_positions_float(
     })
 }
 
-/// Copies three vertex numbers for each triangle to `indices`, which has room for `capacity` triangles: counter-clockwise seen from
-/// outside.
+/// Copies three vertex numbers for each triangle to `indices`, which has room for `capacity` triangles:
+/// counter-clockwise seen from outside.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_copy_triangles(mesh: *const Mesh, indices: *mut u32, capacity: usize) -> Status {
     guard(|| copy_rows(borrow(mesh, "mesh")?.triangles().iter().copied(), indices, capacity, 0))

@@ -141,8 +141,9 @@ fn paged<'a>(mesh: *const Mesh) -> Result<&'a Paged, Failure> {
     }
 }
 
-/// Makes another mesh, whose vertices have a place in a page of images each: those on borders between images are there several times. Pages have
-/// at most `most_texels` texels along each side (such as 4096), unless one image is larger. All channels share these places.
+/// Makes another mesh, whose vertices have a place in a page of images each: those on borders between images are there
+/// several times. Pages have at most `most_texels` texels along each side (such as 4096), unless one image is larger.
+/// All channels share these places.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_make_pages(mesh: *const Mesh, most_texels: u32, pages: *mut *mut Mesh) -> Status {
     guard(|| {
@@ -167,8 +168,8 @@ pub extern "C" fn lodpack_get_page(mesh: *const Mesh, number: usize, page: *mut 
     guard(|| write(page, paged(mesh)?.page(number)?, "page"))
 }
 
-/// Copies the place of each vertex in its page to `places`, which has room for `capacity` vertices, `stride_bytes` from one to the next (0 for
-/// no gaps): texture coordinates from 0 to 1, where the first row of texels is at 0.
+/// Copies the place of each vertex in its page to `places`, which has room for `capacity` vertices, `stride_bytes` from
+/// one to the next (0 for no gaps): texture coordinates from 0 to 1, where the first row of texels is at 0.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_copy_places(
     mesh: *const Mesh,
@@ -179,8 +180,8 @@ pub extern "C" fn lodpack_copy_places(
     guard(|| copy_rows(paged(mesh)?.places.iter().copied(), places, capacity, stride_bytes))
 }
 
-/// Copies a page of a channel to `rgba`, which has room for `capacity` texels of four bytes: row by row from the top, in the colours of
-/// lodpack_copy_colours(). `channel` counts those that the mesh was decoded with.
+/// Copies a page of a channel to `rgba`, which has room for `capacity` texels of four bytes: row by row from the top,
+/// in the colours of lodpack_copy_colours(). `channel` counts those that the mesh was decoded with.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_copy_page_colours(
     mesh: *const Mesh,
@@ -213,8 +214,9 @@ pub extern "C" fn lodpack_copy_page_colours(
     })
 }
 
-/// Copies a page of a channel to `numbers`, which has room for `capacity_bytes`: row by row from the top, `component_count` numbers a texel, of
-/// `number_bytes` each (see lodpack_channel). `channel` counts those that the mesh was decoded with. 0 where nothing is known.
+/// Copies a page of a channel to `numbers`, which has room for `capacity_bytes`: row by row from the top,
+/// `component_count` numbers a texel, of `number_bytes` each (see lodpack_channel). `channel` counts those that the
+/// mesh was decoded with. 0 where nothing is known.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_copy_page_numbers(
     mesh: *const Mesh,

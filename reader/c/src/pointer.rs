@@ -1,7 +1,8 @@
-//! The only place that follows a caller's pointers. Null is refused; that all others are valid is the caller's promise, in the header.
+//! The only place that follows a caller's pointers. Null is refused; that all others are valid is the caller's promise,
+//! in the header.
 //!
-//! These functions are not marked unsafe, although they trust their arguments: all of these come from C, unchanged, through functions that
-//! no Rust program can name, since all modules of this crate are private.
+//! These functions are not marked unsafe, although they trust their arguments: all of these come from C, unchanged,
+//! through functions that no Rust program can name, since all modules of this crate are private.
 #![expect(unsafe_code, reason = "C hands over pointers")]
 
 use crate::status::Failure;
@@ -54,7 +55,8 @@ pub fn slice<'a, T: Copy>(pointer: *const T, length: usize, name: &str) -> Resul
     if length.checked_mul(size_of::<T>()).is_none_or(|bytes| isize::try_from(bytes).is_err()) {
         return Err(Failure::argument(format!("the length of {name} is larger than any memory")));
     }
-    // SAFETY: the header asks for null or a pointer to `length` numbers, and half the address space at most was checked.
+    // SAFETY: the header asks for null or a pointer to `length` numbers, and half the address space at most was
+    // checked.
     Ok(unsafe { std::slice::from_raw_parts(pointer, length) })
 }
 
@@ -64,8 +66,8 @@ pub fn borrow_mut<'a, T>(pointer: *mut T, name: &str) -> Result<&'a mut T, Failu
     unsafe { pointer.as_mut() }.ok_or_else(|| Failure::null(name))
 }
 
-/// Copies rows of N numbers into the caller's memory, `stride` bytes from row to row, 0 for no gaps. The caller's rows need no
-/// alignment. The bytes between them stay as they are.
+/// Copies rows of N numbers into the caller's memory, `stride` bytes from row to row, 0 for no gaps. The caller's rows
+/// need no alignment. The bytes between them stay as they are.
 pub fn copy_rows<T: Copy, const N: usize>(
     rows: impl ExactSizeIterator<Item = [T; N]>,
     out: *mut T,
@@ -84,7 +86,8 @@ pub fn copy_rows<T: Copy, const N: usize>(
         return Err(Failure::null("out"));
     }
     for (number, row) in rows.enumerate() {
-        // SAFETY: the header asks for room for `capacity` rows, `stride` bytes from one to the next, and `number` is below it.
+        // SAFETY: the header asks for room for `capacity` rows, `stride` bytes from one to the next, and `number` is
+        // below it.
         unsafe { out.cast::<u8>().add(number * stride).cast::<[T; N]>().write_unaligned(row) };
     }
     Ok(())

@@ -61,7 +61,8 @@ pub struct View {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct Query {
-    /// The error to reach, in units of the file's coordinates. By default 0: as fine as possible. With a view its own tolerance counts.
+    /// The error to reach, in units of the file's coordinates. By default 0: as fine as possible. With a view its own
+    /// tolerance counts.
     pub tolerance: f64,
     /// The box's smallest coordinates; by default minus infinity.
     pub box_low: [f64; 3],
@@ -69,7 +70,8 @@ pub struct Query {
     pub box_high: [f64; 3],
     /// A camera, or null: by default everything is in sight.
     pub view: *const View,
-    /// The most triangles; by default UINT64_MAX. The cut is one that the file holds: a mixture of levels, often well below.
+    /// The most triangles; by default UINT64_MAX. The cut is one that the file holds: a mixture of levels, often well
+    /// below.
     pub max_triangles: u64,
     /// The most nodes (roots at a level each); by default UINT64_MAX.
     pub max_nodes: u64,
@@ -134,8 +136,8 @@ pub extern "C" fn lodpack_query_default() -> Query {
     }
 }
 
-/// Finds the coarsest cut within the tolerance that keeps every budget. Reads the index where the query needs it, and no surface. A box
-/// beside the surface gives an empty cut.
+/// Finds the coarsest cut within the tolerance that keeps every budget. Reads the index where the query needs it, and
+/// no surface. A box beside the surface gives an empty cut.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_select(file: *const File, query: *const Query, cut: *mut *mut Cut) -> Status {
     guard(|| {

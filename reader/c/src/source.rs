@@ -11,8 +11,8 @@ use std::io;
 pub struct Source {
     /// What `read` is called with. It has to stay valid until the file is closed.
     pub context: *mut c_void,
-    /// Fills `buffer` with `length` bytes from `offset` on, and returns 0, or anything else if it cannot. It is called in the threads that
-    /// call functions with the file, so by several at once if these do; it must not unwind.
+    /// Fills `buffer` with `length` bytes from `offset` on, and returns 0, or anything else if it cannot. It is called
+    /// in the threads that call functions with the file, so by several at once if these do; it must not unwind.
     pub read: Option<unsafe extern "C" fn(context: *mut c_void, offset: u64, buffer: *mut u8, length: usize) -> c_int>,
     /// Number of bytes of the file.
     pub size: u64,

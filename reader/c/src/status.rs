@@ -93,8 +93,8 @@ pub fn guard(work: impl FnOnce() -> Result<(), Failure>) -> Status {
     status
 }
 
-/// What went wrong in this thread's last call that returned a status: a text that is valid until the thread's next such call, and empty
-/// if nothing went wrong.
+/// What went wrong in this thread's last call that returned a status: a text that is valid until the thread's next such
+/// call, and empty if nothing went wrong.
 #[unsafe(no_mangle)]
 #[expect(unsafe_code, reason = "the name is C's")]
 pub extern "C" fn lodpack_last_error() -> *const c_char {

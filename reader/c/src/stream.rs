@@ -51,7 +51,8 @@ pub struct StreamOptions {
     pub texel_cache_bytes: u64,
     /// Threads that read and decode; at least 1.
     pub thread_count: u32,
-    /// Whether frames wait until everything that they want is there. By default they do not: what is missing is drawn coarser.
+    /// Whether frames wait until everything that they want is there. By default they do not: what is missing is drawn
+    /// coarser.
     pub waits: i32,
     /// The channels to show, by number; by default none. All roots of heights have their normals and colours anyway.
     pub channels: *const u32,
@@ -152,8 +153,9 @@ pub extern "C" fn lodpack_stream_options_default() -> StreamOptions {
     }
 }
 
-/// Starts threads that load a file of either kind for a moving camera; null `options` are the default ones. A stream may be used by one thread at a
-/// time. Its file may be closed before it, but what the file is read from has to stay until both are.
+/// Starts threads that load a file of either kind for a moving camera; null `options` are the default ones. A stream
+/// may be used by one thread at a time. Its file may be closed before it, but what the file is read from has to stay
+/// until both are.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_open_stream(
     file: *const File,
@@ -218,8 +220,9 @@ fn known_channels(
     Ok(known)
 }
 
-/// Draws a frame: what a query wants, as far as it is loaded, without cracks. It does not wait, unless the stream was opened so. Call it again for
-/// the next picture, also where the camera stands still, until the frame is complete. The query needs a view, or a tolerance.
+/// Draws a frame: what a query wants, as far as it is loaded, without cracks. It does not wait, unless the stream was
+/// opened so. Call it again for the next picture, also where the camera stands still, until the frame is complete. The
+/// query needs a view, or a tolerance.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_draw_frame(stream: *mut Stream, query: *const Query, frame: *mut Frame) -> Status {
     guard(|| {
@@ -252,8 +255,9 @@ pub extern "C" fn lodpack_draw_frame(stream: *mut Stream, query: *const Query, f
     })
 }
 
-/// Writes which root of the last frame to upload, and its mesh, which the caller frees. Where the stream shows channels and the root's images are there, the
-/// mesh has one page with all of them, else none. Of heights it has normals, and colours if there is a ramp.
+/// Writes which root of the last frame to upload, and its mesh, which the caller frees. Where the stream shows channels
+/// and the root's images are there, the mesh has one page with all of them, else none. Of heights it has normals, and
+/// colours if there is a ramp.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_get_upload(
     stream: *const Stream,
@@ -352,7 +356,8 @@ pub extern "C" fn lodpack_settle(stream: *const Stream) -> Status {
     })
 }
 
-/// The next thing that a stream could not load and draws coarser: a text that is valid until the next call with the stream, or null.
+/// The next thing that a stream could not load and draws coarser: a text that is valid until the next call with the
+/// stream, or null.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_next_problem(stream: *mut Stream) -> *const c_char {
     let Ok(stream) = borrow_mut(stream, "stream") else { return std::ptr::null() };

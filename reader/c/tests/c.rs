@@ -1,7 +1,7 @@
 //! The header is that of the sources, and a program in C reads every file with it.
 //!
-//! The program is compiled with the system's C compiler. Without one, or without valgrind, the tests say so and are skipped, unless
-//! `LODPACK_REQUIRE_C` is set, as in CI.
+//! The program is compiled with the system's C compiler. Without one, or without valgrind, the tests say so and are
+//! skipped, unless `LODPACK_REQUIRE_C` is set, as in CI.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -77,7 +77,8 @@ fn compile(source: &str, is_static: bool, into: &Path) -> PathBuf {
     program
 }
 
-/// What Rust's standard library keeps of a thread is reached by a pointer to its middle, so it would count as possibly lost.
+/// What Rust's standard library keeps of a thread is reached by a pointer to its middle, so it would count as possibly
+/// lost.
 const VALGRIND: [&str; 4] =
     ["--quiet", "--error-exitcode=9", "--leak-check=full", "--errors-for-leak-kinds=definite,indirect"];
 

@@ -1,5 +1,6 @@
-//! What must hold for any bytes: an error or an answer that keeps its promises, never a panic, never more memory or time
-//! than the limits allow. The fuzz targets call these; the tests of the reader do too, with a few thousand changed files.
+//! What must hold for any bytes: an error or an answer that keeps its promises, never a panic, never more memory or
+//! time than the limits allow. The fuzz targets call these; the tests of the reader do too, with a few thousand changed
+//! files.
 //!
 //! With `--cfg fuzzing` (which `cargo fuzz` sets) the reader takes every checksum for right.
 
@@ -68,7 +69,8 @@ pub fn heights(bytes: &[u8]) {
     heights_session(&heights, bytes);
 }
 
-/// Frames of a moving camera over heights, from a source that now and then fails or ends early: each is the mesh of its cut.
+/// Frames of a moving camera over heights, from a source that now and then fails or ends early: each is the mesh of its
+/// cut.
 fn heights_session(heights: &Heights<&[u8]>, bytes: &[u8]) {
     let source = Failing { bytes, calls: Default::default() };
     let caches = Options { byte_cache: 1 << 12, decoded_cache: 1 << 16, max_attempts: 3, ..Options::default() };

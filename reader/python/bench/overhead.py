@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 """Measures what Python adds to the reader: overhead.py FILE...
 
-Opens, selects and extracts each file at each of its levels' errors, in Python and in Rust by turns (bench/overhead.rs, which
-`cargo build --release --example overhead` has made), and prints the medians of the processor seconds per mesh and their ratio."""
+Opens, selects and extracts each file at each of its levels' errors, in Python and in Rust by turns (bench/overhead.rs,
+which
+`cargo build --release --example overhead` has made), and prints the medians of the processor seconds per mesh and their
+ratio."""
 import math
 import os
 import pathlib
@@ -40,7 +42,8 @@ def child_seconds(path, count, tolerance):
 
 
 def main():
-    # The first mesh of a process imports numpy, which takes longer than a thousand small meshes: without this, the first row counts that.
+    # The first mesh of a process imports numpy, which takes longer than a thousand small meshes: without this, the
+    # first row counts that.
     in_python(sys.argv[1], 1, math.inf)
     print("file  triangles  Rust, ms  Python, ms  ratio")
     for path in sys.argv[1:]:

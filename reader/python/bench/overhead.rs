@@ -1,4 +1,5 @@
-//! The work of bench/overhead.py without Python: overhead FILE COUNT TOLERANCE opens a file, selects and extracts, COUNT times.
+//! The work of bench/overhead.py without Python: overhead FILE COUNT TOLERANCE opens a file, selects and extracts,
+//! COUNT times.
 
 use lodpack::{File, Limits, Query};
 

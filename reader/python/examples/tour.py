@@ -21,15 +21,16 @@ for level in info["levels"]:
     print(f"  level {level['level']}: {level['triangles']:9,} triangles, at most {level['certified_error']:.3g} off the input")
 
 # %% [markdown]
-# A tolerance is a length: what is drawn is nowhere farther from the input, and the input nowhere farther from it. Whoever thinks in
-# shares of the model or in edges multiplies.
+# A tolerance is a length: what is drawn is nowhere farther from the input, and the input nowhere farther from it.
+# Whoever thinks in shares of the model or in edges multiplies.
 
 # %%
 coarse = file.extract(tolerance=8 * info["mean_edge_length"])
 print(coarse)
 
 # %% [markdown]
-# A region, as fine as it gets: every root that touches the box, whole. The rest stays where it is, on the disk or on the server.
+# A region, as fine as it gets: every root that touches the box, whole. The rest stays where it is, on the disk or on
+# the server.
 
 # %%
 low, high = file.bounds
@@ -39,7 +40,8 @@ region = file.extract(bbox=(middle - reach, middle + reach))
 print(region, "for", file.bytes_read - before, "bytes")
 
 # %% [markdown]
-# `select` answers from the index alone: how many triangles a query would give, how far off they would be, and why they are not fewer.
+# `select` answers from the index alone: how many triangles a query would give, how far off they would be, and why they
+# are not fewer.
 
 # %%
 for triangles in (2_000, 10_000, 50_000):
@@ -63,7 +65,8 @@ area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
 print(f"area {area:.4g}")
 
 # %% [markdown]
-# What the surface carries besides positions comes with it if it is asked for: here the first channel of colours, if the file has one.
+# What the surface carries besides positions comes with it if it is asked for: here the first channel of colours, if the
+# file has one.
 
 # %%
 for channel in file.channels:
@@ -73,7 +76,8 @@ if coloured.colours is not None:
     print("mean colour", coloured.colours.mean(axis=0).round(), coloured.textured())
 
 # %% [markdown]
-# A mesh may stand on heights in the same file. Their mesh comes in the space of the mesh on them; their samples are an array of two dimensions.
+# A mesh may stand on heights in the same file. Their mesh comes in the space of the mesh on them; their samples are an
+# array of two dimensions.
 
 # %%
 ground = file.ground()
@@ -82,8 +86,8 @@ if ground is not None:
     print(ground.heights.window().heights.shape, "samples; to the mesh by", ground.transform.tolist())
 
 # %% [markdown]
-# Where trimesh, PyVista or Open3D are installed, a mesh becomes one of theirs. PyVista's cells know their level and their error, and
-# `pyvista.read("scan.lodpack", tolerance=...)` works without this package being imported.
+# Where trimesh, PyVista or Open3D are installed, a mesh becomes one of theirs. PyVista's cells know their level and
+# their error, and `pyvista.read("scan.lodpack", tolerance=...)` works without this package being imported.
 
 # %%
 if len(sys.argv) > 2:

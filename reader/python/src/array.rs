@@ -1,7 +1,8 @@
 //! Arrays that numpy takes over without copying.
 //!
-//! An [`Array`] owns a vector and tells numpy where it lies, by numpy's array interface (version 3). `numpy.asarray` then makes an array
-//! of that memory and keeps the [`Array`] alive. No code of numpy is called, so one wheel serves every version of it, and none at all.
+//! An [`Array`] owns a vector and tells numpy where it lies, by numpy's array interface (version 3). `numpy.asarray`
+//! then makes an array of that memory and keeps the [`Array`] alive. No code of numpy is called, so one wheel serves
+//! every version of it, and none at all.
 
 use pyo3::{
     Py, PyResult, Python, intern, pyclass, pymethods,

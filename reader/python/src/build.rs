@@ -50,8 +50,8 @@ impl BuildRequest {
     }
 }
 
-/// Builds a file from meshes on disk or, with `mesh`, from positions (float64) and triangles (uint32). Returns the summary as JSON, and
-/// notes. Calls `progress` with a stage, and how much of it is done, of what.
+/// Builds a file from meshes on disk or, with `mesh`, from positions (float64) and triangles (uint32). Returns the
+/// summary as JSON, and notes. Calls `progress` with a stage, and how much of it is done, of what.
 #[pyfunction]
 #[pyo3(signature = (request, mesh=None, progress=None))]
 pub fn build(

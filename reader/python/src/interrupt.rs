@@ -7,8 +7,8 @@ use std::time::Duration;
 /// How long a signal may wait.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// Does some work on a thread of its own, while this one waits for it and for signals. After a signal whose handler raises, such as
-/// Ctrl-C, the work goes on unheeded until it ends, and its result is dropped.
+/// Does some work on a thread of its own, while this one waits for it and for signals. After a signal whose handler
+/// raises, such as Ctrl-C, the work goes on unheeded until it ends, and its result is dropped.
 ///
 /// # Errors
 /// What a signal's handler raises; `RuntimeError` if the work panics.

@@ -66,8 +66,8 @@ impl Textured {
         Ok(Array::shaped(values, &[count, components]))
     }
 
-    /// Positions, triangles and their nodes, and the places of vertices in one page, from the lower left corner; and that page of each
-    /// channel. Where triangles do not agree about the place of a vertex, it is there several times.
+    /// Positions, triangles and their nodes, and the places of vertices in one page, from the lower left corner; and
+    /// that page of each channel. Where triangles do not agree about the place of a vertex, it is there several times.
     fn paged(&self, py: Python<'_>) -> PyResult<(Array, Array, Array, Array, Py<PyList>)> {
         let mesh = Arc::clone(&self.mesh);
         let paged = py.detach(move || PagedMesh::new(&mesh, u32::MAX));

@@ -1,1 +1,2 @@
-"""Tests of the package, as it is installed: `reader/python/run` makes the wheel and installs it into an empty folder."""
+"""Tests of the package, as it is installed: `reader/python/run` makes the wheel and installs it into an empty
+folder."""

@@ -2,7 +2,8 @@
 
 use crate::error::{Error, Result};
 
-/// Appends an unsigned number in base 128: seven bits per byte, lowest first, with the top bit set on all bytes but the last.
+/// Appends an unsigned number in base 128: seven bits per byte, lowest first, with the top bit set on all bytes but the
+/// last.
 pub(crate) fn put_varint(bytes: &mut Vec<u8>, value: u64) {
     let mut rest = value;
     while rest >= 0x80 {
@@ -110,8 +111,8 @@ fn ends_early() -> Error {
     Error::format("the bytes end early")
 }
 
-/// Whether bytes have a checksum (SPEC.md, "Numbers in bytes"). A fuzzer takes every checksum for right, since no mutation would get past
-/// this check.
+/// Whether bytes have a checksum (SPEC.md, "Numbers in bytes"). A fuzzer takes every checksum for right, since no
+/// mutation would get past this check.
 pub(crate) fn has_checksum(bytes: &[u8], checksum: u32) -> bool {
     #[cfg(test)]
     if ANY_CHECKSUM.get() {

@@ -1,7 +1,7 @@
 //! Local frames (SPEC.md, "Local frames").
 //!
-//! Residuals are coded with coarse steps along the surface and fine steps across it, because only the error across it is visible.
-//! No other measure saves as many bytes as a tangential step of several normal steps.
+//! Residuals are coded with coarse steps along the surface and fine steps across it, because only the error across it
+//! is visible. No other measure saves as many bytes as a tangential step of several normal steps.
 
 use crate::codec::{
     patch::LatticePoint,
@@ -29,15 +29,17 @@ pub(crate) const AXES: LocalFrame =
 /// `a * (1 / sqrt(a . a))`, or none if the length is zero.
 fn unit(a: Vec3) -> Option<Vec3> {
     let square = dot(a, a);
-    // Unlike `square == 0`, this also refuses NaN and infinity. Hostile coordinates cannot lead to them, but callers may pass them.
+    // Unlike `square == 0`, this also refuses NaN and infinity. Hostile coordinates cannot lead to them, but callers
+    // may pass them.
     (square > 0.0 && square < f64::INFINITY).then(|| scale(a, 1.0 / square.sqrt()))
 }
 
 impl LocalFrame {
-    /// The frame with its normal in the direction of `normal` and its first tangent as close as possible to `direction`.
+    /// The frame with its normal in the direction of `normal` and its first tangent as close as possible to
+    /// `direction`.
     ///
-    /// `across` is normal x direction, made unit; `normal` is made unit; `along` is across x normal. The frame is that of the coordinate
-    /// axes where the normal vanishes, or where `direction` is parallel to it.
+    /// `across` is normal x direction, made unit; `normal` is made unit; `along` is across x normal. The frame is that
+    /// of the coordinate axes where the normal vanishes, or where `direction` is parallel to it.
     #[inline]
     pub(crate) fn new(normal: Vec3, direction: Vec3) -> Self {
         // The two square roots do not depend on each other, so they run at the same time.

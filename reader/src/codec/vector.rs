@@ -1,4 +1,5 @@
-//! Vector arithmetic in a fixed order of IEEE operations, so that every platform decodes the same bits (SPEC.md, "Arithmetic").
+//! Vector arithmetic in a fixed order of IEEE operations, so that every platform decodes the same bits (SPEC.md,
+//! "Arithmetic").
 
 /// A vector or point in lattice units.
 pub(crate) type Vec3 = [f64; 3];

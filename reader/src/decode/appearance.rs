@@ -61,7 +61,8 @@ impl Appearance {
         self.range = values.map(|value| (value - self.low) / self.step);
     }
 
-    /// Gives the ends of the ramp the smallest and the largest first number of these images. Without two different ones it stays.
+    /// Gives the ends of the ramp the smallest and the largest first number of these images. Without two different ones
+    /// it stays.
     pub fn fit<'i>(&mut self, images: impl IntoIterator<Item = &'i ChannelImage>) {
         let (mut low, mut high) = (LARGEST, 0.0_f64);
         for image in images {
@@ -76,7 +77,8 @@ impl Appearance {
         }
     }
 
-    /// The colour of a texel whose numbers are these. Colours of fewer than three components are grey; opacity is left out.
+    /// The colour of a texel whose numbers are these. Colours of fewer than three components are grey; opacity is left
+    /// out.
     pub fn colour(&self, numbers: &[f64]) -> Rgba {
         let first = numbers.first().copied().unwrap_or(0.0);
         match self.kind {

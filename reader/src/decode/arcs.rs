@@ -40,8 +40,8 @@ pub(super) fn decode_arcs<'b>(
     Ok(paths)
 }
 
-/// The arcs of all clusters that own a needed arc, without samples. Needed arcs get the positions of their ends. The others have none,
-/// so that the index blocks that own their corners are not needed.
+/// The arcs of all clusters that own a needed arc, without samples. Needed arcs get the positions of their ends. The
+/// others have none, so that the index blocks that own their corners are not needed.
 fn place_arcs(index: &Index, needs: &Needs) -> Result<SortedMap<u32, Vec<Path>>> {
     let mut ends: Vec<(u32, u32, [u32; 2])> = Vec::with_capacity(needs.arcs.len());
     index.load_indices(corner_owners(index, needs)?)?;

@@ -1,6 +1,7 @@
 //! Blocks of one level, two at a time.
 //!
-//! A thread decodes blocks of [`LANES`] different streams in turn, since a filling may have to wait for its own results: see
+//! A thread decodes blocks of [`LANES`] different streams in turn, since a filling may have to wait for its own
+//! results: see
 //! [`BlockDecoder`]. Which filling a block has is looked up in the table of fillings.
 
 use std::ops::Range;

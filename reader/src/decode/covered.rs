@@ -1,7 +1,8 @@
 //! Which texels a patch covers, and values for the others.
 //!
-//! Between the pieces of an image lie texels that nothing was stored for. Interpolation at full size never reads them; who draws a patch
-//! smaller than its image has texels, and takes means of several, does. So these get the value of the nearest texel that is used.
+//! Between the pieces of an image lie texels that nothing was stored for. Interpolation at full size never reads them;
+//! who draws a patch smaller than its image has texels, and takes means of several, does. So these get the value of the
+//! nearest texel that is used.
 
 use std::collections::VecDeque;
 
@@ -10,7 +11,8 @@ use crate::codec::{
     texels::{Image, Map},
 };
 
-/// How far from what a patch covers texels are stored, because images are interpolated and borders of finer neighbours reach further.
+/// How far from what a patch covers texels are stored, because images are interpolated and borders of finer neighbours
+/// reach further.
 const STORED_RINGS: u8 = 2;
 /// How far from it texels get a value.
 const RINGS: u8 = 12;

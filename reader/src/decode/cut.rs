@@ -29,20 +29,21 @@ pub struct RootPatch {
     pub loops: Vec<Vec<BorderVertex>>,
 }
 
-/// Decodes and joins the triangles of a cut: see [`Cut`] for how. The mesh is watertight where the whole surface is: every edge has
-/// as many triangles as in the model.
+/// Decodes and joins the triangles of a cut: see [`Cut`] for how. The mesh is watertight where the whole surface is:
+/// every edge has as many triangles as in the model.
 ///
 /// # Errors
-/// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if the cut is one of another file, a node does not exist, or a root
-/// occurs twice;
+/// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if the cut is one of another file, a node
+/// does not exist, or a root occurs twice;
 /// [`Error::Format`], [`Error::Limit`].
 pub fn extract(index: &Index, cut: &Cut, fetched: &Fetched) -> Result<Mesh> {
     Ok(joined(index, cut, 0, fetched, None)?.0)
 }
 
-/// [`extract`] with every arc drawn with its samples up to `border_level` at least, as if each root of the cut had neighbours of that level.
-/// So pieces of a surface that are drawn apart, at any levels up to this one, meet without a crack: tiles that another program puts
-/// together, for instance. A node's error is that of its block and its border deviation added to it.
+/// [`extract`] with every arc drawn with its samples up to `border_level` at least, as if each root of the cut had
+/// neighbours of that level. So pieces of a surface that are drawn apart, at any levels up to this one, meet without a
+/// crack: tiles that another program puts together, for instance. A node's error is that of its block and its border
+/// deviation added to it.
 ///
 /// # Errors
 /// As [`extract`].
@@ -50,11 +51,12 @@ pub fn extract_with_borders(index: &Index, cut: &Cut, border_level: u8, fetched:
     Ok(joined(index, cut, border_level, fetched, None)?.0)
 }
 
-/// What is done with each root of a cut: it is given the number of its node, its level, and its patch with the positions of all vertices.
+/// What is done with each root of a cut: it is given the number of its node, its level, and its patch with the
+/// positions of all vertices.
 pub(super) type Visit<'v> = dyn FnMut(Node, &Patch, Vec<LatticePoint>) -> Result<()> + 'v;
 
-/// As [`extract_with_borders`]. With a function, this is called for each root, and the triangles of the patches are returned in which the
-/// mesh's lie.
+/// As [`extract_with_borders`]. With a function, this is called for each root, and the triangles of the patches are
+/// returned in which the mesh's lie.
 pub(super) fn joined(
     index: &Index,
     cut: &Cut,
@@ -98,9 +100,9 @@ pub(super) fn joined(
     Ok((stitcher.finish(), origins))
 }
 
-/// The bytes of index blocks and pages that a cut needs: the least to read for it after opening. Reading takes more: up to an eighth
-/// where near ranges are joined, up to half where more than ten requests would be needed otherwise, and the index blocks that
-/// selecting looks at.
+/// The bytes of index blocks and pages that a cut needs: the least to read for it after opening. Reading takes more: up
+/// to an eighth where near ranges are joined, up to half where more than ten requests would be needed otherwise, and
+/// the index blocks that selecting looks at.
 ///
 /// # Errors
 /// [`Error::Missing`] until the index blocks needed have been supplied; [`Error::Query`] as [`extract`].

@@ -1,4 +1,5 @@
-//! How a surface is drawn: what the alpha of its colour means, whether its back is seen, and whether light falls on it (SPEC.md, 21.6).
+//! How a surface is drawn: what the alpha of its colour means, whether its back is seen, and whether light falls on it
+//! (SPEC.md, 21.6).
 
 use super::ChannelImage;
 
@@ -19,7 +20,8 @@ pub enum AlphaMode {
     Blend,
 }
 
-/// How a surface is drawn. What files that do not say it are drawn like is the default: opaque, lit, seen from its front.
+/// How a surface is drawn. What files that do not say it are drawn like is the default: opaque, lit, seen from its
+/// front.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 pub struct Drawing {
     /// What alpha means.
@@ -31,7 +33,8 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// The drawing that a number of a channel of kind [`crate::index::ChannelKind::Drawing`] stands for. Every number stands for one.
+    /// The drawing that a number of a channel of kind [`crate::index::ChannelKind::Drawing`] stands for. Every number
+    /// stands for one.
     pub fn of_number(number: u16) -> Self {
         let cutoff = match number >> 4 {
             0 => DEFAULT_CUTOFF,
@@ -60,14 +63,15 @@ impl Drawing {
     }
 }
 
-/// Bits of a coverage: whether the surface is either there or not, which one half of the coverage decides; and whether light falls on it.
-/// Otherwise the coverage is the share of light that it stops.
+/// Bits of a coverage: whether the surface is either there or not, which one half of the coverage decides; and whether
+/// light falls on it. Otherwise the coverage is the share of light that it stops.
 const IS_COMPARED: u8 = 1;
 const IS_LIT: u8 = 2;
 
 impl Drawing {
-    /// How much of a texel of this opacity is there, as a byte that is never 0: 255 where it is opaque and lit. The lowest bit says that the surface
-    /// is there from 128 on, and not below. Without it, the byte is the share of light that the surface stops. The next bit says that it is lit.
+    /// How much of a texel of this opacity is there, as a byte that is never 0: 255 where it is opaque and lit. The
+    /// lowest bit says that the surface is there from 128 on, and not below. Without it, the byte is the share of light
+    /// that the surface stops. The next bit says that it is lit.
     pub fn coverage(self, opacity: u8) -> u8 {
         let (coverage, compared) = match self.alpha {
             AlphaMode::Opaque => (255, IS_COMPARED),
@@ -79,7 +83,8 @@ impl Drawing {
     }
 }
 
-/// An opacity so that 128 stands for the cutoff. What lies between is interpolated, so that outlines between texels stay where they are.
+/// An opacity so that 128 stands for the cutoff. What lies between is interpolated, so that outlines between texels
+/// stay where they are.
 fn compared_with(cutoff: f64, opacity: u8) -> u8 {
     let opacity = f64::from(opacity) / 255.0;
     if opacity < cutoff {
@@ -91,8 +96,8 @@ fn compared_with(cutoff: f64, opacity: u8) -> u8 {
     }
 }
 
-/// The coverages of all texels of colours ([`Drawing::coverage`]), given the image of drawings beside it; none unless both are what they should
-/// be, and of one size.
+/// The coverages of all texels of colours ([`Drawing::coverage`]), given the image of drawings beside it; none unless
+/// both are what they should be, and of one size.
 pub fn coverages(colours: &ChannelImage, drawings: &ChannelImage) -> Option<Vec<u8>> {
     let (ChannelImage::Colours(colours), ChannelImage::Values(drawings)) = (colours, drawings) else { return None };
     let opacities = colours.data.chunks_exact(colours.components.max(1).into());

@@ -1,6 +1,8 @@
-//! Islands of an image: the texels that triangles are interpolated between, divided where no triangle needs texels of both sides.
+//! Islands of an image: the texels that triangles are interpolated between, divided where no triangle needs texels of
+//! both sides.
 //!
-//! A piece of a map is one island, or several where the surface over it is not connected. The rest of its rectangle shows nothing.
+//! A piece of a map is one island, or several where the surface over it is not connected. The rest of its rectangle
+//! shows nothing.
 
 /// Stands for no triangle and no island.
 pub(super) const NONE: u32 = u32::MAX;
@@ -29,8 +31,9 @@ pub(super) struct Run {
     pub end: u32,
 }
 
-/// Finds the islands of a node's images, which have this size. Corners of triangles are places in texels. Returns the islands in the order of their first
-/// texels, and the number of each triangle's island: [`NONE`] for a triangle beside the images.
+/// Finds the islands of a node's images, which have this size. Corners of triangles are places in texels. Returns the
+/// islands in the order of their first texels, and the number of each triangle's island: [`NONE`] for a triangle beside
+/// the images.
 pub(super) fn find_islands(node: u32, size: [u32; 2], triangles: &[[[f32; 2]; 3]]) -> (Vec<Island>, Vec<u32>) {
     let width = size[0] as usize;
     let mut owners = vec![NONE; width * size[1] as usize];

@@ -1,9 +1,9 @@
 //! Decoding: from a cut to the pages that it needs, and from these to triangles. Nothing here reads.
 //!
-//! A block needs the blocks before it in its stream; a block of a nested filling also needs that of its root's next coarser level. Each
-//! needs the samples of its root's arcs, which lie in the index blocks and arc streams of the clusters that own the arcs. An arc needs
-//! the corners at its ends, which lie in the index blocks of the clusters that own them. All of this is found from the index, asked
-//! for at once, and decoded once, coarse to fine.
+//! A block needs the blocks before it in its stream; a block of a nested filling also needs that of its root's next
+//! coarser level. Each needs the samples of its root's arcs, which lie in the index blocks and arc streams of the
+//! clusters that own the arcs. An arc needs the corners at its ends, which lie in the index blocks of the clusters that
+//! own them. All of this is found from the index, asked for at once, and decoded once, coarse to fine.
 
 mod appearance;
 mod arc_contents;
@@ -64,7 +64,8 @@ pub(crate) struct Decoded<'i> {
     patches: SortedMap<(u32, u8), Patch>,
 }
 
-/// Decoding in progress: the arcs are decoded, and blocks follow cluster by cluster, so that not all patches need memory at once.
+/// Decoding in progress: the arcs are decoded, and blocks follow cluster by cluster, so that not all patches need
+/// memory at once.
 pub(crate) struct Decoding<'i, 'b> {
     decoded: Decoded<'i>,
     /// Per cluster and level the blocks that are needed, by stream.
@@ -180,7 +181,8 @@ impl<'i> Decoded<'i> {
         Decoding::with_arcs(index, fetched, &[], roots)?.finish()
     }
 
-    /// Decodes blocks from the streams that [`crate::index::needs::parts_of`] lists, whose checksums have been compared.
+    /// Decodes blocks from the streams that [`crate::index::needs::parts_of`] lists, whose checksums have been
+    /// compared.
     pub(crate) fn of_parts(index: &'i Index, wanted: &[Wanted], parts: SortedMap<PartKey, &[u8]>) -> Result<Self> {
         Decoding::of_needs(index, wanted, find_needs(index, wanted, &[])?, parts)?.finish()
     }

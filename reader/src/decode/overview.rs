@@ -1,7 +1,7 @@
 //! The overview: one small mesh of everything, for the first picture.
 //!
-//! A file of many roots has an index that does not fit into the first request. The overview does: it is complete, watertight
-//! where the surface is, needs no index, and has a certified error of its own.
+//! A file of many roots has an index that does not fit into the first request. The overview does: it is complete,
+//! watertight where the surface is, needs no index, and has a certified error of its own.
 
 use super::check_patch;
 use crate::{

@@ -1,8 +1,9 @@
 //! Packs islands of texels into pages by their shapes, so that small ones lie in the bays and holes of large ones.
 //!
-//! A page is a grid of cells, a bit each. The islands come one after another, the highest first, and each goes to the first row of cells, and the first column
-//! in it, where all of its own cells are free. All columns of a row are tried at once: a run of n cells fits wherever the n cells from there on are free,
-//! which shifts by powers of two tell for 64 columns in an operation. Horizons of columns, as Levy et al. have them (2002, "Least Squares Conformal Maps for
+//! A page is a grid of cells, a bit each. The islands come one after another, the highest first, and each goes to the
+//! first row of cells, and the first column in it, where all of its own cells are free. All columns of a row are tried
+//! at once: a run of n cells fits wherever the n cells from there on are free, which shifts by powers of two tell for
+//! 64 columns in an operation. Horizons of columns, as Levy et al. have them (2002, "Least Squares Conformal Maps for
 //! Automatic Texture Atlas Generation", section 4), leave the holes empty.
 
 use std::cmp::Reverse;
@@ -27,8 +28,8 @@ pub(super) struct Placed {
 /// Where islands lie, and the sizes of the pages.
 type Packed = (Vec<Placed>, Vec<[u32; 2]>);
 
-/// Packs islands into pages of at most `side` texels along each side; an island that is larger has a page of its own. Returns where each lies, and the sizes
-/// of the pages.
+/// Packs islands into pages of at most `side` texels along each side; an island that is larger has a page of its own.
+/// Returns where each lies, and the sizes of the pages.
 pub(super) fn pack(islands: &[Island], side: u32) -> Packed {
     let (fitting, own): (Vec<usize>, Vec<usize>) =
         by_height(islands).into_iter().partition(|&number| islands[number].size.iter().all(|&length| length <= side));

@@ -1,5 +1,5 @@
-//! Packs what a cut shows of its images into pages, and gives each vertex one place in one of them: what programs draw that know textures and
-//! texture coordinates.
+//! Packs what a cut shows of its images into pages, and gives each vertex one place in one of them: what programs draw
+//! that know textures and texture coordinates.
 
 use std::collections::HashMap;
 
@@ -44,8 +44,8 @@ impl PagedMesh {
     /// Texels along each side of a page, at most, where a program does not know better.
     pub const SIDE: u32 = 4096;
 
-    /// Packs the texels that a mesh shows into pages of at most `side` texels along each side. Texels that are read together stay together; where they are
-    /// more than a page holds, they have a page of their own.
+    /// Packs the texels that a mesh shows into pages of at most `side` texels along each side. Texels that are read
+    /// together stay together; where they are more than a page holds, they have a page of their own.
     pub fn new(textured: &TexturedMesh, side: u32) -> Self {
         let (islands, island_of) = islands(textured);
         let (placed, page_sizes) = pack(&islands, side.max(1));
@@ -90,7 +90,8 @@ impl PagedMesh {
         this
     }
 
-    /// The pages of a channel of colours, normals or factors, which was asked for as number `channel`. Where nothing is known they are black.
+    /// The pages of a channel of colours, normals or factors, which was asked for as number `channel`. Where nothing is
+    /// known they are black.
     pub fn colours(&self, textured: &TexturedMesh, channel: usize) -> Vec<Image<u8>> {
         let images = images(textured, channel, |image| match image {
             ChannelImage::Colours(image) | ChannelImage::Normals(image) | ChannelImage::Factors(image) => Some(image),
@@ -108,8 +109,9 @@ impl PagedMesh {
         self.filled(&images, 1, &[0; 4])
     }
 
-    /// Pages of an image for each node of the cut, all of the size of the node's own images. `components` is their number where there is
-    /// no image, and `empty` what nodes without an image show. Texels that nothing shows are those of the closest one that is shown.
+    /// Pages of an image for each node of the cut, all of the size of the node's own images. `components` is their
+    /// number where there is no image, and `empty` what nodes without an image show. Texels that nothing shows are
+    /// those of the closest one that is shown.
     pub fn filled<T: Copy + Default>(
         &self,
         images: &[Option<&Image<T>>],

@@ -1,10 +1,10 @@
 //! Stitching: joins the patches of a cut without cracks, whatever their levels (SPEC.md, "Stitching").
 //!
-//! Every arc is drawn with the samples of the finest level that any of its roots in the cut has. A root that is coarser gets
-//! the extra samples inserted into the triangles at its border: a triangle with a border edge becomes a fan from the vertex
-//! opposite that edge. Where a triangle has several border edges with extra samples, the fan over the first of these edges
-//! is made; the other edges now belong to the first and the last triangle of that fan, which become fans in turn. So every
-//! extra sample adds one triangle, and no edge appears twice in the same direction.
+//! Every arc is drawn with the samples of the finest level that any of its roots in the cut has. A root that is coarser
+//! gets the extra samples inserted into the triangles at its border: a triangle with a border edge becomes a fan from
+//! the vertex opposite that edge. Where a triangle has several border edges with extra samples, the fan over the first
+//! of these edges is made; the other edges now belong to the first and the last triangle of that fan, which become fans
+//! in turn. So every extra sample adds one triangle, and no edge appears twice in the same direction.
 
 use std::collections::HashMap;
 
@@ -70,7 +70,8 @@ impl Border {
 }
 
 impl Stitcher {
-    /// An empty mesh with room for a closed surface of about this many triangles, because growing would copy it again and again.
+    /// An empty mesh with room for a closed surface of about this many triangles, because growing would copy it again
+    /// and again.
     pub fn new(lattice: Lattice, triangle_count: usize) -> Self {
         let mut mesh = Mesh::default();
         mesh.positions.reserve(triangle_count / 2 + triangle_count / 64);

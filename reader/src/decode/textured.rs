@@ -41,8 +41,8 @@ pub struct Texture {
 pub struct TexturedMesh {
     /// The same mesh as without.
     pub mesh: Mesh,
-    /// For each triangle the places of its corners in the images of its node, in texels: the first texel lies between 0 and 1. NaN where
-    /// the node has none.
+    /// For each triangle the places of its corners in the images of its node, in texels: the first texel lies between 0
+    /// and 1. NaN where the node has none.
     pub places: Vec<[[f32; 2]; 3]>,
     /// For each node of the cut its images.
     pub textures: Vec<Texture>,
@@ -86,9 +86,9 @@ impl Texture {
 }
 
 impl TexturedMesh {
-    /// What the surface carries at each vertex, in the numbers of the images: of a channel that was asked for as number `channel`, and is of
-    /// this kind. It is the mean of what the triangles around the vertex show there, or of labels what the first one shows. None where
-    /// nothing is known; NaN for components that the channel does not have.
+    /// What the surface carries at each vertex, in the numbers of the images: of a channel that was asked for as number
+    /// `channel`, and is of this kind. It is the mean of what the triangles around the vertex show there, or of labels
+    /// what the first one shows. None where nothing is known; NaN for components that the channel does not have.
     pub fn vertex_values(&self, channel: usize, kind: ChannelKind) -> Vec<Option<[f64; 4]>> {
         let mut sums = vec![([0.0; 4], 0.0); self.mesh.positions.len()];
         for ((corners, places), &node) in self.mesh.triangles.iter().zip(&self.places).zip(&self.mesh.triangle_nodes) {
@@ -107,8 +107,8 @@ impl TexturedMesh {
         sums.into_iter().map(|(sum, count)| (count > 0.0).then(|| sum.map(|x| x / count))).collect()
     }
 
-    /// How each triangle is drawn: what its middle shows of a channel of kind [`ChannelKind::Drawing`] that was asked for as number `channel`.
-    /// The usual way where nothing is known.
+    /// How each triangle is drawn: what its middle shows of a channel of kind [`ChannelKind::Drawing`] that was asked
+    /// for as number `channel`. The usual way where nothing is known.
     pub fn drawings(&self, channel: usize) -> Vec<Drawing> {
         let of = |(places, &node): (&[[f32; 2]; 3], &u32)| {
             let image = self.textures.get(node as usize).and_then(|texture| texture.images.get(channel)?.as_ref());
@@ -122,7 +122,8 @@ impl TexturedMesh {
 }
 
 impl ChannelImage {
-    /// The values at a place in texels: interpolated, or of the texel there if nothing lies between them. NaN beyond its components.
+    /// The values at a place in texels: interpolated, or of the texel there if nothing lies between them. NaN beyond
+    /// its components.
     fn at(&self, place: [f64; 2], kind: ChannelKind) -> [f64; 4] {
         let place = if kind.is_of_numbers() { place.map(|x| x.floor() + 0.5) } else { place };
         let (mut values, components) = match self {

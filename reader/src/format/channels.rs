@@ -1,7 +1,8 @@
 //! Section CHANNELS: what the surface carries besides positions (SPEC.md, "Section CHANNELS").
 //!
-//! The bytes are: the number of channels and the bytes of all maps (varints); then for each channel the length of its name (varint), the
-//! name, kind and components (u8 each), low, step and bound (f64 each), and the bytes of all its images (varint).
+//! The bytes are: the number of channels and the bytes of all maps (varints); then for each channel the length of its
+//! name (varint), the name, kind and components (u8 each), low, step and bound (f64 each), and the bytes of all its
+//! images (varint).
 
 use crate::{
     codec::bytes::{Cursor, put_varint},
@@ -73,7 +74,8 @@ impl ChannelKind {
         }
     }
 
-    /// The kind of a code, and whether channels with it are exact. Readers that do not know exact ones skip them, as all of unknown kinds.
+    /// The kind of a code, and whether channels with it are exact. Readers that do not know exact ones skip them, as
+    /// all of unknown kinds.
     fn of_code(code: u8) -> (Self, bool) {
         match code {
             1 => (Self::Colour, false),
@@ -98,7 +100,8 @@ pub struct ChannelInfo {
     pub name: String,
     /// What the values mean.
     pub kind: ChannelKind,
-    /// Whether texels of a colour, a normal or a factor are coded without loss. False for all other kinds, which always are.
+    /// Whether texels of a colour, a normal or a factor are coded without loss. False for all other kinds, which always
+    /// are.
     pub is_exact: bool,
     /// Numbers of a value, 1 to 4.
     pub components: u8,

@@ -1,7 +1,8 @@
 //! Cluster lists: the tree in which a reader finds clusters (SPEC.md, "Section CLUSTERS").
 //!
-//! The topmost list lies in CLUSTERS, and every other one in INDEX, before everything below it. No list says where anything is: numbers and
-//! offsets are running sums, along the path from the topmost list. So a list cannot name itself, or anything above it.
+//! The topmost list lies in CLUSTERS, and every other one in INDEX, before everything below it. No list says where
+//! anything is: numbers and offsets are running sums, along the path from the topmost list. So a list cannot name
+//! itself, or anything above it.
 
 use super::clusters::{Entry, Place};
 use crate::{
@@ -91,7 +92,8 @@ fn parse_entries(cursor: &mut Cursor<'_>, place: &mut Place, limits: &Limits) ->
     (0..count).map(|_| Entry::parse(cursor, place, limits)).collect()
 }
 
-/// Gives clusters, or entries in their place, the numbers of their roots' children: roots that are nobody's children come first.
+/// Gives clusters, or entries in their place, the numbers of their roots' children: roots that are nobody's children
+/// come first.
 pub(crate) fn number_children<'c>(
     clusters: impl Iterator<Item = &'c mut super::clusters::Cluster>,
     root_count: u32,

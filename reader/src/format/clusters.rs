@@ -16,8 +16,8 @@ use crate::{
     limits::{Limits, within},
 };
 
-/// The most roots that a cluster may have: 32 roots of a few thousand triangles take some hundred kilobytes of pages at the finest
-/// level and one kilobyte at the coarsest.
+/// The most roots that a cluster may have: 32 roots of a few thousand triangles take some hundred kilobytes of pages at
+/// the finest level and one kilobyte at the coarsest.
 pub(crate) const MAX_CLUSTER_ROOTS: usize = 32;
 
 /// The most lists that may lie one below another. Lists of 64 entries need six for 2^32 - 2 clusters.
@@ -90,7 +90,8 @@ pub(crate) struct Entry {
     pub height: u8,
     pub first_cluster: u32,
     pub cluster_count: u32,
-    /// The cluster. For a list: the sums, the common box and the largest errors of its clusters, and its own bytes as the part.
+    /// The cluster. For a list: the sums, the common box and the largest errors of its clusters, and its own bytes as
+    /// the part.
     pub sums: Cluster,
     /// The bytes of INDEX that follow the part and belong to the list's entries.
     pub below: u64,
@@ -136,10 +137,11 @@ impl Entry {
         self.sums.index.length.checked_add(self.below)
     }
 
-    /// Writes the entry, in varints: for a list a zero, its height and its number of clusters; root, arc, corner and child count; the
-    /// smallest box coordinates (zigzag) and the box's extents; length of the index block or list and its CRC-32 (u32, absent if the
-    /// length is 0); for a list the bytes of everything below it; and per level the sizes of the arc pages and of the block pages,
-    /// the triangle count and, unless that is 0, the largest error (u16 code).
+    /// Writes the entry, in varints: for a list a zero, its height and its number of clusters; root, arc, corner and
+    /// child count; the smallest box coordinates (zigzag) and the box's extents; length of the index block or list and
+    /// its CRC-32 (u32, absent if the length is 0); for a list the bytes of everything below it; and per level the
+    /// sizes of the arc pages and of the block pages, the triangle count and, unless that is 0, the largest error (u16
+    /// code).
     pub(crate) fn write(&self, bytes: &mut Vec<u8>) {
         let sums = &self.sums;
         if self.height > 0 {

@@ -5,8 +5,8 @@ use crate::{
     lattice::{Lattice, power_of_two},
 };
 
-/// An error bound as it is stored: 0 means 0; code c means (256 + c mod 256) * 2^(floor(c / 256) - 64) lattice steps, so that
-/// rounding up adds at most 0.4 %. Larger codes are larger bounds.
+/// An error bound as it is stored: 0 means 0; code c means (256 + c mod 256) * 2^(floor(c / 256) - 64) lattice steps,
+/// so that rounding up adds at most 0.4 %. Larger codes are larger bounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct ErrorCode(pub(crate) u16);
@@ -39,8 +39,8 @@ impl ErrorCode {
     }
 }
 
-/// The bound that a file stores for an error, rounded up, world units. With a `border_deviation` it is the bound where a neighbour
-/// is finer.
+/// The bound that a file stores for an error, rounded up, world units. With a `border_deviation` it is the bound where
+/// a neighbour is finer.
 ///
 /// # Errors
 /// [`Error::Model`] if it is negative, not finite, or too large.
@@ -49,8 +49,8 @@ pub fn stored_error(error: f64, border_deviation: f64, lattice: &Lattice) -> Res
     bound(sum_of_bounds(bound(error)?, bound(border_deviation)?))
 }
 
-/// The largest bound that a file can store without exceeding `error`, world units. Errors up to this bound are still within a
-/// tolerance of `error` once they are stored.
+/// The largest bound that a file can store without exceeding `error`, world units. Errors up to this bound are still
+/// within a tolerance of `error` once they are stored.
 ///
 /// # Errors
 /// As [`stored_error`].

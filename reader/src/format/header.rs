@@ -13,8 +13,8 @@
 //! 56  directory CRC-32 u32
 //! 60  header CRC-32    u32, of bytes 0..60
 //! ```
-//! The directory follows the header, and the sections follow the directory and each other without gaps, so a checksum covers
-//! every byte of a file. PAGES is the last section. A file has both CHANNELS and TEXELS or neither.
+//! The directory follows the header, and the sections follow the directory and each other without gaps, so a checksum
+//! covers every byte of a file. PAGES is the last section. A file has both CHANNELS and TEXELS or neither.
 
 use crate::{
     codec::bytes::{Cursor, has_checksum},
@@ -22,12 +22,13 @@ use crate::{
     lattice::Lattice,
 };
 
-/// The first byte is not ASCII, so 7-bit channels damage it; CR LF and LF reveal text conversion; a DOS end-of-file lies between
-/// them.
+/// The first byte is not ASCII, so 7-bit channels damage it; CR LF and LF reveal text conversion; a DOS end-of-file
+/// lies between them.
 pub(crate) const MAGIC: [u8; 8] = *b"\x8fLOD\r\n\x1a\n";
 /// Another major version cannot be read. A larger minor version only adds optional sections.
 pub(crate) const VERSION: (u16, u16) = (4, 0);
-/// The version of files with channels. All others keep the smaller minor version, so that channels change no byte of them.
+/// The version of files with channels. All others keep the smaller minor version, so that channels change no byte of
+/// them.
 pub(crate) const VERSION_WITH_CHANNELS: (u16, u16) = (4, 1);
 /// The version of files of heights.
 pub(crate) const VERSION_WITH_HEIGHTS: (u16, u16) = (4, 2);
@@ -121,8 +122,8 @@ pub(crate) struct Section {
     pub length: u64,
 }
 
-/// Tells files apart, wherever they lie: the checksums of header and directory, on which those of all parts depend. Two files of the same
-/// bytes have the same one. It is no protection against files that are made to have another one's.
+/// Tells files apart, wherever they lie: the checksums of header and directory, on which those of all parts depend. Two
+/// files of the same bytes have the same one. It is no protection against files that are made to have another one's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct FileId([u32; 2]);
 
@@ -177,7 +178,8 @@ impl Header {
         Self { id: FileId([0; 2]), version, lattice, sections }
     }
 
-    /// The bytes of header and directory. Derives the sections' offsets from their order and lengths, and the file's id.
+    /// The bytes of header and directory. Derives the sections' offsets from their order and lengths, and the file's
+    /// id.
     pub(crate) fn write(&mut self) -> Vec<u8> {
         let mut offset = (HEADER_BYTES + self.sections.len() * ENTRY_BYTES) as u64;
         let mut directory = Vec::new();

@@ -26,8 +26,8 @@ pub(crate) struct LevelRecord {
     pub page_bytes: u64,
 }
 
-/// A filling in the file's list: its code and the size of its parameters (u16 each), then the parameters, which are two shifts per
-/// level (u8 each).
+/// A filling in the file's list: its code and the size of its parameters (u16 each), then the parameters, which are two
+/// shifts per level (u8 each).
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct FillingSteps {
@@ -37,13 +37,14 @@ pub(crate) struct FillingSteps {
     pub levels: Vec<Quantisation>,
 }
 
-/// The whole section: level count, arc tangent shift, index arc levels, filling count (u8 each), arc run samples (u16), two zero
-/// bytes; then the levels, then the fillings.
+/// The whole section: level count, arc tangent shift, index arc levels, filling count (u8 each), arc run samples (u16),
+/// two zero bytes; then the levels, then the fillings.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Levels {
     pub arc_tangent_shift: u8,
-    /// The number of levels whose arc samples lie in the index blocks, next to the corners, instead of in pages; at least 1.
+    /// The number of levels whose arc samples lie in the index blocks, next to the corners, instead of in pages; at
+    /// least 1.
     pub index_arc_levels: u8,
     /// An arc run ends once it has this many samples in pages; at least 1.
     pub arc_run_samples: u16,

@@ -1,8 +1,9 @@
 //! Section OVERVIEW: one small mesh of everything, for the first picture (SPEC.md, "Section OVERVIEW").
 //!
-//! The bytes are: error code (u16), normal and tangent shift (u8 each), triangle count (u32); the number of loops, and for each
-//! loop the number of its vertices and their coordinates in normal steps, each as the difference from the previous vertex; then
-//! a stream with the patch. The overview's border belongs to no arc, so the section itself holds it.
+//! The bytes are: error code (u16), normal and tangent shift (u8 each), triangle count (u32); the number of loops, and
+//! for each loop the number of its vertices and their coordinates in normal steps, each as the difference from the
+//! previous vertex; then a stream with the patch. The overview's border belongs to no arc, so the section itself holds
+//! it.
 
 use crate::{
     codec::{

@@ -5,7 +5,8 @@ use crate::{
     error::{Error, Result},
 };
 
-/// Longest text of a coordinate reference system. Those of national grids with their transformations take some kilobytes.
+/// Longest text of a coordinate reference system. Those of national grids with their transformations take some
+/// kilobytes.
 const MOST_CRS_BYTES: usize = 1 << 16;
 
 /// Which axis of a file points up.

@@ -43,7 +43,8 @@ impl HalfArc {
     }
 }
 
-/// Whether half-arcs make up a loop: each, given by the corners at its beginning and end, ends where the next one begins.
+/// Whether half-arcs make up a loop: each, given by the corners at its beginning and end, ends where the next one
+/// begins.
 pub(crate) fn is_loop(ends: &[[u32; 2]]) -> bool {
     let next = ends.iter().cycle().skip(1);
     ends.iter().zip(next).all(|(here, next)| here[1] == next[0])

@@ -10,9 +10,9 @@
 //!   CRC-32 of the above          u32
 //! ```
 //!
-//! Chunks have places that follow from the number of clusters. So a reader finds the texels of any root with one request for a chunk, one
-//! for a directory and one for streams, and opening takes no byte of them, however large the file is. Blocks are ordered by level, then by
-//! root, so that the streams of a block are adjacent.
+//! Chunks have places that follow from the number of clusters. So a reader finds the texels of any root with one
+//! request for a chunk, one for a directory and one for streams, and opening takes no byte of them, however large the
+//! file is. Blocks are ordered by level, then by root, so that the streams of a block are adjacent.
 
 use crate::{
     codec::bytes::{Cursor, has_checksum},

@@ -17,11 +17,12 @@ use crate::{
 /// Bytes that are copied at once.
 const CHUNK: u64 = 1 << 20;
 
-/// Writes the file `surface` again with the file `ground` under it, in place of a ground that it may have. No page is decoded, and no other
-/// byte of a section changes. Returns the size of the new file.
+/// Writes the file `surface` again with the file `ground` under it, in place of a ground that it may have. No page is
+/// decoded, and no other byte of a section changes. Returns the size of the new file.
 ///
 /// # Errors
-/// [`Error::Query`] if the ground lies on a globe; [`Error::Format`] if it is in another coordinate reference system than the surface;
+/// [`Error::Query`] if the ground lies on a globe; [`Error::Format`] if it is in another coordinate reference system
+/// than the surface;
 /// [`Error::Io`], [`Error::Write`].
 pub fn join_ground<S: ReadAt, G: ReadAt>(surface: &File<S>, ground: &Heights<G>, out: &mut impl Write) -> Result<u64> {
     if ground.surface().is_globe() {

@@ -25,14 +25,16 @@ const LARGEST: f64 = 1e15;
 /// The heights of a file's ground, and where they are in the space of its surface.
 #[derive(Debug)]
 pub struct Ground<S> {
-    /// The heights, in coordinates of their own. All that applies to a file of heights applies to them: sessions, cuts, windows of samples.
+    /// The heights, in coordinates of their own. All that applies to a file of heights applies to them: sessions, cuts,
+    /// windows of samples.
     pub heights: Heights<S>,
     /// Takes their coordinates to those of the surface.
     pub frame: GroundFrame,
 }
 
-/// Takes coordinates of a ground to those of the surface that stands on it. Both say where they are in the world in metres with z up, and
-/// this compares what they say. It turns, scales and moves; an error of the ground grows by [`GroundFrame::scale`].
+/// Takes coordinates of a ground to those of the surface that stands on it. Both say where they are in the world in
+/// metres with z up, and this compares what they say. It turns, scales and moves; an error of the ground grows by
+/// [`GroundFrame::scale`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GroundFrame {
     /// Metres in a unit: of the ground, of the surface.
@@ -46,8 +48,8 @@ impl<S: ReadAt> Ground<S> {
     /// The ground of a file that has this index. `source` holds the ground alone: the bytes of [`Index::ground_range`].
     ///
     /// # Errors
-    /// As [`Heights::open`]; [`Error::Format`] if it holds no heights, if it lies on a globe, or in another coordinate reference system than
-    /// the surface.
+    /// As [`Heights::open`]; [`Error::Format`] if it holds no heights, if it lies on a globe, or in another coordinate
+    /// reference system than the surface.
     pub fn within(index: &Index, source: S) -> Result<Self> {
         let open = || {
             let heights = Heights::open(source, *index.limits()).map_err(|error| match error {
@@ -93,8 +95,8 @@ impl GroundFrame {
     /// The frame of a ground and a surface with these placements.
     ///
     /// # Errors
-    /// [`Error::Format`] if they are in different coordinate reference systems (one that is not said is no other one), or a unit or an origin is
-    /// beyond what is measured.
+    /// [`Error::Format`] if they are in different coordinate reference systems (one that is not said is no other one),
+    /// or a unit or an origin is beyond what is measured.
     pub fn new(ground: Option<&Placement>, surface: Option<&Placement>) -> Result<Self> {
         let [ground, surface] = [ground, surface].map(|placement| placement.cloned().unwrap_or_default());
         if !ground.crs.is_empty() && !surface.crs.is_empty() && ground.crs != surface.crs {
@@ -136,8 +138,8 @@ impl GroundFrame {
         if self.is_in_place() { 1.0 } else { self.units[0] / self.units[1] }
     }
 
-    /// The rows of the matrix that takes coordinates of the ground to those of the surface: [`Self::point`], but for rounding. The fourth column is
-    /// what is added.
+    /// The rows of the matrix that takes coordinates of the ground to those of the surface: [`Self::point`], but for
+    /// rounding. The fourth column is what is added.
     pub fn surface_from_ground(&self) -> [[f64; 4]; 3] {
         rows(self.point([0.0; 3]), |axis| self.direction(axis.map(|x| x * self.scale())))
     }
@@ -177,7 +179,8 @@ impl GroundFrame {
         if self.is_y_up { [x, -z, y] } else { [x, y, z] }
     }
 
-    /// A view of the surface as a view of the ground: both fill the same pixels, and have the same depths in a depth buffer.
+    /// A view of the surface as a view of the ground: both fill the same pixels, and have the same depths in a depth
+    /// buffer.
     pub fn view_of_ground(&self, view: &View) -> View {
         View {
             position: self.point_of_ground(view.position),

@@ -15,8 +15,8 @@ use crate::{
 /// Lines of a tile, a quarter of it apart.
 const LINES: u64 = 4;
 
-/// A box around a tile and all tiles below it, at any resolution. Drawn triangles lie between samples, and those of tiles below lie as far from
-/// the finest ones of this tile as both errors say.
+/// A box around a tile and all tiles below it, at any resolution. Drawn triangles lie between samples, and those of
+/// tiles below lie as far from the finest ones of this tile as both errors say.
 pub(crate) fn tile_box(index: &HeightsIndex, record: &TileRecord) -> OrientedBox {
     let (grid, surface, info) = (index.grid(), index.surface(), index.info());
     let TileId { depth, column, row } = record.id;
@@ -58,8 +58,8 @@ pub(crate) fn tile_box(index: &HeightsIndex, record: &TileRecord) -> OrientedBox
             }
         }
     }
-    // Between these lines, the surface leaves the hull of what is on them by at most an eighth of its second derivatives times the squared
-    // distances of lines.
+    // Between these lines, the surface leaves the hull of what is on them by at most an eighth of its second
+    // derivatives times the squared distances of lines.
     let apart = |lines: &[u64], axis: usize| {
         let most = lines.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0);
         (most as f64 * surface.spacing[axis]).abs().to_radians()
@@ -76,7 +76,8 @@ pub(crate) fn tile_box(index: &HeightsIndex, record: &TileRecord) -> OrientedBox
     OrientedBox { centre, axes, half }
 }
 
-/// The radius of a ball around the origin that the surface encloses; none if it is open, so that its far side can be seen.
+/// The radius of a ball around the origin that the surface encloses; none if it is open, so that its far side can be
+/// seen.
 pub(crate) fn enclosed_ball(index: &HeightsIndex) -> Option<f64> {
     let (grid, surface) = (index.grid(), index.surface());
     let Base::Ellipsoid { axis, eccentricity } = surface.base else { return None };

@@ -1,7 +1,8 @@
 //! Cuts of a grid of heights: which tiles are drawn, and at which of their resolutions.
 //!
-//! A cut begins with the tiles at depth 0, each at its coarsest resolution. As long as something is coarser than the tolerance, that with
-//! the largest error becomes finer: the tile's next resolution, or else its quarters. A tile without quarters in the file stays.
+//! A cut begins with the tiles at depth 0, each at its coarsest resolution. As long as something is coarser than the
+//! tolerance, that with the largest error becomes finer: the tile's next resolution, or else its quarters. A tile
+//! without quarters in the file stays.
 
 use std::{cmp::Ordering, collections::BinaryHeap, sync::Arc};
 
@@ -23,8 +24,9 @@ const READ_AHEAD: f64 = 0.5;
 /// What to draw, and how finely. The default asks for everything at the finest resolution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HeightsQuery {
-    /// The least and the greatest coordinates: x and y on a plane, degrees of longitude and latitude on a globe. Tiles that meet it are
-    /// drawn. It may be infinite. Around a globe, the least longitude may be larger than the greatest: then the box crosses the end of the grid.
+    /// The least and the greatest coordinates: x and y on a plane, degrees of longitude and latitude on a globe. Tiles
+    /// that meet it are drawn. It may be infinite. Around a globe, the least longitude may be larger than the greatest:
+    /// then the box crosses the end of the grid.
     pub bounds: Option<[[f64; 2]; 2]>,
     /// The error to reach, in units of space.
     pub tolerance: Option<f64>,

@@ -68,7 +68,8 @@ impl<'a> Outline<'a> {
         Self { lines, poles: [first && lines.rows[0] == 0, last && lines.rows[CELLS] == grid.cells()[1]] }
     }
 
-    /// Whether a triangle is drawn: two corners at a pole make it a line, which is a side of its neighbours. None for one of empty cells.
+    /// Whether a triangle is drawn: two corners at a pole make it a line, which is a side of its neighbours. None for
+    /// one of empty cells.
     pub fn face(self, triangle: TileTriangle) -> Option<bool> {
         let line = |k: u16| (self.lines.columns[usize::from(k) % SIDE], self.lines.rows[usize::from(k) / SIDE]);
         let at = triangle.map(line);
@@ -114,8 +115,8 @@ impl<'a> Outline<'a> {
 }
 
 impl DrawnTile {
-    /// Lays out a tile. A step of its values stands for `step` units of height, and step 0 for the height `zero`. `coarsest` is the largest
-    /// tolerance that it will be drawn at.
+    /// Lays out a tile. A step of its values stands for `step` units of height, and step 0 for the height `zero`.
+    /// `coarsest` is the largest tolerance that it will be drawn at.
     pub fn new(
         grid: &Grid,
         surface: &Surface,
@@ -170,7 +171,8 @@ impl DrawnTile {
         }
     }
 
-    /// Hands out the triangles at a tolerance, without those of empty cells and those that two corners at a pole make a line.
+    /// Hands out the triangles at a tolerance, without those of empty cells and those that two corners at a pole make a
+    /// line.
     pub fn for_each_triangle(&self, tolerance: f64, mut with: impl FnMut(TileTriangle)) {
         self.for_each_face(tolerance, |triangle, is_drawn| {
             if is_drawn {
@@ -179,8 +181,8 @@ impl DrawnTile {
         });
     }
 
-    /// Hands out the triangles at a tolerance, and whether they are drawn: two corners at a pole make a triangle a line, which is a side of
-    /// its neighbours. Those of empty cells are left out.
+    /// Hands out the triangles at a tolerance, and whether they are drawn: two corners at a pole make a triangle a
+    /// line, which is a side of its neighbours. Those of empty cells are left out.
     pub fn for_each_face(&self, tolerance: f64, mut with: impl FnMut(TileTriangle, bool)) {
         let outline = self.outline();
         self.needs.for_each_triangle(tolerance, self.cells.as_deref(), |triangle| {
@@ -195,8 +197,9 @@ impl DrawnTile {
         self.outline().is_at_pole(at)
     }
 
-    /// Whether a side of a triangle can get further samples where tiles are stitched: it runs along the border of the tile, or along
-    /// several index lines that lie on one line of samples. A side that ends at a pole runs along the column of its other end.
+    /// Whether a side of a triangle can get further samples where tiles are stitched: it runs along the border of the
+    /// tile, or along several index lines that lie on one line of samples. A side that ends at a pole runs along the
+    /// column of its other end.
     pub fn is_open_side(&self, a: u16, b: u16) -> bool {
         let outline = self.outline();
         let Some(Side { axis, across, .. }) = outline.side(a.into(), b.into()) else { return false };

@@ -28,8 +28,8 @@ use crate::{
 /// The size of the first read: it covers a first picture.
 const FIRST_READ_BYTES: usize = 16 << 10;
 
-/// An open file of heights: its [`HeightsIndex`], and a source from which it reads what an answer needs. It keeps index pages, and the tiles
-/// used last.
+/// An open file of heights: its [`HeightsIndex`], and a source from which it reads what an answer needs. It keeps index
+/// pages, and the tiles used last.
 #[derive(Debug)]
 pub struct Heights<S> {
     source: S,
@@ -41,7 +41,8 @@ impl<S: ReadAt> Heights<S> {
     /// Opens a file: one request of 16 KiB for most.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::Format`] if it is damaged or not whole, [`Error::Unsupported`] if it needs a newer reader, [`Error::Limit`];
+    /// [`Error::Io`], [`Error::Format`] if it is damaged or not whole, [`Error::Unsupported`] if it needs a newer
+    /// reader, [`Error::Limit`];
     /// [`Error::Query`] if it holds a mesh.
     pub fn open(source: S, limits: Limits) -> Result<Self> {
         let io = |source| Error::Io { offset: 0, length: FIRST_READ_BYTES as u64, source };
@@ -124,7 +125,8 @@ impl<S: ReadAt> Heights<S> {
         self.index.draw(id, tile, coarsest)
     }
 
-    /// The normals of a tile's samples: [`super::normals`] with the tiles of the same depth across its sides, which are read.
+    /// The normals of a tile's samples: [`super::normals`] with the tiles of the same depth across its sides, which are
+    /// read.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].

@@ -1,8 +1,9 @@
 //! Where the samples of a grid are in its tiles (SPEC.md, "Grid of heights").
 //!
-//! The tiles of each depth divide the *index space*, whose sides are powers of two times the roots. At the greatest depth, an index
-//! coordinate is the number of a line of samples, and all levels are nested. Where the index space has more cells than the grid, all
-//! coordinates beyond belong to the last line: cells there are *empty*, and have no width.
+//! The tiles of each depth divide the *index space*, whose sides are powers of two times the roots. At the greatest
+//! depth, an index coordinate is the number of a line of samples, and all levels are nested. Where the index space has
+//! more cells than the grid, all coordinates beyond belong to the last line: cells there are *empty*, and have no
+//! width.
 
 use super::page::PAGE_DEPTHS;
 use crate::error::{Error, Result};
@@ -54,7 +55,8 @@ impl TileId {
         [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| Self { depth, column: column + x, row: row + y })
     }
 
-    /// A key by which tiles of a grid come in the order of the file: by index pages, coarse to fine, and along a Z in each depth.
+    /// A key by which tiles of a grid come in the order of the file: by index pages, coarse to fine, and along a Z in
+    /// each depth.
     pub fn order(self, grid: &Grid) -> impl Ord + Copy + use<> {
         let root = self.ancestor(0);
         let along_z = |id: Self| spread(id.column) | spread(id.row) << 1;
@@ -64,7 +66,8 @@ impl TileId {
         (top.depth, root.row * grid.roots()[0] + root.column, within(top), self.depth, within(self))
     }
 
-    /// A key by which a tile comes before those that it covers, and these before all others. `depth` is the greatest one of the grid.
+    /// A key by which a tile comes before those that it covers, and these before all others. `depth` is the greatest
+    /// one of the grid.
     pub(crate) fn along_z(self, depth: u32) -> impl Ord + Copy + use<> {
         let up = depth.saturating_sub(self.depth);
         (spread(self.column << up) | spread(self.row << up) << 1, self.depth)
@@ -130,8 +133,8 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// A grid, given its columns and rows of cells. It `wraps` if the last column of cells ends at the first column of samples; its first
-    /// and its last row of samples may be one point each, a pole.
+    /// A grid, given its columns and rows of cells. It `wraps` if the last column of cells ends at the first column of
+    /// samples; its first and its last row of samples may be one point each, a pole.
     ///
     /// # Errors
     /// [`Error::Format`] if there are no cells, or more than 2^30 along a side.
@@ -164,7 +167,8 @@ impl Grid {
         self.poles
     }
 
-    /// The triangles of `columns` by `rows` cells, between a first and a last row of samples: two in each cell, but one at a pole.
+    /// The triangles of `columns` by `rows` cells, between a first and a last row of samples: two in each cell, but one
+    /// at a pole.
     pub fn face_count(&self, [columns, rows]: [u64; 2], [first, last]: [u64; 2]) -> u64 {
         let [is_first, is_last] = self.poles;
         let poles = u64::from(is_first && first == 0) + u64::from(is_last && last == self.cells()[1]);
@@ -210,7 +214,8 @@ impl Grid {
         id.depth <= self.depth && is_there(0, id.column) && is_there(1, id.row)
     }
 
-    /// One name for each point of the surface: the last column of a grid that wraps is its first one, and a pole is one point.
+    /// One name for each point of the surface: the last column of a grid that wraps is its first one, and a pole is one
+    /// point.
     pub fn vertex(&self, column: u64, row: u64) -> [u64; 2] {
         let is_pole = row == 0 && self.poles[0] || row == self.cells[1] && self.poles[1];
         let is_first = is_pole || self.wraps && column == self.cells[0];

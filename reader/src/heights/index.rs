@@ -30,7 +30,8 @@ use crate::{
 /// The first two index pages take no more than this many bytes, or nearly: each has 85 tiles, of about 45 bytes.
 const FIRST_PAGES_BYTES: u64 = 8 << 10;
 
-/// The index of a file of heights: it reads nothing itself, and says what is missing. Sessions and programs that read elsewhere use it;
+/// The index of a file of heights: it reads nothing itself, and says what is missing. Sessions and programs that read
+/// elsewhere use it;
 /// [`super::Heights`] combines it with a source.
 #[derive(Debug)]
 pub struct HeightsIndex {
@@ -65,7 +66,8 @@ impl HeightsIndex {
     /// The index of the file that is being opened, or [`Error::Missing`] with the ranges to read first.
     ///
     /// # Errors
-    /// [`Error::Missing`]; [`Error::Format`] if the file is damaged or not whole, [`Error::Unsupported`] if it needs a newer reader,
+    /// [`Error::Missing`]; [`Error::Format`] if the file is damaged or not whole, [`Error::Unsupported`] if it needs a
+    /// newer reader,
     /// [`Error::Limit`]; [`Error::Query`] if it holds a mesh.
     pub fn new(opener: &Opener) -> Result<Self> {
         let header = opener.header()?;
@@ -226,7 +228,8 @@ impl HeightsIndex {
         range.map_err(|error| error.at(|| format!("index page of tile {}", page.top.name())))
     }
 
-    /// Takes pages from what was fetched, or came with opening. [`Error::Missing`] if some are in neither; the others are then kept.
+    /// Takes pages from what was fetched, or came with opening. [`Error::Missing`] if some are in neither; the others
+    /// are then kept.
     pub(crate) fn take_pages(&self, wanted: &[WantedPage], fetched: &Fetched) -> Result<()> {
         let mut missing = Vec::new();
         for page in wanted.iter().filter(|page| self.known_page(page.top).is_none()) {
@@ -265,7 +268,8 @@ impl HeightsIndex {
         range.map(Some).map_err(|error| error.at(|| format!("block of tile {}", entry.record.id.name())))
     }
 
-    /// A tile from its parent and its block, which is empty where [`HeightsIndex::block_range`] returns none. None where nothing is drawn.
+    /// A tile from its parent and its block, which is empty where [`HeightsIndex::block_range`] returns none. None
+    /// where nothing is drawn.
     pub(crate) fn decode(
         &self,
         id: TileId,

@@ -1,9 +1,10 @@
 //! The mesh of a cut, without cracks (SPEC.md, "Stitched tiles").
 //!
-//! A side of a triangle that runs along a column or a row gets all samples that are drawn between its ends, by whichever tile. Only where
-//! tiles meet, and where several index lines lie on one line of samples, there are any: elsewhere both triangles at a side agree. Such
-//! a triangle becomes a fan from the corner opposite the side. Where it has several such sides, the fan over the first of them is made;
-//! the others now belong to the first and the last triangle of that fan, which become fans in turn.
+//! A side of a triangle that runs along a column or a row gets all samples that are drawn between its ends, by
+//! whichever tile. Only where tiles meet, and where several index lines lie on one line of samples, there are any:
+//! elsewhere both triangles at a side agree. Such a triangle becomes a fan from the corner opposite the side. Where it
+//! has several such sides, the fan over the first of them is made; the others now belong to the first and the last
+//! triangle of that fan, which become fans in turn.
 
 use std::{collections::HashMap, sync::Arc};
 
@@ -33,7 +34,8 @@ pub struct HeightsMesh {
     pub samples: Vec<[u64; 2]>,
     /// The height of each vertex, in units of heights.
     pub heights: Vec<f64>,
-    /// The normal of each vertex, from the slopes of the heights around it: those of the tiles of the cut, of which the finest count.
+    /// The normal of each vertex, from the slopes of the heights around it: those of the tiles of the cut, of which the
+    /// finest count.
     pub normals: Vec<Normal>,
     /// Vertex indices, counter-clockwise seen from above.
     pub triangles: Vec<[u32; 3]>,
@@ -47,7 +49,8 @@ impl<S: ReadAt> Heights<S> {
     /// The mesh of a cut: without cracks, whatever the depths and the resolutions of its tiles.
     ///
     /// # Errors
-    /// [`Error::Query`] if the cut is one of another file, or the mesh has more than 2^32 vertices; [`Error::Io`], [`Error::Format`], [`Error::Limit`].
+    /// [`Error::Query`] if the cut is one of another file, or the mesh has more than 2^32 vertices; [`Error::Io`],
+    /// [`Error::Format`], [`Error::Limit`].
     pub fn mesh(&self, cut: &HeightsCut) -> Result<HeightsMesh> {
         self.index().id().check_cut(cut.file)?;
         let numbers: HashMap<TileId, usize> =

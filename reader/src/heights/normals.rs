@@ -1,9 +1,10 @@
 //! The normals of a tile, from the slopes of its heights: what light needs. A file stores none.
 //!
-//! A slope is the difference of the samples on both sides, in the directions that the base has there: so a globe is shaded as a globe,
-//! however far apart its samples are (thesis, figure 5.7). On the border of a tile, the samples beyond come from the tile across. A coarser
-//! one decides alone: its samples are among those of the finer tile, which takes their slopes, and what lies between them. So both sides
-//! of a border have the same normals, but for the sample at a corner where tiles of three depths meet.
+//! A slope is the difference of the samples on both sides, in the directions that the base has there: so a globe is
+//! shaded as a globe, however far apart its samples are (thesis, figure 5.7). On the border of a tile, the samples
+//! beyond come from the tile across. A coarser one decides alone: its samples are among those of the finer tile, which
+//! takes their slopes, and what lies between them. So both sides of a border have the same normals, but for the sample
+//! at a corner where tiles of three depths meet.
 
 use super::{
     codec::known_samples,
@@ -209,8 +210,8 @@ impl<'a> Border<'a> {
     }
 }
 
-/// The normals of a tile's samples, row by row from the north-west, each of length 1. Where a tile across is not given, slopes are those
-/// within the tile. `across` is in the order west, north, east, south.
+/// The normals of a tile's samples, row by row from the north-west, each of length 1. Where a tile across is not given,
+/// slopes are those within the tile. `across` is in the order west, north, east, south.
 pub fn normals(
     info: &HeightsInfo,
     (id, values): (TileId, &TileValues),
@@ -256,7 +257,8 @@ pub fn normals(
     all
 }
 
-/// Gives the samples on a side the normals that the coarser tile across has there, and those between them what lies between.
+/// Gives the samples on a side the normals that the coarser tile across has there, and those between them what lies
+/// between.
 fn take_coarser(
     painter: &Painter<'_>,
     border: &Border<'_>,
@@ -329,7 +331,8 @@ impl<'a> Painter<'a> {
     }
 }
 
-/// The normal at a column and a row, from slopes in steps a column and a row. Without slopes it goes up: at a pole all columns meet.
+/// The normal at a column and a row, from slopes in steps a column and a row. Without slopes it goes up: at a pole all
+/// columns meet.
 fn normal_at(info: &HeightsInfo, [column, row]: [Line; 2], steps: i32, slopes: Option<[f64; 2]>) -> Normal {
     let compass = info.surface.compass(column, row, info.height(steps));
     let rise = |axis: usize| match compass.lengths[axis] {

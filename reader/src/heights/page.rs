@@ -37,7 +37,8 @@ pub struct Resolution {
     pub triangle_count: u32,
 }
 
-/// The largest number that a file can store as a tolerance and that is at most `tolerance`; for all tolerances of resolutions.
+/// The largest number that a file can store as a tolerance and that is at most `tolerance`; for all tolerances of
+/// resolutions.
 ///
 /// # Errors
 /// [`Error::Model`] if it is negative, not finite, or too large.
@@ -50,8 +51,8 @@ pub fn storable_tolerance(tolerance: f64) -> Result<f64> {
 pub struct TileRecord {
     /// The tile.
     pub id: TileId,
-    /// Which of its quarters are tiles of the file: bit k for [`TileId::children`]`[k]`. If none are, all heights below are as predicted; if
-    /// some are, the others draw nothing.
+    /// Which of its quarters are tiles of the file: bit k for [`TileId::children`]`[k]`. If none are, all heights below
+    /// are as predicted; if some are, the others draw nothing.
     pub children: u8,
     /// Whether only some of its cells are drawn.
     pub is_partial: bool,
@@ -65,7 +66,8 @@ pub struct TileRecord {
     pub block_bytes: u64,
     /// CRC-32 of its block.
     pub checksum: u32,
-    /// Everything below is level and follows from it (SPEC.md 22.3): the file has none of its quarters, and they are drawn all the same.
+    /// Everything below is level and follows from it (SPEC.md 22.3): the file has none of its quarters, and they are
+    /// drawn all the same.
     pub is_level: bool,
 }
 
@@ -82,15 +84,18 @@ impl TileRecord {
     }
 }
 
-/// The most level tiles that are divided and whose quarters follow from them: these take no bytes, so the size of a file does not bound their number.
+/// The most level tiles that are divided and whose quarters follow from them: these take no bytes, so the size of a
+/// file does not bound their number.
 pub const MOST_LEVEL: u64 = 1 << 16;
 
-/// What a tile below a level one has of its parent's error beyond the least one: a quarter, as globes bend, and what rounding may add.
+/// What a tile below a level one has of its parent's error beyond the least one: a quarter, as globes bend, and what
+/// rounding may add.
 const OF_LEVEL: f64 = 0.2578125;
 /// Positions on an ellipsoid are rounded a few times, each by an ulp of its axis at most.
 const ROUNDING_OF_AXIS: f64 = 1.0 / (1u64 << 48) as f64;
 
-/// What follows below level tiles of an ellipsoid: everything there has the height of the tile, so its error is that of the ellipsoid's curvature.
+/// What follows below level tiles of an ellipsoid: everything there has the height of the tile, so its error is that of
+/// the ellipsoid's curvature.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LevelErrors {
     /// In units of space.
@@ -255,7 +260,8 @@ impl Page {
         let (mut next_block, mut next_page) = (cursor.u64()?, cursor.u64()?);
         let mut this = Self { entries: Vec::new(), pages: Vec::new(), grid: grid.clone(), level };
         let mut before = Before::default();
-        // Every tile takes at least six bytes, so their number is bounded by the page's length as well as by its depths.
+        // Every tile takes at least six bytes, so their number is bounded by the page's length as well as by its
+        // depths.
         let mut depth = vec![(top, coarser)];
         let mut page_count = 0;
         while depth.first().is_some_and(|(id, _)| id.depth < top.depth + PAGE_DEPTHS) {

@@ -18,7 +18,8 @@ pub struct RampStop {
     pub colour: [u8; 3],
 }
 
-/// Colours by height. Between two stops, the three numbers of a colour change evenly; beyond the first and the last one they do not change.
+/// Colours by height. Between two stops, the three numbers of a colour change evenly; beyond the first and the last one
+/// they do not change.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Ramp {
@@ -26,8 +27,8 @@ pub struct Ramp {
 }
 
 impl Ramp {
-    /// A ramp with these stops, 1 to 1,024, whose heights do not fall. Of two at one height, the first one ends what is below, and the second
-    /// one begins what is from there up.
+    /// A ramp with these stops, 1 to 1,024, whose heights do not fall. Of two at one height, the first one ends what is
+    /// below, and the second one begins what is from there up.
     ///
     /// # Errors
     /// [`Error::Model`] if a file cannot have it.

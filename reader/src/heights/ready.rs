@@ -1,7 +1,7 @@
 //! A decoded tile, ready to be drawn at any of its resolutions, and its triangles at one of them.
 //!
-//! What each sample needs takes long to find and much memory, and only comparisons with the tolerances of the tile's resolutions matter. So a
-//! ready tile keeps a bit for each of these, of which there are eight at most.
+//! What each sample needs takes long to find and much memory, and only comparisons with the tolerances of the tile's
+//! resolutions matter. So a ready tile keeps a bit for each of these, of which there are eight at most.
 
 use std::collections::HashMap;
 
@@ -127,8 +127,8 @@ impl ReadyTile {
         faces
     }
 
-    /// The drawn vertices, and the number of each sample's. Samples that are one point, as those at a pole, are a vertex each: images have a
-    /// place for each.
+    /// The drawn vertices, and the number of each sample's. Samples that are one point, as those at a pole, are a
+    /// vertex each: images have a place for each.
     fn vertices(&self, index: &HeightsIndex, outline: Outline<'_>, on_lines: &OnLines) -> (TileFaces, Vec<u32>) {
         let (grid, surface, info) = (index.grid(), index.surface(), index.info());
         let Outline { lines, .. } = outline;

@@ -1,17 +1,18 @@
-//! The restricted triangulation of a tile: right triangles, halved where the surface asks for it (thesis 3.4; SPEC.md, "Drawn tiles").
+//! The restricted triangulation of a tile: right triangles, halved where the surface asks for it (thesis 3.4; SPEC.md,
+//! "Drawn tiles").
 //!
-//! A square is two triangles; a triangle is halved at the middle of its longest side. The middle of a longest side *needs* the largest
-//! distance of samples from the two triangles that meet there, or more where middles behind it need more. So needs do not grow from a
-//! triangle to its halves, and a tolerance, which halves each triangle whose middle needs more, leaves no cracks inside of a tile: both
-//! triangles at a longest side agree.
+//! A square is two triangles; a triangle is halved at the middle of its longest side. The middle of a longest side
+//! *needs* the largest distance of samples from the two triangles that meet there, or more where middles behind it need
+//! more. So needs do not grow from a triangle to its halves, and a tolerance, which halves each triangle whose middle
+//! needs more, leaves no cracks inside of a tile: both triangles at a longest side agree.
 
 use super::grid::{CELLS, SIDE};
 
 /// What a middle needs whose triangles lie neither within what is drawn nor outside of it: no tolerance joins them.
 const ALWAYS: f64 = f64::INFINITY;
 
-/// How much the distances of samples from a side along the border of a tile count: samples of neighbours move the triangle behind it by as
-/// much once more.
+/// How much the distances of samples from a side along the border of a tile count: samples of neighbours move the
+/// triangle behind it by as much once more.
 const AT_BORDER: f64 = 2.0;
 
 /// Distances are compared in this many lanes, which do not wait for each other.
@@ -101,7 +102,8 @@ impl<Bend: Fn(usize, usize) -> f64> Field<'_, Bend> {
         largest(most)
     }
 
-    /// The plane through three samples: the height at column 0 and row 0, and what a column and a row add; none if they are on a line.
+    /// The plane through three samples: the height at column 0 and row 0, and what a column and a row add; none if they
+    /// are on a line.
     fn plane(&self, corners: [usize; 3]) -> Option<[f64; 3]> {
         let [a, b, c] = corners.map(|k| [self.columns[k % SIDE], self.rows[k / SIDE], self.heights[k]]);
         let ([u, v, p], [x, y, q]) = ([0, 1, 2].map(|k| b[k] - a[k]), [0, 1, 2].map(|k| c[k] - a[k]));
@@ -184,8 +186,9 @@ impl<Bend: Fn(usize, usize) -> f64> Field<'_, Bend> {
 }
 
 impl Needs {
-    /// From the samples of a tile. `is_even` says whether the tile's column and row make an even sum: then its largest triangles meet in a
-    /// side from its north-west. Needs above `most` are only known to be above it, and no tolerance may be larger.
+    /// From the samples of a tile. `is_even` says whether the tile's column and row make an even sum: then its largest
+    /// triangles meet in a side from its north-west. Needs above `most` are only known to be above it, and no tolerance
+    /// may be larger.
     pub fn new(
         is_even: bool,
         cells: Option<&[u64; CELLS]>,
@@ -261,7 +264,8 @@ impl Needs {
         Self { of, from_north_west: is_even }
     }
 
-    /// The largest need that a tolerance does not meet with a halving: no sample is further from its triangle in height, if lines are even.
+    /// The largest need that a tolerance does not meet with a halving: no sample is further from its triangle in
+    /// height, if lines are even.
     pub fn bound(&self, tolerance: f64) -> f64 {
         let mut most = [0.0; LANES];
         let (chunks, rest) = self.of.as_chunks::<LANES>();
@@ -283,8 +287,8 @@ impl Needs {
         2 + 2 * all - count(&mut border.map(|at| &self.of[at]))
     }
 
-    /// Hands out the sides of triangles at a tolerance that lie on the border, each with what bounds the distance of samples from the
-    /// triangle behind it.
+    /// Hands out the sides of triangles at a tolerance that lie on the border, each with what bounds the distance of
+    /// samples from the triangle behind it.
     pub fn for_each_border_side(&self, tolerance: f64, mut with: impl FnMut([u16; 2], f64)) {
         /// A sample so far along a border and so far within the tile.
         type At = fn(usize, usize) -> usize;
@@ -327,7 +331,8 @@ impl Needs {
     }
 }
 
-/// Hands out the triangles of a tile whose triangles are halved where a sample says so: not those of cells that are not drawn.
+/// Hands out the triangles of a tile whose triangles are halved where a sample says so: not those of cells that are not
+/// drawn.
 pub(super) fn halve(
     from_north_west: bool,
     is_halved: impl Fn(usize) -> bool,
@@ -377,7 +382,8 @@ mod tests {
     use super::*;
     use std::collections::HashMap;
 
-    /// Twice the area that the triangles cover, in cells; all turn counter-clockwise seen from above, where rows go to the south.
+    /// Twice the area that the triangles cover, in cells; all turn counter-clockwise seen from above, where rows go to
+    /// the south.
     fn area(triangles: &[TileTriangle]) -> i64 {
         let doubled = triangles.iter().map(|triangle| {
             let [a, b, c] = triangle.map(|s| [(usize::from(s) % SIDE) as i64, -((usize::from(s) / SIDE) as i64)]);

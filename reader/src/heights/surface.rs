@@ -10,7 +10,8 @@ use crate::error::{Error, Result};
 pub enum Base {
     /// A plane: x to the east, y to the north, z up.
     Plane,
-    /// An ellipsoid around the origin, in degrees; a sphere where it is not flattened. x goes through longitude 0, z through the north pole.
+    /// An ellipsoid around the origin, in degrees; a sphere where it is not flattened. x goes through longitude 0, z
+    /// through the north pole.
     Ellipsoid {
         /// Half axis at the equator.
         axis: f64,
@@ -25,7 +26,8 @@ pub enum Base {
 pub struct Surface {
     /// What heights stand on.
     pub base: Base,
-    /// Coordinates of the first column and the first row: x and y of a plane, degrees of longitude and latitude on a globe.
+    /// Coordinates of the first column and the first row: x and y of a plane, degrees of longitude and latitude on a
+    /// globe.
     pub first: [f64; 2],
     /// What each column and each row adds. Rows go to the south, so theirs is negative.
     pub spacing: [f64; 2],
@@ -141,7 +143,8 @@ impl Surface {
         }
     }
 
-    /// How far the base lies above the middle of a chord of it, from the square of the chord's length: a bound for short chords.
+    /// How far the base lies above the middle of a chord of it, from the square of the chord's length: a bound for
+    /// short chords.
     #[inline]
     pub fn bend(&self, chord: f64) -> f64 {
         match self.base {

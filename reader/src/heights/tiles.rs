@@ -61,8 +61,8 @@ impl<S: ReadAt> Heights<S> {
         Ok(found)
     }
 
-    /// The heights of samples, row by row; NaN where no drawn cell touches the sample. Columns of a grid that wraps may go on beyond the
-    /// last one, up to once around.
+    /// The heights of samples, row by row; NaN where no drawn cell touches the sample. Columns of a grid that wraps may
+    /// go on beyond the last one, up to once around.
     ///
     /// # Errors
     /// [`Error::Query`] if the window is not in the grid; [`Error::Io`], [`Error::Format`], [`Error::Limit`].
@@ -85,7 +85,8 @@ impl<S: ReadAt> Heights<S> {
             |_| Error::Query { what: format!("{count} heights do not fit in memory; ask for a smaller window") };
         heights.try_reserve_exact(count).map_err(no_room)?;
         heights.resize(count, f64::NAN);
-        // Around a globe, a window goes on from the beginning; and the first column is also the last one of the tiles in the east.
+        // Around a globe, a window goes on from the beginning; and the first column is also the last one of the tiles
+        // in the east.
         let first = columns.start..columns.end.min(column_count);
         let second = 0..columns.end.saturating_sub(column_count);
         let mut pieces = vec![(first, 0), (second, column_count as i64)];
@@ -148,7 +149,8 @@ impl<S: ReadAt> Heights<S> {
         Ok(())
     }
 
-    /// Hands out the samples of tiles, along a Z; a tile that draws nothing is left out. Tiles above them are decoded once.
+    /// Hands out the samples of tiles, along a Z; a tile that draws nothing is left out. Tiles above them are decoded
+    /// once.
     pub(crate) fn for_each_tile(
         &self,
         ids: &[TileId],

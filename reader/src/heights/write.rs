@@ -1,4 +1,5 @@
-//! Writing a file of heights (feature `write`): tables from some tiles, blocks of all of them, then their records in the order of the file.
+//! Writing a file of heights (feature `write`): tables from some tiles, blocks of all of them, then their records in
+//! the order of the file.
 
 use std::{
     collections::VecDeque,
@@ -33,8 +34,8 @@ pub struct TileEncoder {
 }
 
 impl TileEncoder {
-    /// An encoder for tiles that are like `some`. If these are not all tiles (`is_all`), its tables have codes for what does not occur in them,
-    /// which costs a hundredth of a bit a sample.
+    /// An encoder for tiles that are like `some`. If these are not all tiles (`is_all`), its tables have codes for what
+    /// does not occur in them, which costs a hundredth of a bit a sample.
     pub fn new<'a>(some: impl IntoIterator<Item = &'a SymbolBuffer>, is_all: bool) -> Self {
         let mut tally = Tally::of(some.into_iter().map(SymbolBuffer::iter));
         // A table with a single token would code it in no bytes, and these mean a tile that is as predicted.
@@ -115,12 +116,14 @@ impl HeightsWriter {
         })
     }
 
-    /// The tile whose record comes next; none if there is no further one. A tile at depth 0 may be left out: see [`Self::skip`].
+    /// The tile whose record comes next; none if there is no further one. A tile at depth 0 may be left out: see
+    /// [`Self::skip`].
     pub fn expected(&self) -> Option<TileId> {
         self.next.front().or(self.next_pages.front()).map(|&(id, _)| id)
     }
 
-    /// The finest error of the parent of the tile whose record comes next; infinity at depth 0. None of its errors may be larger.
+    /// The finest error of the parent of the tile whose record comes next; infinity at depth 0. None of its errors may
+    /// be larger.
     pub fn error_above(&self) -> f64 {
         self.next.front().or(self.next_pages.front()).map_or(f64::INFINITY, |&(_, error)| error)
     }

@@ -17,7 +17,8 @@ pub struct RootContents {
     pub filling: Filling,
     /// Half-arcs, loop after loop, in the winding of the triangles.
     pub loops: Vec<Vec<HalfArc>>,
-    /// Smallest and largest lattice coordinates of everything that the root draws, and of the piece of input that it stands for.
+    /// Smallest and largest lattice coordinates of everything that the root draws, and of the piece of input that it
+    /// stands for.
     pub bounds: [LatticePoint; 2],
     /// Coarse to fine, at least one.
     pub blocks: Vec<BlockContents>,
@@ -25,9 +26,10 @@ pub struct RootContents {
 
 /// What the index says about a root at one level.
 ///
-/// `error` bounds the two-sided (Hausdorff) distance between the block's patch and the piece of input that the root stands for, as
-/// long as no neighbour brings samples that the block lacks. Where a neighbour in the cut is finer and has more samples on a shared
-/// arc, the root's border triangles take these (see [`crate::Cut`]), and the bound is `error + border_deviation`.
+/// `error` bounds the two-sided (Hausdorff) distance between the block's patch and the piece of input that the root
+/// stands for, as long as no neighbour brings samples that the block lacks. Where a neighbour in the cut is finer and
+/// has more samples on a shared arc, the root's border triangles take these (see [`crate::Cut`]), and the bound is
+/// `error + border_deviation`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockContents {
     /// The level; 0 is the coarsest.

@@ -1,7 +1,8 @@
 //! The lists of clusters as far as they are known, with the index blocks of their clusters: the paged part of an index.
 //!
-//! A list or index block is parsed once, when its bytes come, and then stays. What a question needs and does not find is missing
-//! ([`Error::Missing`]); where several parts are missing they are named together, so that they are read together.
+//! A list or index block is parsed once, when its bytes come, and then stays. What a question needs and does not find
+//! is missing ([`Error::Missing`]); where several parts are missing they are named together, so that they are read
+//! together.
 
 use std::{
     ops::Range,
@@ -89,8 +90,8 @@ pub(crate) fn together<T, A: FromIterator<T>>(answers: impl IntoIterator<Item = 
 }
 
 impl Index {
-    /// Keeps the index blocks and lists among the bytes that have been read, so that they need not be read again. The next call that
-    /// needs a damaged one returns its error.
+    /// Keeps the index blocks and lists among the bytes that have been read, so that they need not be read again. The
+    /// next call that needs a damaged one returns its error.
     pub fn supply(&self, fetched: &Fetched) {
         for range in fetched.ranges() {
             self.supply_list(&self.top, fetched, &range);
@@ -112,7 +113,8 @@ impl Index {
         }
     }
 
-    /// Parses what a slot stands for if its bytes have been fetched, unless that has been done. Returns whether it is known.
+    /// Parses what a slot stands for if its bytes have been fetched, unless that has been done. Returns whether it is
+    /// known.
     fn take(&self, slot: &Slot, fetched: &Fetched) -> Result<bool> {
         if slot.is_known() {
             return Ok(true);
@@ -221,7 +223,8 @@ impl Index {
         Ok(self.clusters_in(&mut |_| true)?.into_iter().map(|entry| &entry.sums).collect())
     }
 
-    /// The entries of the clusters that `is_wanted` accepts. An entry for a list must be accepted if any of its clusters is.
+    /// The entries of the clusters that `is_wanted` accepts. An entry for a list must be accepted if any of its
+    /// clusters is.
     pub(crate) fn clusters_in(&self, is_wanted: &mut dyn FnMut(&Entry) -> bool) -> Result<Vec<&Entry>> {
         let (mut found, mut missing) = (Vec::new(), Vec::new());
         self.visit(&self.top, is_wanted, &mut found, &mut missing)?;

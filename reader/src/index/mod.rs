@@ -1,8 +1,8 @@
 //! The index of an open file: its resident part, the ranges that a query lacks, and summaries.
 //!
-//! An [`Index`] knows header, levels, tables and the topmost list of clusters, and the lists and index blocks that were needed so far. Nothing here reads: a
-//! call that needs bytes that are not there returns [`Error::Missing`] with their ranges. So the same code serves blocking and
-//! asynchronous readers.
+//! An [`Index`] knows header, levels, tables and the topmost list of clusters, and the lists and index blocks that were
+//! needed so far. Nothing here reads: a call that needs bytes that are not there returns [`Error::Missing`] with their
+//! ranges. So the same code serves blocking and asynchronous readers.
 
 mod contents;
 pub(crate) mod lists;
@@ -57,10 +57,12 @@ pub struct LevelSummary {
     pub page_bytes: u64,
 }
 
-/// The index of an open file: everything that is known without reading more. An [`Opener`] makes one; a [`crate::File`] has one.
+/// The index of an open file: everything that is known without reading more. An [`Opener`] makes one; a [`crate::File`]
+/// has one.
 ///
-/// Programs that read bytes themselves ask an index through [`crate::select`] and [`crate::decode`]. Where an answer needs bytes
-/// that are not there, the call returns [`Error::Missing`]: read the ranges, insert them into [`Fetched`], call
+/// Programs that read bytes themselves ask an index through [`crate::select`] and [`crate::decode`]. Where an answer
+/// needs bytes that are not there, the call returns [`Error::Missing`]: read the ranges, insert them into [`Fetched`],
+/// call
 /// [`Index::supply`], and ask again.
 #[derive(Debug)]
 pub struct Index {
@@ -83,8 +85,8 @@ pub struct Index {
     pages_offset: u64,
     /// The sections CHANNELS and TEXELS, if the file has them.
     texels: Option<Texels>,
-    /// Why lists and index blocks that were supplied could not be parsed, by offset in INDEX. Each error is returned once; then the part
-    /// may be supplied again.
+    /// Why lists and index blocks that were supplied could not be parsed, by offset in INDEX. Each error is returned
+    /// once; then the part may be supplied again.
     damaged: Mutex<SortedMap<u64, Error>>,
 }
 
@@ -252,8 +254,8 @@ impl Index {
         self.cluster_index(owner)?.roots.get(local as usize).ok_or_else(|| Error::format("a root does not exist"))
     }
 
-    /// Finds parts of PAGES among the bytes that have been read, and checks them. Returns [`Error::Missing`] for all that are not there.
-    /// `before` tells which index blocks had to be read for them.
+    /// Finds parts of PAGES among the bytes that have been read, and checks them. Returns [`Error::Missing`] for all
+    /// that are not there. `before` tells which index blocks had to be read for them.
     pub(crate) fn pages<'b, K: Copy + Ord>(
         &self,
         parts: impl IntoIterator<Item = (K, Part)>,

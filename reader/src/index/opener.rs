@@ -1,4 +1,5 @@
-//! Opening a file from bytes that somebody else reads: the opener says which bytes it needs, takes them, and ends with an [`Index`].
+//! Opening a file from bytes that somebody else reads: the opener says which bytes it needs, takes them, and ends with
+//! an [`Index`].
 
 use std::{ops::Range, sync::Mutex};
 
@@ -22,8 +23,8 @@ use crate::{
     source::{Fetched, requests::plan},
 };
 
-/// The size of the first read. It covers the whole index of a small file, and header, levels and tables of a large one, and costs no
-/// more than a hundredth of a megabyte.
+/// The size of the first read. It covers the whole index of a small file, and header, levels and tables of a large one,
+/// and costs no more than a hundredth of a megabyte.
 pub(crate) const FIRST_READ_BYTES: u64 = 8 << 10;
 
 /// Opens a file from bytes that the caller reads.
@@ -69,7 +70,8 @@ impl Opener {
         Self { limits, accepts_prefix: false, size: 0, fetched: Fetched::default() }
     }
 
-    /// Also accepts the beginning of a file, which may end anywhere after the pages of level 0. It is a complete, coarser model.
+    /// Also accepts the beginning of a file, which may end anywhere after the pages of level 0. It is a complete,
+    /// coarser model.
     #[must_use]
     pub fn accept_prefix(self) -> Self {
         Self { accepts_prefix: true, ..self }

@@ -70,14 +70,15 @@ impl Index {
         self.texels.as_ref().map_or(&[], |texels| &texels.channels.stream_bytes)
     }
 
-    /// Finds the texels of some roots, each at a level or at the next coarser one that it has, in this order: the maps, and the images of
-    /// some channels, by number from 0.
+    /// Finds the texels of some roots, each at a level or at the next coarser one that it has, in this order: the maps,
+    /// and the images of some channels, by number from 0.
     ///
-    /// They take up to three rounds of reading after the index blocks: a chunk of the table, the directories of clusters, and the streams.
-    /// The first two stay.
+    /// They take up to three rounds of reading after the index blocks: a chunk of the table, the directories of
+    /// clusters, and the streams. The first two stay.
     ///
     /// # Errors
-    /// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if a root, level or channel does not exist;
+    /// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if a root, level or channel does not
+    /// exist;
     /// [`Error::Format`], [`Error::Limit`].
     pub fn texels(&self, wanted: &[(u32, u8)], channels: &[u8], fetched: &Fetched) -> Result<Vec<TexelBytes>> {
         let channel_count = self.channels().len();
@@ -172,7 +173,8 @@ impl Index {
     /// The streams of a block that are not empty: its map, and the images of some channels. None where it has no map.
     ///
     /// # Errors
-    /// [`Error::Missing`] until its cluster's directory has been read; [`Error::Query`], [`Error::Format`], [`Error::Limit`].
+    /// [`Error::Missing`] until its cluster's directory has been read; [`Error::Query`], [`Error::Format`],
+    /// [`Error::Limit`].
     pub(crate) fn texel_parts(
         &self,
         (root, level): (u32, u8),

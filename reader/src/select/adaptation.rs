@@ -13,8 +13,8 @@ pub(crate) struct Goal {
     pub nodes: u64,
     /// Most bytes.
     pub bytes: u64,
-    /// A change is not taken back for a gain below this fraction, so that cuts do not flicker (Niski 2007, section 4.3, "thresholds
-    /// below which splits and merges are not performed").
+    /// A change is not taken back for a gain below this fraction, so that cuts do not flicker (Niski 2007, section 4.3,
+    /// "thresholds below which splits and merges are not performed").
     pub hysteresis: f64,
 }
 

@@ -16,11 +16,11 @@ use crate::error::Result;
 /// How far a cut may lag behind the camera, so that it changes little from frame to frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coherence {
-    /// A node becomes coarser only if its error then stays below the tolerance by this fraction, 0 to 1. Splits, merges and making
-    /// room in a budget have the same threshold (Niski 2007, section 4.3).
+    /// A node becomes coarser only if its error then stays below the tolerance by this fraction, 0 to 1. Splits, merges
+    /// and making room in a budget have the same threshold (Niski 2007, section 4.3).
     pub hysteresis: f64,
-    /// Screen errors may be overestimated by this fraction, 0 to 1, so that they need not be computed again while the camera moves
-    /// little.
+    /// Screen errors may be overestimated by this fraction, 0 to 1, so that they need not be computed again while the
+    /// camera moves little.
     pub play: f64,
 }
 
@@ -61,9 +61,10 @@ pub struct AdaptReport {
 /// Keeps a cut from frame to frame and changes only what has to change: by the quad-queue where triangles or bytes are
 /// limited, else by the dual-queue.
 ///
-/// The cut depends on the frames before. In every frame it is whole, keeps the budgets, and meets the tolerance unless a
-/// budget or the file forbids it. No camera knows which budgets its next frame can keep, so no budget fails a frame. A budget that even
-/// the coarsest cut of the visible roots exceeds is raised to what that cut takes, and [`AdaptReport::exceeded`] names it.
+/// The cut depends on the frames before. In every frame it is whole, keeps the budgets, and meets the tolerance unless
+/// a budget or the file forbids it. No camera knows which budgets its next frame can keep, so no budget fails a frame.
+/// A budget that even the coarsest cut of the visible roots exceeds is raised to what that cut takes, and
+/// [`AdaptReport::exceeded`] names it.
 #[derive(Clone, Debug)]
 pub struct Adapter {
     adaptation: Adaptation,

@@ -11,9 +11,9 @@ use crate::{
 const POLE: f64 = 0.995;
 
 impl View {
-    /// Looks at the middle of a box from one side, at a distance where the ball around the box just fits into a picture that is at
-    /// least as wide as high. Angles are in radians; the elevation is measured from the plane perpendicular to `up`. The field of view
-    /// is 40 degrees.
+    /// Looks at the middle of a box from one side, at a distance where the ball around the box just fits into a picture
+    /// that is at least as wide as high. Angles are in radians; the elevation is measured from the plane perpendicular
+    /// to `up`. The field of view is 40 degrees.
     pub fn around([low, high]: [[f64; 3]; 2], up: [f64; 3], azimuth: f64, elevation: f64) -> Self {
         let (middle, extent) = (scale(add(low, high), 0.5), sub(high, low));
         // So that a single point is visible too.
@@ -24,8 +24,8 @@ impl View {
         view.orbiting(middle, distance, up, azimuth, elevation)
     }
 
-    /// The same view from another position: `distance` away from `centre`, which is in the middle of the picture. Angles are those
-    /// of [`View::around`].
+    /// The same view from another position: `distance` away from `centre`, which is in the middle of the picture.
+    /// Angles are those of [`View::around`].
     #[must_use]
     pub fn orbiting(self, centre: [f64; 3], distance: f64, up: [f64; 3], azimuth: f64, elevation: f64) -> Self {
         let up = unit(up).unwrap_or(self.up);
@@ -42,7 +42,8 @@ impl View {
         [right, cross(right, forward), forward]
     }
 
-    /// Pixels per unit of tangent: a point x to the right at depth z appears x / z times as many pixels from the middle.
+    /// Pixels per unit of tangent: a point x to the right at depth z appears x / z times as many pixels from the
+    /// middle.
     pub fn pixels_per_tangent(&self) -> f64 {
         f64::from(self.viewport[1]) / (2.0 * (self.vertical_fov / 2.0).tan())
     }
@@ -53,8 +54,8 @@ impl View {
         self.position = (0..3).fold(self.position, |at, k| add(at, scale(axes[k], by[k])));
     }
 
-    /// Turns about a point by angles in radians: about `up`, and about its right axis, but not over the poles. The point in view makes
-    /// it orbit; its own position makes it look around.
+    /// Turns about a point by angles in radians: about `up`, and about its right axis, but not over the poles. The
+    /// point in view makes it orbit; its own position makes it look around.
     pub fn orbit(&mut self, pivot: [f64; 3], about_up: f64, about_right: f64) {
         let [right, _, forward] = self.axes();
         let up = unit(self.up).unwrap_or([0.0, 1.0, 0.0]);
@@ -65,7 +66,8 @@ impl View {
         self.forward = turned(forward);
     }
 
-    /// The largest screen error, in pixels, of an error of `error` world units inside a box; zero if the box is out of sight.
+    /// The largest screen error, in pixels, of an error of `error` world units inside a box; zero if the box is out of
+    /// sight.
     ///
     /// # Errors
     /// [`crate::Error::Query`] if something in the view is not finite or makes no sense.

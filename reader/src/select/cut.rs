@@ -78,12 +78,13 @@ pub enum Limiter {
 ///
 /// # How a cut is drawn
 ///
-/// Two roots meet along arcs. Every arc is drawn with the samples of the finest level among its roots in the cut. A root that is
-/// coarser there takes the finer neighbour's samples into its border triangles: each sample splits the triangle at its edge into
-/// two, fanned from the opposite vertex. So roots of any levels meet without a crack, and no vertex moves.
+/// Two roots meet along arcs. Every arc is drawn with the samples of the finest level among its roots in the cut. A
+/// root that is coarser there takes the finer neighbour's samples into its border triangles: each sample splits the
+/// triangle at its edge into two, fanned from the opposite vertex. So roots of any levels meet without a crack, and no
+/// vertex moves.
 ///
-/// The samples that a root takes lie on the surface that its neighbour draws, not on its own. So its error is that of its block
-/// and, where any neighbour brings samples that it lacks, the block's border deviation added to it: see
+/// The samples that a root takes lie on the surface that its neighbour draws, not on its own. So its error is that of
+/// its block and, where any neighbour brings samples that it lacks, the block's border deviation added to it: see
 /// [`crate::index::BlockContents`]. [`Cut::node_errors`] has these sums.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cut {
@@ -91,8 +92,8 @@ pub struct Cut {
     pub nodes: Vec<Node>,
     /// Bound of the error of each node as this cut draws it, world units.
     pub node_errors: Vec<f64>,
-    /// The largest of them inside the volume and the view, where the tolerance holds. What is drawn outside may have larger errors: the
-    /// largest of `node_errors` bounds everything.
+    /// The largest of them inside the volume and the view, where the tolerance holds. What is drawn outside may have
+    /// larger errors: the largest of `node_errors` bounds everything.
     pub error: f64,
     /// The largest error in the view, pixels; 0 without a view.
     pub pixel_error: f64,
@@ -102,14 +103,16 @@ pub struct Cut {
     pub byte_count: u64,
     /// Why it is not finer.
     pub limited_by: Limiter,
-    /// The budget that the cut exceeds. Only an [`super::Adapter`] makes such cuts, where even the coarsest cut exceeds it.
+    /// The budget that the cut exceeds. Only an [`super::Adapter`] makes such cuts, where even the coarsest cut exceeds
+    /// it.
     pub exceeded: Option<Limiter>,
     /// The file that it was selected in: another file refuses it. None for cuts that were put together by hand.
     pub file: Option<FileId>,
 }
 
 impl Cut {
-    /// Bound of the error of everything that is drawn, also outside the volume and the view; `error` bounds what is inside.
+    /// Bound of the error of everything that is drawn, also outside the volume and the view; `error` bounds what is
+    /// inside.
     pub fn error_everywhere(&self) -> f64 {
         self.node_errors.iter().copied().fold(self.error, f64::max)
     }
@@ -170,8 +173,8 @@ impl Query {
 /// Finds the cut for a query from scratch: by the quad-queue where triangles or bytes are limited, else top-down.
 ///
 /// # Errors
-/// [`Error::Query`] if no cut keeps the budgets (the message says what the coarsest takes), or something in the query is not a
-/// number.
+/// [`Error::Query`] if no cut keeps the budgets (the message says what the coarsest takes), or something in the query
+/// is not a number.
 pub fn select_in(hierarchy: &Arc<Hierarchy>, query: &Query) -> Result<Cut> {
     Ok(adapt_from_scratch(hierarchy, query)?.cut())
 }

@@ -1,7 +1,8 @@
 //! The dual-queue error bound, coherent from frame to frame (Niski 2007, section 4.1.1, second part).
 //!
-//! The cut of the last frame is refined and coarsened where something has changed. Then the split and merge queues are balanced: no
-//! split saves more triangles than the next merge costs. The work grows with the changes, not with the cut.
+//! The cut of the last frame is refined and coarsened where something has changed. Then the split and merge queues are
+//! balanced: no split saves more triangles than the next merge costs. The work grows with the changes, not with the
+//! cut.
 
 use super::adaptation::{Adaptation, Needed};
 

@@ -3,9 +3,9 @@
 use super::{Limiter, adaptation::Adaptation, front::ABSENT};
 
 impl Adaptation {
-    /// Refines the nodes among `nodes` that are above the tolerance, and neighbours whose errors rise above it by that. Then, if
-    /// `coarsens`, coarsens nodes that are far enough below. Refining a node can raise its neighbours' errors, and coarsening never
-    /// does. So refining ends, and coarsening keeps what it has reached.
+    /// Refines the nodes among `nodes` that are above the tolerance, and neighbours whose errors rise above it by that.
+    /// Then, if `coarsens`, coarsens nodes that are far enough below. Refining a node can raise its neighbours' errors,
+    /// and coarsening never does. So refining ends, and coarsening keeps what it has reached.
     pub(crate) fn settle(&mut self, mut nodes: Vec<u32>, coarsens: bool) {
         let mut next = 0;
         while let Some(&node) = nodes.get(next) {

@@ -1,4 +1,5 @@
-//! From the index of a file to a hierarchy, and to cuts: each root becomes a node, each of its blocks a resolution, each arc a border.
+//! From the index of a file to a hierarchy, and to cuts: each root becomes a node, each of its blocks a resolution,
+//! each arc a border.
 //!
 //! Everything that adaptation asks of a file stands here: its clusters and their index blocks.
 
@@ -25,13 +26,15 @@ use crate::{
     sorted::SortedMap,
 };
 
-/// Where a file's whole INDEX has at most this many bytes, all index blocks that a query may reach are read at once: a round trip costs more.
+/// Where a file's whole INDEX has at most this many bytes, all index blocks that a query may reach are read at once: a
+/// round trip costs more.
 pub(crate) const SMALL_INDEX_BYTES: u64 = 64 << 10;
 
 /// Finds the cut for a query, from the index alone: it walks down from the tops, and splits what the query wants finer.
 ///
 /// # Errors
-/// [`Error::Missing`] until the needed lists and index blocks have been supplied; [`Error::Query`] as [`super::select_in`];
+/// [`Error::Missing`] until the needed lists and index blocks have been supplied; [`Error::Query`] as
+/// [`super::select_in`];
 /// [`Error::Format`], [`Error::Limit`].
 pub fn select_cut(index: &Index, query: &Query) -> Result<Cut> {
     Ok(walk(index, query, Above::Forgets)?.cut())
@@ -74,8 +77,8 @@ fn walk(index: &Index, query: &Query, above: Above) -> Result<Adaptation> {
     }
 }
 
-/// Whether a node budget is too small for the children of any top: then nobody needs to know these. Of a query that drops what is outside, a
-/// part of the children may be drawn, which is not known before.
+/// Whether a node budget is too small for the children of any top: then nobody needs to know these. Of a query that
+/// drops what is outside, a part of the children may be drawn, which is not known before.
 fn holds_tops(index: &Index, query: &Query, known: &Known<'_, '_>) -> Result<bool> {
     let draws_all = query.outside == Outside::Coarsest || query.volume.is_none() && query.view.is_none();
     let Some(most) = query.max_nodes.filter(|_| draws_all && !query.has_budget()) else { return Ok(false) };
@@ -89,8 +92,8 @@ fn holds_tops(index: &Index, query: &Query, known: &Known<'_, '_>) -> Result<boo
     Ok(true)
 }
 
-/// Asks at once for the index blocks that a query probably needs, so that it takes few round trips. What it asks for does not decide
-/// which cut is found.
+/// Asks at once for the index blocks that a query probably needs, so that it takes few round trips. What it asks for
+/// does not decide which cut is found.
 fn look_ahead(index: &Index, query: &Query, factor: &dyn Fn([LatticePoint; 2]) -> f64) -> Result<()> {
     let is_small = index.index_bytes() <= SMALL_INDEX_BYTES;
     let tolerance = query.goal(0.0).tolerance;
@@ -122,8 +125,8 @@ fn look_ahead(index: &Index, query: &Query, factor: &dyn Fn([LatticePoint; 2]) -
     index.load_indices(needed.into_iter().map(|entry| entry.first_cluster))
 }
 
-/// Splits the roots that no cut within the tolerance can draw: those whose own error is too large at their finest level. So most of the
-/// way down takes no adaptation.
+/// Splits the roots that no cut within the tolerance can draw: those whose own error is too large at their finest
+/// level. So most of the way down takes no adaptation.
 fn split_needed(
     index: &Index,
     known: &mut Known<'_, '_>,
@@ -152,8 +155,8 @@ fn split_needed(
     }
 }
 
-/// The roots of a cut whose children it would draw, if it knew them: drawn at their finest level, with an error that is above the tolerance
-/// and above that of everything that a budget keeps from being finer.
+/// The roots of a cut whose children it would draw, if it knew them: drawn at their finest level, with an error that is
+/// above the tolerance and above that of everything that a budget keeps from being finer.
 fn open_roots(index: &Index, known: &Known<'_, '_>, adaptation: &Adaptation) -> Result<Vec<u32>> {
     let front = &adaptation.front;
     let inside: Vec<u32> =
@@ -170,8 +173,8 @@ fn open_roots(index: &Index, known: &Known<'_, '_>, adaptation: &Adaptation) -> 
     Ok(open)
 }
 
-/// The cut that draws everything at `level`: leaves at the next coarser level that they have, tops at the next finer one where they
-/// have no coarser one.
+/// The cut that draws everything at `level`: leaves at the next coarser level that they have, tops at the next finer
+/// one where they have no coarser one.
 ///
 /// # Errors
 /// [`Error::Missing`]; [`Error::Query`] if the file has no such level; [`Error::Format`], [`Error::Limit`].
@@ -201,8 +204,8 @@ pub fn uniform_cut(index: &Index, level: u8) -> Result<Cut> {
     Ok(Cut { limited_by: Limiter::Finest, ..front.cut() })
 }
 
-/// The number of boundary edges in the mesh of a cut: those on arcs that only one of its roots uses. Two chords without samples
-/// between the same corners, as around a narrow hole, close it.
+/// The number of boundary edges in the mesh of a cut: those on arcs that only one of its roots uses. Two chords without
+/// samples between the same corners, as around a narrow hole, close it.
 ///
 /// # Errors
 /// As [`select_cut`].
@@ -256,8 +259,9 @@ pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
 }
 
 impl Hierarchy {
-    /// The part of a file that a query has to choose from: what [`select_cut`] walks through to the query's cut. A root whose children are not
-    /// in it is drawn itself, however fine a later query wants it. It has the bytes of blocks only if the query has a byte budget.
+    /// The part of a file that a query has to choose from: what [`select_cut`] walks through to the query's cut. A root
+    /// whose children are not in it is drawn itself, however fine a later query wants it. It has the bytes of blocks
+    /// only if the query has a byte budget.
     ///
     /// # Errors
     /// As [`select_cut`].
@@ -265,8 +269,8 @@ impl Hierarchy {
         Ok(walk(index, query, Above::Keeps)?.front.hierarchy)
     }
 
-    /// Everything that a file has to choose from, for a [`super::Adapter`]: all roots, and the bytes of their blocks. Needs the
-    /// whole index.
+    /// Everything that a file has to choose from, for a [`super::Adapter`]: all roots, and the bytes of their blocks.
+    /// Needs the whole index.
     ///
     /// # Errors
     /// [`Error::Missing`] until the index has been supplied; [`Error::Format`], [`Error::Limit`].

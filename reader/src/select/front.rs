@@ -7,8 +7,8 @@ use super::{hierarchy::Hierarchy, weights::Weights};
 /// As a resolution: the node is not in the cut. As a level: it is not drawn.
 pub(crate) const ABSENT: u8 = u8::MAX;
 
-/// Nodes that cover everything once, each with a resolution. Nodes outside the scope belong to the cut, so that it stays whole, but
-/// are drawn only if the query asks for it, and then at their coarsest.
+/// Nodes that cover everything once, each with a resolution. Nodes outside the scope belong to the cut, so that it
+/// stays whole, but are drawn only if the query asks for it, and then at their coarsest.
 #[derive(Clone, Debug)]
 pub(crate) struct Front {
     pub hierarchy: Arc<Hierarchy>,
@@ -17,7 +17,8 @@ pub(crate) struct Front {
     resolutions: Vec<u8>,
     /// Levels of the nodes that are drawn.
     levels: Vec<u8>,
-    /// As [`Hierarchy::all_users`], but of each border those come first that are drawn: of a tree's many users hardly more than two are.
+    /// As [`Hierarchy::all_users`], but of each border those come first that are drawn: of a tree's many users hardly
+    /// more than two are.
     users: Vec<u32>,
     /// How many these are, by border.
     drawn_users: Vec<u32>,
@@ -178,7 +179,8 @@ impl Front {
         }
     }
 
-    /// Triangles that stitching adds along a border: one for each sample that a user lacks. `node`, if it is drawn, counts as drawn at `level`.
+    /// Triangles that stitching adds along a border: one for each sample that a user lacks. `node`, if it is drawn,
+    /// counts as drawn at `level`.
     fn extra_triangles(&self, border: u32, node: u32, level: u8) -> u64 {
         let hierarchy = &*self.hierarchy;
         let level_of = |&user: &u32| if user == node { level } else { self.levels[user as usize] };

@@ -1,5 +1,5 @@
-//! Hierarchies: nodes with several resolutions, the tree above them, and the borders that they share (Niski 2007, section 3.4). They
-//! hold no geometry.
+//! Hierarchies: nodes with several resolutions, the tree above them, and the borders that they share (Niski 2007,
+//! section 3.4). They hold no geometry.
 
 use std::ops::Range;
 
@@ -32,8 +32,8 @@ pub struct HierarchyNode {
     pub parent: Option<u32>,
     /// Coarse to fine, at least one.
     pub resolutions: Vec<Resolution>,
-    /// Its borders, each as often as the node's outline runs along it. A parent has the borders of its children except those between
-    /// them.
+    /// Its borders, each as often as the node's outline runs along it. A parent has the borders of its children except
+    /// those between them.
     pub borders: Vec<u32>,
 }
 
@@ -108,12 +108,12 @@ const BUNDLE_SIZE: usize = 16;
 pub(crate) const NONE: u32 = u32::MAX;
 
 impl Hierarchy {
-    /// Makes a hierarchy of nodes. `sample_counts` holds, border by border, how many samples the border has at each of `level_count`
-    /// levels, never decreasing; `page_bytes` holds the sizes of the pages.
+    /// Makes a hierarchy of nodes. `sample_counts` holds, border by border, how many samples the border has at each of
+    /// `level_count` levels, never decreasing; `page_bytes` holds the sizes of the pages.
     ///
     /// # Errors
-    /// [`Error::Query`] if a node names something that does not exist, has no resolution or more than 254, or has an error that is
-    /// not zero or more.
+    /// [`Error::Query`] if a node names something that does not exist, has no resolution or more than 254, or has an
+    /// error that is not zero or more.
     pub fn new(
         nodes: &[HierarchyNode],
         sample_counts: Vec<u32>,

@@ -1,7 +1,9 @@
-//! The part of a file's tree that a question has walked to: the tops in its scope, and the children of the roots that it has split.
+//! The part of a file's tree that a question has walked to: the tops in its scope, and the children of the roots that
+//! it has split.
 //!
-//! A root whose children are not known is drawn itself. So a question begins with the tops, and asks for the children of those roots alone that
-//! it wants finer; of the index it needs these roots' blocks, and the lists on the way to them.
+//! A root whose children are not known is drawn itself. So a question begins with the tops, and asks for the children
+//! of those roots alone that it wants finer; of the index it needs these roots' blocks, and the lists on the way to
+//! them.
 
 use std::ops::Range;
 
@@ -46,15 +48,16 @@ impl<'i, 'k> Known<'i, 'k> {
         self.roots.get(&root).copied().flatten()
     }
 
-    /// Whether a root has children that are not known yet. In a prefix, a root whose children have no level in it is a leaf.
+    /// Whether a root has children that are not known yet. In a prefix, a root whose children have no level in it is a
+    /// leaf.
     pub fn is_open(&self, root: u32, entry: &RootEntry) -> bool {
         let has_next = |last: u8| usize::from(last) + 1 < self.index.level_count();
         let goes_on = entry.blocks.last().is_some_and(|block| has_next(block.level));
         entry.child_count > 0 && goes_on && !self.split.contains_key(&root)
     }
 
-    /// Adds the children of some open roots, ascending, as far as they take part. A root none of whose children does takes no part itself:
-    /// its box is larger than what it stands for.
+    /// Adds the children of some open roots, ascending, as far as they take part. A root none of whose children does
+    /// takes no part itself: its box is larger than what it stands for.
     pub fn split(&mut self, roots: &[u32]) -> Result<()> {
         self.walk_past(roots, true)
     }

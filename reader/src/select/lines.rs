@@ -1,5 +1,5 @@
-//! The lines along which the roots of a file meet: arcs, and corners that are no vertices at some level. From them come the borders of a
-//! hierarchy.
+//! The lines along which the roots of a file meet: arcs, and corners that are no vertices at some level. From them come
+//! the borders of a hierarchy.
 
 use std::{collections::HashMap, ops::Range};
 
@@ -61,9 +61,10 @@ impl<'i> Lines<'i> {
 
     /// Gives nodes their borders. Returns how many samples each border has at each level.
     ///
-    /// A border is all that the same nodes use: arcs, and corners that are no vertices at some level, each as if it were an arc with one sample.
-    /// Whether a neighbour has more samples, and how many triangles these add, is the same for the sum as for each of them. So a group that
-    /// stands for thousands of leaves has few borders, although its outline consists of the leaves' arcs.
+    /// A border is all that the same nodes use: arcs, and corners that are no vertices at some level, each as if it
+    /// were an arc with one sample. Whether a neighbour has more samples, and how many triangles these add, is the same
+    /// for the sum as for each of them. So a group that stands for thousands of leaves has few borders, although its
+    /// outline consists of the leaves' arcs.
     pub fn add_borders(&self, roots: &[(u32, &RootEntry)], nodes: &mut [HierarchyNode]) -> Result<Vec<u32>> {
         let level_count = self.index.level_count();
         // The uses of arcs, and of corners: the number of the line above that of the node, so that they sort fast.

@@ -1,7 +1,8 @@
 //! Choosing a cut: which node is drawn how finely (SPEC.md, "Cuts"; Niski 2007, chapter 4).
 //!
-//! Everything here is a pure function of a [`Hierarchy`]: no geometry, no reading, no clock. [`select_in`] makes a cut from
-//! scratch; an [`Adapter`] keeps one from frame to frame. [`select_cut`] asks a file's index. The algorithms have Niski's names:
+//! Everything here is a pure function of a [`Hierarchy`]: no geometry, no reading, no clock. [`select_in`] makes a cut
+//! from scratch; an [`Adapter`] keeps one from frame to frame. [`select_cut`] asks a file's index. The algorithms have
+//! Niski's names:
 //!
 //! | module | adapts to | from |
 //! |---|---|---|

@@ -1,7 +1,9 @@
-//! The pages that a root's blocks need: an upper bound, because the needs of the other roots of the cut are not known yet.
+//! The pages that a root's blocks need: an upper bound, because the needs of the other roots of the cut are not known
+//! yet.
 //!
-//! A block needs its stream, the arcs of all roots before it in that stream, and the arcs of its neighbours up to its own level,
-//! because a coarser neighbour's border takes its samples. It also needs what the coarser blocks of its root need.
+//! A block needs its stream, the arcs of all roots before it in that stream, and the arcs of its neighbours up to its
+//! own level, because a coarser neighbour's border takes its samples. It also needs what the coarser blocks of its root
+//! need.
 
 use super::hierarchy::HierarchyNode;
 use crate::{

@@ -1,12 +1,13 @@
 //! Performance mode: holds a frame time (Niski 2007, section 7.7; formulas of section 7.3).
 //!
-//! A pure controller: times go in, a tolerance and a node budget come out. Two stages alternate. The first moves the tolerance,
+//! A pure controller: times go in, a tolerance and a node budget come out. Two stages alternate. The first moves the
+//! tolerance,
 //!
 //! > error_new = sqrt(time_old / time_target) error_old,
 //!
-//! until the frame time is near its target. The second then tries a node budget that is one step larger, later one step smaller,
-//! and keeps it if frames have become faster, so that the first can lower the error again. If adapting takes too long, the node
-//! budget is lowered:
+//! until the frame time is near its target. The second then tries a node budget that is one step larger, later one step
+//! smaller, and keeps it if frames have become faster, so that the first can lower the error again. If adapting takes
+//! too long, the node budget is lowered:
 //!
 //! > nodes_new = sqrt(time_target / time_old) nodes_old.
 //!
@@ -76,7 +77,8 @@ pub struct PerformanceMode {
     /// Times of this window so far: drawing and adapting.
     sums: [f64; 2],
     frame_count: u32,
-    /// The fewest nodes that could show what was in sight when fewer were last tried, and windows until fewer are tried again.
+    /// The fewest nodes that could show what was in sight when fewer were last tried, and windows until fewer are tried
+    /// again.
     least_nodes: u64,
     least_nodes_hold: u32,
     trial: Option<Trial>,

@@ -3,7 +3,8 @@
 //! Two phases alternate. The first refines what has the largest error and coarsens what would have the least, until the
 //! budget is used up and the two queues are balanced. The second proposes splits and merges as if each node's own error
 //! were its tolerance. What such a proposal is worth is only known after the first phase has run again: if the largest
-//! error has grown, the proposal is undone, and that ends it (here: after the best quarter of it, and so on, was tried too).
+//! error has grown, the proposal is undone, and that ends it (here: after the best quarter of it, and so on, was tried
+//! too).
 
 use super::{
     Limiter,
@@ -93,8 +94,8 @@ impl Adaptation {
         }
     }
 
-    /// The refine and coarsen phase. Where a budget ends it, the largest error may have been smaller before: refining a node
-    /// also raises the errors of coarser neighbours, whose borders then differ. So the best state is taken.
+    /// The refine and coarsen phase. Where a budget ends it, the largest error may have been smaller before: refining a
+    /// node also raises the errors of coarser neighbours, whose borders then differ. So the best state is taken.
     fn balance(&mut self, effort: Effort) {
         let mut blocked = Vec::new();
         let mut best = (self.worst_error(), self.front.mark_of_journal());
@@ -147,8 +148,8 @@ impl Adaptation {
         }
     }
 
-    /// Coarsens the node that suffers least, if that leaves it with less error than `error`, that of a node that does not
-    /// fit: the queues are not balanced.
+    /// Coarsens the node that suffers least, if that leaves it with less error than `error`, that of a node that does
+    /// not fit: the queues are not balanced.
     fn make_room(&mut self, error: f64, node: u32) -> bool {
         let Some((priority, other)) = self.coarsen.peek() else { return false };
         let stamp = self.stamps[other as usize];

@@ -2,8 +2,8 @@
 
 use super::hierarchy::NONE;
 
-/// A binary heap with the largest priority first and, among equal ones, the smallest node. It knows where each node is, so a node is
-/// changed or removed in logarithmic time, and no entry is ever out of date.
+/// A binary heap with the largest priority first and, among equal ones, the smallest node. It knows where each node is,
+/// so a node is changed or removed in logarithmic time, and no entry is ever out of date.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Queue {
     heap: Vec<(f64, u32)>,

@@ -67,8 +67,8 @@ impl Adaptation {
         self.threshold(errors.fold(0.0, f64::max))
     }
 
-    /// Weighted error of a parent that replaces its children, once all of these are at their coarsest; only if that takes no more
-    /// triangles.
+    /// Weighted error of a parent that replaces its children, once all of these are at their coarsest; only if that
+    /// takes no more triangles.
     pub(crate) fn error_if_collapsed(&self, parent: u32) -> Option<f64> {
         let resolution = self.collapsed_resolution(parent)?;
         let front = &self.front;
@@ -100,9 +100,10 @@ impl Adaptation {
         }
     }
 
-    /// Merges nodes where that costs nothing or the node budget requires it, splits nodes where that saves triangles, best first, and
-    /// merges where the best split lacks room and saves more than the merge costs. Makes at most `most` changes and never splits and
-    /// merges the same node. Settles errors after each change if `settles`. Returns the number of changes.
+    /// Merges nodes where that costs nothing or the node budget requires it, splits nodes where that saves triangles,
+    /// best first, and merges where the best split lacks room and saves more than the merge costs. Makes at most `most`
+    /// changes and never splits and merges the same node. Settles errors after each change if `settles`. Returns the
+    /// number of changes.
     pub(crate) fn split_and_merge(&mut self, most: usize, settles: bool) -> usize {
         if !self.has_tree_queues() {
             return 0;

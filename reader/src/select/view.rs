@@ -1,12 +1,12 @@
 //! Views, and the volumes of space that queries ask for.
 //!
-//! The error of a node on the screen is its stored bound times a factor of its box and the view. A point p that is drawn and
-//! the point q of the input that it stands for both lie in the box, at most the bound e apart. Seen through a pinhole with
-//! f = viewport height / (2 tan(vertical field of view / 2)) pixels per unit of tangent, p is off by at most
-//! f e sec(angle of p off the axis) / depth of q. So the **factor** is f s / d with d the least depth in the box (not less
-//! than the near plane's: what lies before it is not seen) and s the largest secant: that of the viewport's corner or, where
-//! that is less, largest distance in the box / d. Niski 2007, section 2.3, uses the distance to a bounding sphere without s,
-//! which is no bound towards the picture's corners.
+//! The error of a node on the screen is its stored bound times a factor of its box and the view. A point p that is
+//! drawn and the point q of the input that it stands for both lie in the box, at most the bound e apart. Seen through a
+//! pinhole with f = viewport height / (2 tan(vertical field of view / 2)) pixels per unit of tangent, p is off by at
+//! most f e sec(angle of p off the axis) / depth of q. So the **factor** is f s / d with d the least depth in the box
+//! (not less than the near plane's: what lies before it is not seen) and s the largest secant: that of the viewport's
+//! corner or, where that is less, largest distance in the box / d. Niski 2007, section 2.3, uses the distance to a
+//! bounding sphere without s, which is no bound towards the picture's corners.
 #![expect(clippy::disallowed_methods, reason = "views choose what is drawn; no decoded position depends on them")]
 
 use crate::{
@@ -285,8 +285,8 @@ impl Projection {
         self.planes[..4].iter().all(|plane| least(plane) > 0.0)
     }
 
-    /// How far the picture has moved since `before`: by the first plus the second times its distance from the camera moves
-    /// no point in the camera's axes, or in the axes of a side plane. Nothing where the two cannot be compared.
+    /// How far the picture has moved since `before`: by the first plus the second times its distance from the camera
+    /// moves no point in the camera's axes, or in the axes of a side plane. Nothing where the two cannot be compared.
     pub(crate) fn motion_since(&self, before: &Self) -> Option<(f64, f64)> {
         let comparable = self.pixels_per_tangent == before.pixels_per_tangent
             && self.near == before.near

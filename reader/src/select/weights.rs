@@ -22,11 +22,12 @@ impl Scope {
 
 /// The weight of each node of a cut: the factor of its box or a little more.
 ///
-/// With **play** the weights stay the same while the camera moves little: a weight is set up to `play` too large, and its limit tells
-/// how far the picture may move before the weight could be too small, or more than `play` too large (bounded priority change, which
-/// the coherent algorithms need: Niski 2007, section 4.1.1). The logarithm of a factor changes by at most 3 /
-/// depth per world unit of motion in the camera's axes, since the depth and the largest distance change by at most one. So
-/// a ratio r > 1 is not used up before depth (1 - r^(-1/3)), which is at least depth (1 - 1/r) / 3.
+/// With **play** the weights stay the same while the camera moves little: a weight is set up to `play` too large, and
+/// its limit tells how far the picture may move before the weight could be too small, or more than `play` too large
+/// (bounded priority change, which the coherent algorithms need: Niski 2007, section 4.1.1). The logarithm of a factor
+/// changes by at most 3 / depth per world unit of motion in the camera's axes, since the depth and the largest distance
+/// change by at most one. So a ratio r > 1 is not used up before depth (1 - r^(-1/3)), which is at least depth (1 -
+/// 1/r) / 3.
 #[derive(Clone, Debug)]
 pub(crate) struct Weights {
     scope: Scope,

@@ -6,8 +6,8 @@ use super::ReadAt;
 
 /// A file that the operating system maps into memory. Reads copy from its cache, without a system call each.
 ///
-/// The file must not get shorter while it is mapped: reading beyond its new end kills the process. Use [`std::fs::File`] for files
-/// that others may write to.
+/// The file must not get shorter while it is mapped: reading beyond its new end kills the process. Use
+/// [`std::fs::File`] for files that others may write to.
 #[derive(Debug)]
 pub struct Map {
     bytes: memmap2::Mmap,

@@ -38,7 +38,8 @@ pub struct Request<'b> {
     pub buf: &'b mut [u8],
 }
 
-/// Bytes that can be read at any offset. Where the other side of a network is at fault, the [`io::Error`] holds a [`SourceError`].
+/// Bytes that can be read at any offset. Where the other side of a network is at fault, the [`io::Error`] holds a
+/// [`SourceError`].
 pub trait ReadAt {
     /// Fills `buf` with the bytes from `offset` on.
     ///
@@ -52,8 +53,8 @@ pub trait ReadAt {
     /// The system's error.
     fn size(&self) -> io::Result<u64>;
 
-    /// The first `length` bytes, fewer if the source is shorter, and the number of bytes in all. A source whose requests are slow
-    /// learns both from one request.
+    /// The first `length` bytes, fewer if the source is shorter, and the number of bytes in all. A source whose
+    /// requests are slow learns both from one request.
     ///
     /// # Errors
     /// As [`ReadAt::read_at`].

@@ -21,8 +21,8 @@ pub struct Object {
 }
 
 impl Object {
-    /// An object by its address: `s3://bucket/path`, `gs://bucket/path`, `az://container/path`. Keys, region and endpoint
-    /// come from the variables that the stores' own programs use, such as `AWS_ACCESS_KEY_ID`, `AWS_REGION`,
+    /// An object by its address: `s3://bucket/path`, `gs://bucket/path`, `az://container/path`. Keys, region and
+    /// endpoint come from the variables that the stores' own programs use, such as `AWS_ACCESS_KEY_ID`, `AWS_REGION`,
     /// `AWS_ENDPOINT`. Sends no request yet.
     ///
     /// # Errors

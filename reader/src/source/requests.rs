@@ -1,9 +1,9 @@
 //! Plans requests by joining byte ranges that lie near each other.
 //!
-//! A request costs about as much as a few kilobytes, but bytes between two ranges are wasted. So gaps are closed, the smallest
-//! first: that wastes least for a given number of requests. Together they waste at most an eighth of the wanted bytes
-//! ([`WANTED_PER_SMALL_WASTE`]), or half while a query takes more than [`FEW_REQUESTS`] ([`WANTED_PER_WASTE`]). No gap is larger
-//! than [`MAX_GAP`].
+//! A request costs about as much as a few kilobytes, but bytes between two ranges are wasted. So gaps are closed, the
+//! smallest first: that wastes least for a given number of requests. Together they waste at most an eighth of the
+//! wanted bytes ([`WANTED_PER_SMALL_WASTE`]), or half while a query takes more than [`FEW_REQUESTS`]
+//! ([`WANTED_PER_WASTE`]). No gap is larger than [`MAX_GAP`].
 
 use std::ops::Range;
 
@@ -67,8 +67,8 @@ pub(crate) fn plan_after(before: Before, ranges: impl IntoIterator<Item = Range<
     requests
 }
 
-/// Ranges by ascending offset; adjacent ones become one. Only hostile files have ranges that overlap: these stay apart, and bytes may
-/// be read twice.
+/// Ranges by ascending offset; adjacent ones become one. Only hostile files have ranges that overlap: these stay apart,
+/// and bytes may be read twice.
 fn touching(ranges: impl IntoIterator<Item = Range<u64>>) -> Vec<Range<u64>> {
     let ranges = ranges.into_iter().filter(|range| !range.is_empty());
     let mut ranges: Vec<u128> = ranges.map(|range| both(range.start, range.end)).collect();

@@ -10,7 +10,8 @@ const MOST_BYTES: usize = 64 << 10;
 /// After this many reads the beginning is forgotten.
 const MOST_READS: usize = 64;
 
-/// The bytes of the first read. Each is handed out once: what is asked for again was damaged on the way, and has to be fetched anew.
+/// The bytes of the first read. Each is handed out once: what is asked for again was damaged on the way, and has to be
+/// fetched anew.
 #[derive(Debug, Default)]
 pub(super) struct Start(Mutex<Kept>);
 

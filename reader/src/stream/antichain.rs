@@ -9,7 +9,8 @@ use crate::{
     select::Node,
 };
 
-/// The roots of the last cut, and how many of them lie below each root above any. A frame looks only at what has changed.
+/// The roots of the last cut, and how many of them lie below each root above any. A frame looks only at what has
+/// changed.
 #[derive(Debug, Default)]
 pub(crate) struct Antichain {
     /// Ascending.
@@ -21,7 +22,8 @@ impl Antichain {
     /// Takes the next cut, which is sorted by root. Keeps the last one where that fails.
     ///
     /// # Errors
-    /// [`Error::Query`] if one root is above another; [`Error::Missing`] if the index blocks of roots or of those above them are not known;
+    /// [`Error::Query`] if one root is above another; [`Error::Missing`] if the index blocks of roots or of those above
+    /// them are not known;
     /// [`Error::Format`].
     pub fn set(&mut self, content: &FileContent, nodes: &[Node]) -> Result<()> {
         let roots: Vec<u32> = nodes.iter().map(|node| node.root).collect();

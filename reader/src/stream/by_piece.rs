@@ -1,4 +1,5 @@
-//! A root's triangles for programs that draw with texture coordinates: maps store none, so each vertex has to lie in one piece.
+//! A root's triangles for programs that draw with texture coordinates: maps store none, so each vertex has to lie in
+//! one piece.
 
 use std::collections::HashMap;
 
@@ -7,7 +8,8 @@ use super::{lit::Lit, picture::DrawnRoot, texel_content::DrawnTexture};
 /// A root's triangles, of which each vertex lies in one piece of the map.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ByPiece {
-    /// World positions, as [`DrawnRoot::joined`] has them. Vertices on lines between pieces are there once for each, at the end.
+    /// World positions, as [`DrawnRoot::joined`] has them. Vertices on lines between pieces are there once for each, at
+    /// the end.
     pub positions: Vec<[f64; 3]>,
     /// Vertex indices.
     pub triangles: Vec<[u32; 3]>,
@@ -26,7 +28,8 @@ impl DrawnTexture {
 }
 
 impl DrawnRoot {
-    /// [`DrawnRoot::joined`] for a root with images, split along the lines between the pieces of its map; None without images.
+    /// [`DrawnRoot::joined`] for a root with images, split along the lines between the pieces of its map; None without
+    /// images.
     pub fn by_piece(&self) -> Option<ByPiece> {
         let texture = self.texture()?;
         let inner = self.surface.origins.iter().take(self.surface.triangles.len());
@@ -47,8 +50,8 @@ impl DrawnRoot {
     }
 }
 
-/// Gives each vertex one piece: those on lines between pieces are doubled. Returns the piece of each vertex, and of which vertices those at the end are
-/// doubles.
+/// Gives each vertex one piece: those on lines between pieces are doubled. Returns the piece of each vertex, and of
+/// which vertices those at the end are doubles.
 fn split(
     positions: &mut Vec<[f64; 3]>,
     triangles: &mut [[u32; 3]],

@@ -1,8 +1,8 @@
-//! A cache bounded in bytes, which evicts what has been unused for most frames first (Niski 2007, section 6.1.3; Correa 2004,
-//! section 4.4).
+//! A cache bounded in bytes, which evicts what has been unused for most frames first (Niski 2007, section 6.1.3; Correa
+//! 2004, section 4.4).
 //!
-//! Every use stamps an entry with the frame's number. Pinned entries, and those that the running frame uses, are never evicted: only
-//! they can exceed the bound.
+//! Every use stamps an entry with the frame's number. Pinned entries, and those that the running frame uses, are never
+//! evicted: only they can exceed the bound.
 
 use crate::sorted::{SortedMap, SortedSet};
 

@@ -1,5 +1,5 @@
-//! The content of a file for a loader: pages, and units of roots that are decoded together. What is asked for here is known of the index, or
-//! missing.
+//! The content of a file for a loader: pages, and units of roots that are decoded together. What is asked for here is
+//! known of the index, or missing.
 
 use std::{ops::Range, sync::Arc};
 
@@ -73,7 +73,8 @@ impl FileContent {
         levels.map(unit).collect()
     }
 
-    /// [`FileContent::find_blocks`] of a root that a frame has asked for, whose index block is known; none of any other.
+    /// [`FileContent::find_blocks`] of a root that a frame has asked for, whose index block is known; none of any
+    /// other.
     pub fn blocks(&self, root: u32) -> Vec<Unit> {
         self.find_blocks(root).unwrap_or_default()
     }
@@ -88,7 +89,8 @@ impl FileContent {
         self.index.parent(root).ok().flatten()
     }
 
-    /// The roots above a root, the nearest first. Levels ascend from each to the next, so that there are fewer than levels.
+    /// The roots above a root, the nearest first. Levels ascend from each to the next, so that there are fewer than
+    /// levels.
     pub fn above(&self, root: u32) -> impl Iterator<Item = u32> + '_ {
         std::iter::successors(self.parent(root), |&root| self.parent(root)).take(MAX_LEVELS)
     }

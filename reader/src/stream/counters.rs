@@ -36,9 +36,11 @@ pub struct Counters {
     pub stall_time: Duration,
     /// Units that a frame demanded and found decoded.
     pub hits: u64,
-    /// Units that a frame demanded when they were loaded but not yet decoded. Each counts once until it is decoded or given up.
+    /// Units that a frame demanded when they were loaded but not yet decoded. Each counts once until it is decoded or
+    /// given up.
     pub byte_hits: u64,
-    /// Demand misses: units that a frame demanded before their bytes were loaded. Each counts once until it is decoded or given up.
+    /// Demand misses: units that a frame demanded before their bytes were loaded. Each counts once until it is decoded
+    /// or given up.
     pub misses: u64,
     /// Pages and decoded units that were evicted.
     pub evictions: u64,

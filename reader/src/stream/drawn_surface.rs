@@ -1,11 +1,13 @@
 //! A root at a level, ready to draw: its interior is fixed, and the triangles at its border depend on its neighbours.
 //!
-//! Niski 2007, section 5.2.2, separates the interior of a node from its borders, so a border's index list is rebuilt only where a
-//! neighbour has changed. Here a border is a **strip**, the triangles along one half-arc. Where the root on the other side is finer,
-//! its samples of the arc are inserted. They are vertices of the strip, so the vertices of the surface never change.
+//! Niski 2007, section 5.2.2, separates the interior of a node from its borders, so a border's index list is rebuilt
+//! only where a neighbour has changed. Here a border is a **strip**, the triangles along one half-arc. Where the root
+//! on the other side is finer, its samples of the arc are inserted. They are vertices of the strip, so the vertices of
+//! the surface never change.
 //!
-//! In a tree a border edge may pass corners that are no vertices at the surface's level, and so lie on several half-arcs. It belongs to
-//! the strip of the first one. Where a finer root has such a corner as a vertex, the corner is inserted too.
+//! In a tree a border edge may pass corners that are no vertices at the surface's level, and so lie on several
+//! half-arcs. It belongs to the strip of the first one. Where a finer root has such a corner as a vertex, the corner is
+//! inserted too.
 
 use std::ops::Range;
 
@@ -41,8 +43,8 @@ pub struct DrawnSurface {
     pub error: f64,
     /// Added to the error where any neighbour is finer, world units.
     pub border_deviation: f64,
-    /// In a file with channels the triangle of the block's patch that each triangle is: those of `triangles`, then those at the border,
-    /// as [`DrawnSurface::border_triangles`] lists them.
+    /// In a file with channels the triangle of the block's patch that each triangle is: those of `triangles`, then
+    /// those at the border, as [`DrawnSurface::border_triangles`] lists them.
     pub origins: Vec<u32>,
     sides: Vec<Side>,
     /// Numbers of the sides, by arc.
@@ -117,7 +119,8 @@ pub struct Strip {
     pub triangles: Vec<[u32; 3]>,
     /// In a file with channels, for each triangle the one of the block's patch in which it lies.
     pub origins: Vec<u32>,
-    /// In a session with light: for each of its own vertices the surface's vertex where the border edge begins that has it. They ascend.
+    /// In a session with light: for each of its own vertices the surface's vertex where the border edge begins that has
+    /// it. They ascend.
     pub(super) edges: Vec<u32>,
 }
 
@@ -168,7 +171,8 @@ impl DrawnSurface {
         Ok(surface)
     }
 
-    /// A tile of heights: the vertices, first those on its border, which have keys, and the triangles that no neighbour changes.
+    /// A tile of heights: the vertices, first those on its border, which have keys, and the triangles that no neighbour
+    /// changes.
     pub(crate) fn of_tile(
         (root, level): (u32, u8),
         (positions, places): (Vec<[f64; 3]>, Vec<[f32; 2]>),
@@ -323,9 +327,9 @@ impl DrawnSurface {
         self.sides.iter().map(|side| side.half_arc)
     }
 
-    /// The triangles at the border as they are without finer neighbours. Each comes with the half-arcs that its edges lie on, in the order
-    /// of the loop: none for an edge inside, mostly one for a border edge, and several for one that passes corners which are no vertices
-    /// at this level.
+    /// The triangles at the border as they are without finer neighbours. Each comes with the half-arcs that its edges
+    /// lie on, in the order of the loop: none for an edge inside, mostly one for a border edge, and several for one
+    /// that passes corners which are no vertices at this level.
     pub fn border_triangles(&self) -> impl ExactSizeIterator<Item = ([u32; 3], [Vec<BorderEdge>; 3])> + '_ {
         let parts = |ends: [u32; 2]| {
             let sides = self.sides_of_edge(ends[0]);
@@ -342,8 +346,8 @@ impl DrawnSurface {
         self.border.iter().map(corners_of)
     }
 
-    /// Corners of its loops that are no vertices at this level: for each the half-arc that begins there, and its number. Strips have those
-    /// that finer neighbours draw.
+    /// Corners of its loops that are no vertices at this level: for each the half-arc that begins there, and its
+    /// number. Strips have those that finer neighbours draw.
     pub fn passed_corners(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
         let passed = self.raised_corners.iter().filter(|corner| corner.level > self.level);
         passed.map(|corner| (corner.side, corner.corner))
@@ -369,8 +373,8 @@ impl DrawnSurface {
         (bytes + size_of::<BorderKey>() * self.keys.len() + size_of::<BorderTriangle>() * self.border.len()) as u64
     }
 
-    /// Visits the vertices of an arc's samples between two parameters, in the direction of a half-arc of it; the parameters are measured
-    /// from where that begins.
+    /// Visits the vertices of an arc's samples between two parameters, in the direction of a half-arc of it; the
+    /// parameters are measured from where that begins.
     fn visit_samples(&self, half_arc: HalfArc, [after, before]: [u32; 2], visit: impl FnMut(usize)) {
         let arc_of = |side: &u32| self.sides[*side as usize].half_arc.arc;
         let at = self.sides_by_arc.partition_point(|side| arc_of(side) < half_arc.arc);

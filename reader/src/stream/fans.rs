@@ -1,32 +1,34 @@
 //! Normals of a surface for smooth light, as far as they follow from its own triangles (SPEC.md, 14.5).
 //!
-//! Triangles around a vertex that smooth edges join are a **fan**, which has one normal: the mean of theirs, weighted by area. What other roots add
-//! at the border is in `light.rs`.
+//! Triangles around a vertex that smooth edges join are a **fan**, which has one normal: the mean of theirs, weighted
+//! by area. What other roots add at the border is in `light.rs`.
 
 use super::octahedral::{NONE, Octahedral, octahedral};
 use crate::codec::vector::{Vec3, add, cross, dot, scale, sub};
 
 /// An edge is a crease where its triangles' normals are at least 30 degrees apart: the cosine.
 pub(super) const CREASE: f64 = 0.866_025_403_784_438_6;
-/// A triangle whose sines sum to less has no normal, and a sum of normals that is shorter than this share of its weights no direction.
+/// A triangle whose sines sum to less has no normal, and a sum of normals that is shorter than this share of its
+/// weights no direction.
 const TINY: f64 = 1e-9;
 /// The normal of a vertex without triangles.
 const UP: Vec3 = [0.0, 0.0, 1.0];
 
-/// The fans of a surface. Each vertex has a first one, whose number is that of the vertex; numbers from the count of vertices on are further ones, by
-/// vertex.
+/// The fans of a surface. Each vertex has a first one, whose number is that of the vertex; numbers from the count of
+/// vertices on are further ones, by vertex.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Fans {
     /// The vertices of further fans, ascending.
     pub further: Vec<u32>,
     /// The normal of each fan.
     pub normals: Vec<Octahedral>,
-    /// Corners of triangles that are of further fans, ascending, with the fan in the lower half: corner `k` of triangle `t` is `3 t + k`. Triangles at the
-    /// border follow the inner ones.
+    /// Corners of triangles that are of further fans, ascending, with the fan in the lower half: corner `k` of triangle
+    /// `t` is `3 t + k`. Triangles at the border follow the inner ones.
     corners: Vec<u64>,
     /// The sum of each fan at the border, in squares of lattice steps: first ones, then further ones.
     pub sums: Vec<[f32; 3]>,
-    /// Where fans meet the border: for each of its vertices at the edge to the next one, and at that from the one before.
+    /// Where fans meet the border: for each of its vertices at the edge to the next one, and at that from the one
+    /// before.
     pub ends: Vec<[End; 2]>,
     /// The corners of the file that are vertices, ascending, each with the vertex in the lower half.
     border_corners: Vec<u64>,
@@ -77,7 +79,8 @@ impl Face {
         let normal = cross(p, q);
         let length = dot(normal, normal).sqrt();
         let (pp, qq) = (dot(p, p), dot(q, q));
-        // Nearly all triangles have a wide corner there. Lattice coordinates are far from the ends of the range of numbers.
+        // Nearly all triangles have a wide corner there. Lattice coordinates are far from the ends of the range of
+        // numbers.
         let is_wide = length * length > 1e-12 * pp * qq;
         if !is_wide {
             let r = sub(c, b);
@@ -113,8 +116,8 @@ impl Sum {
 }
 
 impl Fans {
-    /// The fans of triangles, and those of their corners. The first vertices are at the border; ends are not known yet. None if there are too many
-    /// triangles to count their corners.
+    /// The fans of triangles, and those of their corners. The first vertices are at the border; ends are not known yet.
+    /// None if there are too many triangles to count their corners.
     pub fn new(points: &[Vec3], border_count: usize, triangles: &[[u32; 3]]) -> Option<(Self, Corners)> {
         u32::try_from(triangles.len().checked_mul(3)?).ok()?;
         let (start, own) = corners_of_vertices(points.len(), triangles);
@@ -237,7 +240,8 @@ fn corners_of_vertices(vertex_count: usize, triangles: &[[u32; 3]]) -> (Vec<u32>
 /// The corners around one vertex. It is filled again and again, so that nothing is allocated for each.
 #[derive(Default)]
 struct Around {
-    /// Edges that end at the vertex: the other end, whether the triangle's border runs from there to here, and the corner's place.
+    /// Edges that end at the vertex: the other end, whether the triangle's border runs from there to here, and the
+    /// corner's place.
     edges: Vec<u64>,
     /// Another corner of the same fan, or itself.
     joined: Vec<u32>,
@@ -291,7 +295,8 @@ impl Around {
         dot(one, other) > CREASE && join(&mut self.joined, a as u32, b as u32)
     }
 
-    /// Joins corners by edges that are no creases, by comparing all with all. Returns how many sets have become part of others.
+    /// Joins corners by edges that are no creases, by comparing all with all. Returns how many sets have become part of
+    /// others.
     fn join_few(&mut self, own: &[u32], triangles: &[[u32; 3]], faces: &[Face]) -> usize {
         const NONE: u32 = u32::MAX;
         let (mut next, mut previous) = ([NONE; FEW], [NONE; FEW]);

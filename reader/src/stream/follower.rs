@@ -8,7 +8,8 @@ use crate::{
     select::{Adapter, Coherence, Cut, Hierarchy, Node, Query},
 };
 
-/// Follows a camera with two cuts that adapt from frame to frame: one to its view, the other to the view that its motion predicts.
+/// Follows a camera with two cuts that adapt from frame to frame: one to its view, the other to the view that its
+/// motion predicts.
 #[derive(Clone, Debug)]
 pub struct Follower {
     hierarchy: Arc<Hierarchy>,
@@ -25,8 +26,8 @@ impl Follower {
         Self { hierarchy, coherence, expecter: Expecter::new(ahead), now: None, later: None }
     }
 
-    /// The cut that a query wants at a time, and the nodes of the predicted view's cut. There are none if the query has no view, the
-    /// camera stands still, or the prediction is no view. Hand both to [`super::Session::begin`].
+    /// The cut that a query wants at a time, and the nodes of the predicted view's cut. There are none if the query has
+    /// no view, the camera stands still, or the prediction is no view. Hand both to [`super::Session::begin`].
     ///
     /// # Errors
     /// As [`Adapter::update`].

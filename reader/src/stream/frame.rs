@@ -35,10 +35,11 @@ pub struct Frame {
     pub is_complete: bool,
     /// Differences from the picture of the frame before.
     pub changes: Changes,
-    /// Wanted roots drawn coarser than wanted because their blocks are not there yet. In a tree one of them may be drawn by a root above
-    /// it, which then also stands for loaded roots beside it; these are not counted.
+    /// Wanted roots drawn coarser than wanted because their blocks are not there yet. In a tree one of them may be
+    /// drawn by a root above it, which then also stands for loaded roots beside it; these are not counted.
     pub late_roots: u32,
-    /// Roots that are missing from the picture because none of their levels, nor of those of the roots above them, could be loaded.
+    /// Roots that are missing from the picture because none of their levels, nor of those of the roots above them,
+    /// could be loaded.
     pub lost_roots: Vec<u32>,
     /// Roots drawn without the images that they need, because these are not there yet.
     pub late_textures: u32,
@@ -91,9 +92,9 @@ impl Blocks for FileContent {
 }
 
 impl Choice {
-    /// The target is the wanted block or, if that is lost, the nearest coarser one of the root, else the nearest finer one, else the
-    /// finest one of the nearest root above it. The first block in the same order that is loaded is drawn. A block of level `so_far`
-    /// that is finer than wanted may stay until the target is loaded.
+    /// The target is the wanted block or, if that is lost, the nearest coarser one of the root, else the nearest finer
+    /// one, else the finest one of the nearest root above it. The first block in the same order that is loaded is
+    /// drawn. A block of level `so_far` that is finer than wanted may stay until the target is loaded.
     fn new(blocks: &impl Blocks, node: Node, so_far: Option<u8>, state: impl Fn(Unit) -> UnitState) -> Self {
         let own = blocks.of(node.root);
         let wanted = own.partition_point(|block| block.level <= node.level).max(1).min(own.len());
@@ -188,12 +189,12 @@ impl Difference {
     }
 }
 
-/// The cut that frames want, kept from frame to frame. A root that is drawn as wanted is settled: the loader holds its unit, and no
-/// frame looks at it again until one wants another level. So the cost of a frame grows with what has changed and what is missing; the
-/// rest takes a comparison of two lists.
+/// The cut that frames want, kept from frame to frame. A root that is drawn as wanted is settled: the loader holds its
+/// unit, and no frame looks at it again until one wants another level. So the cost of a frame grows with what has
+/// changed and what is missing; the rest takes a comparison of two lists.
 ///
-/// In a tree, a root whose blocks are not there is drawn by the nearest root above it that is, in place of everything wanted below that
-/// one. So what is drawn covers what is wanted, and nothing twice.
+/// In a tree, a root whose blocks are not there is drawn by the nearest root above it that is, in place of everything
+/// wanted below that one. So what is drawn covers what is wanted, and nothing twice.
 #[derive(Debug, Default)]
 pub(crate) struct WantedCut {
     /// Sorted by root.
@@ -372,7 +373,8 @@ impl WantedCut {
             let finest = above.entry(surface.root).or_insert(surface);
             *finest = if surface.level > finest.level { surface } else { finest };
         }
-        // Roots that are drawn in place of others, or below such: roots with an ancestor in common share most of the way up.
+        // Roots that are drawn in place of others, or below such: roots with an ancestor in common share most of the
+        // way up.
         let mut hides: HashMap<u32, bool> = above.keys().map(|&root| (root, true)).collect();
         let mut is_drawn = |surface: &Arc<DrawnSurface>| {
             let mut passed = Vec::new();

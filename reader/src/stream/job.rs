@@ -14,8 +14,8 @@ pub(crate) trait Content {
     /// A decoded unit.
     type Data;
 
-    /// The pages that a unit is decoded from, each once and none empty. Units may share pages. [`crate::Error::Missing`] if that is not known
-    /// yet.
+    /// The pages that a unit is decoded from, each once and none empty. Units may share pages.
+    /// [`crate::Error::Missing`] if that is not known yet.
     fn pages(&self, unit: Self::Unit) -> Result<Vec<Self::Page>>;
 
     /// Takes bytes of the index that [`Content::pages`] said were missing.

@@ -1,8 +1,8 @@
 //! Normals at the borders of drawn roots, which are the same on both sides (SPEC.md, 14.5).
 //!
-//! A vertex on an arc, or at a corner, has fans in each root that draws it. Two fans are one where they meet at an edge along an arc that is no crease;
-//! what is joined so has one normal. It depends on the roots that have the vertex and on nothing else, so that it is found anew only where one of them
-//! has come, gone or changed its level.
+//! A vertex on an arc, or at a corner, has fans in each root that draws it. Two fans are one where they meet at an edge
+//! along an arc that is no crease; what is joined so has one normal. It depends on the roots that have the vertex and
+//! on nothing else, so that it is found anew only where one of them has come, gone or changed its level.
 
 use std::sync::Arc;
 
@@ -162,8 +162,8 @@ fn cosine(a: Octahedral, b: Octahedral) -> f64 {
 type Found = (u32, usize, Octahedral);
 
 impl Picture {
-    /// Finds normals along arcs and at corners whose roots have changed, and those of all strips of some roots. Returns the roots that have got others,
-    /// ascending.
+    /// Finds normals along arcs and at corners whose roots have changed, and those of all strips of some roots. Returns
+    /// the roots that have got others, ascending.
     pub(super) fn relight(&mut self, stale: Stale, strips: impl Iterator<Item = u32>) -> Vec<u32> {
         let Stale { mut arcs, mut corners } = stale;
         let mut relit = Vec::new();
@@ -258,7 +258,8 @@ impl Picture {
         relit.push(root);
     }
 
-    /// The normals of the vertices that a root's strips have beyond its own: those of the finer roots that have them, on the side that is nearest.
+    /// The normals of the vertices that a root's strips have beyond its own: those of the finer roots that have them,
+    /// on the side that is nearest.
     fn inserted(&self, drawn: &DrawnRoot) -> Option<Vec<Octahedral>> {
         let (surface, fans) = (&*drawn.surface, drawn.surface.fans.as_ref()?);
         let strips = drawn.strips.iter().flat_map(|strip| strip.keys.iter().zip(&strip.edges));

@@ -9,7 +9,8 @@ use crate::{
 /// A root's triangles with a normal at each vertex.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Lit {
-    /// World positions, as [`DrawnRoot::joined`] has them. Vertices at which a crease ends are there once for each side of it, at the end.
+    /// World positions, as [`DrawnRoot::joined`] has them. Vertices at which a crease ends are there once for each side
+    /// of it, at the end.
     pub positions: Vec<[f64; 3]>,
     /// Vertex indices.
     pub triangles: Vec<[u32; 3]>,
@@ -20,7 +21,8 @@ pub struct Lit {
 /// The normals of a root whose border somebody else joins to its neighbours: as [`Lit`], without strips.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Light {
-    /// Vertices of the surface at which creases end, once for each further side of one. They count as vertices after those of the surface.
+    /// Vertices of the surface at which creases end, once for each further side of one. They count as vertices after
+    /// those of the surface.
     pub further: Vec<u32>,
     /// The normals of the surface's vertices, then of the further ones.
     pub normals: Vec<[i16; 2]>,
@@ -49,8 +51,8 @@ impl Lit {
 }
 
 impl DrawnRoot {
-    /// [`DrawnRoot::joined`] with normals for smooth light (SPEC.md, 14.5); None in a session without light. Where [`DrawnRoot::stamp`] is the same as
-    /// before, normals are, too.
+    /// [`DrawnRoot::joined`] with normals for smooth light (SPEC.md, 14.5); None in a session without light. Where
+    /// [`DrawnRoot::stamp`] is the same as before, normals are, too.
     pub fn lit(&self) -> Option<Lit> {
         let fans = self.surface.fans.as_ref()?;
         let (mut positions, mut triangles) = self.joined();

@@ -1,9 +1,9 @@
-//! Loading: from units that frames want to decoded units, by way of jobs that others do (Niski 2007, chapter 6; Correa 2004,
-//! sections 4.4 and 4.5).
+//! Loading: from units that frames want to decoded units, by way of jobs that others do (Niski 2007, chapter 6; Correa
+//! 2004, sections 4.4 and 4.5).
 //!
-//! A state machine without threads, clock or I/O. Frames say what they want ([`Loader::want`]), [`Loader::poll`] returns the next job,
-//! and results come back in any order. A page is in flight at most once, and a unit is decoded at most once at a time. The same steps
-//! give the same result, so threads, async callers and tests drive the same logic.
+//! A state machine without threads, clock or I/O. Frames say what they want ([`Loader::want`]), [`Loader::poll`]
+//! returns the next job, and results come back in any order. A page is in flight at most once, and a unit is decoded at
+//! most once at a time. The same steps give the same result, so threads, async callers and tests drive the same logic.
 
 use std::{io, ops::Range, sync::Arc, time::Duration};
 
@@ -213,7 +213,8 @@ impl<C: Content> Loader<C> {
         }
     }
 
-    /// Wants a unit for the running frame, or for later ones. `missing` is by how many levels the block that can be drawn is coarser.
+    /// Wants a unit for the running frame, or for later ones. `missing` is by how many levels the block that can be
+    /// drawn is coarser.
     pub fn want(&mut self, unit: C::Unit, class: Class, missing: u8, now: Duration) -> UnitState {
         let demand = class == Class::Demand;
         if self.decoded.contains(&unit) {
@@ -299,7 +300,8 @@ impl<C: Content> Loader<C> {
         UnitState::Coming
     }
 
-    /// The next job: to decode a unit whose pages are loaded, else to read. `None` if all jobs are in progress or wait to be retried.
+    /// The next job: to decode a unit whose pages are loaded, else to read. `None` if all jobs are in progress or wait
+    /// to be retried.
     pub fn poll(&mut self, now: Duration) -> Option<Job<C>> {
         if let Some(task) = self.next_task() {
             return Some(Job::Decode(task));
@@ -340,7 +342,8 @@ impl<C: Content> Loader<C> {
 
     fn next_task(&mut self) -> Option<Task<C>> {
         while let Some((priority, unit)) = self.ready.pop_first() {
-            // Without room for decoded units that are only expected, their bytes suffice: then no frame waits for reads.
+            // Without room for decoded units that are only expected, their bytes suffice: then no frame waits for
+            // reads.
             let is_crowded = self.decoded.room() == 0 || self.prefetch.is_decoding_paused();
             if priority.class() == Class::Prefetch && is_crowded {
                 continue;
@@ -416,7 +419,8 @@ impl<C: Content> Loader<C> {
         self.make_room();
     }
 
-    /// Takes the result of a read of the index. The units that wait then know what they need, or what they need to know next.
+    /// Takes the result of a read of the index. The units that wait then know what they need, or what they need to know
+    /// next.
     fn supply_index(&mut self, range: Range<u64>, result: io::Result<Vec<u8>>, now: Duration) {
         let length = range.end - range.start;
         let result = result.and_then(|bytes| match bytes.len() as u64 == length {
@@ -433,7 +437,8 @@ impl<C: Content> Loader<C> {
                 let first = self.rules.retry_delay;
                 let delay = |attempts: u32| first.saturating_mul(1 << (attempts - 1).min(16));
                 if self.index_reads.fail(range.start, delay, now) >= self.rules.max_attempts {
-                    // Which units need this range is not known. Those that wait for anything are given up; others may try again.
+                    // Which units need this range is not known. Those that wait for anything are given up; others may
+                    // try again.
                     self.index_reads.succeed(range.start);
                     self.failed.extend(units.keys());
                     let location = format!("{length} bytes of the index at offset {}", range.start);

@@ -1,5 +1,5 @@
-//! Threads that do a session's jobs. Each reads and decodes (Niski 2007, section 6.1, keeps loader threads alive; Correa 2004, section
-//! 4.4, has eight).
+//! Threads that do a session's jobs. Each reads and decodes (Niski 2007, section 6.1, keeps loader threads alive;
+//! Correa 2004, section 4.4, has eight).
 
 use std::{
     io,
@@ -25,8 +25,8 @@ use crate::{
 /// The longest that a thread sleeps before it looks for work again.
 const REST: Duration = Duration::from_millis(200);
 
-/// Threads that load for a session. They end after their current reads once the session, or this, is dropped. Dropping this waits for
-/// them.
+/// Threads that load for a session. They end after their current reads once the session, or this, is dropped. Dropping
+/// this waits for them.
 pub struct Loaders {
     shared: Arc<dyn Work>,
     start: Instant,

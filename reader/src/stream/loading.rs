@@ -1,6 +1,7 @@
 //! What a session shares with whoever does its jobs: a loader of geometry and, where channels are shown, one of texels.
 //!
-//! Texels never delay geometry: they get a job only when geometry has none to give, and one thread of several does none of theirs.
+//! Texels never delay geometry: they get a job only when geometry has none to give, and one thread of several does none
+//! of theirs.
 
 use std::{
     io,
@@ -116,7 +117,8 @@ impl TexelLoader {
 /// Numbers of reads of texels begin here, so that a number says whose read it is.
 const FIRST_TEXEL_READ: u64 = 1 << 63;
 
-/// What has this needs the feature `channels`. Without the feature nothing has it, and compilers leave out all code for what nothing has.
+/// What has this needs the feature `channels`. Without the feature nothing has it, and compilers leave out all code for
+/// what nothing has.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum HasChannels {
     #[cfg(feature = "channels")]

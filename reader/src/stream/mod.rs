@@ -1,48 +1,52 @@
 //! Streaming: a picture for every frame at once, while what it lacks is loaded (Niski 2007, chapter 6; Correa 2004,
 //! sections 4.4 to 4.6).
 //!
-//! Each frame tells a [`Session`] which cut it wants and which one later frames will probably want. The session draws every root at
-//! the finest loaded level that is not finer than wanted, stitched without cracks. So each frame is complete, and nothing waits. Until
-//! the coarsest level is loaded, the session draws the file's overview. It asks for missing pages by priority: demand before prefetch,
-//! and most missing levels first.
+//! Each frame tells a [`Session`] which cut it wants and which one later frames will probably want. The session draws
+//! every root at the finest loaded level that is not finer than wanted, stitched without cracks. So each frame is
+//! complete, and nothing waits. Until the coarsest level is loaded, the session draws the file's overview. It asks for
+//! missing pages by priority: demand before prefetch, and most missing levels first.
 //!
-//! A session has no threads and no clock, and does no I/O: [`Session::poll`] returns jobs, and whoever does them hands back the
-//! results. [`Loaders`] are threads that do so; an async program awaits the reads itself; a [`Simulation`] has a source of a given
-//! latency and a clock of its own, so that the work of a session can be tested to the byte.
+//! A session has no threads and no clock, and does no I/O: [`Session::poll`] returns jobs, and whoever does them hands
+//! back the results. [`Loaders`] are threads that do so; an async program awaits the reads itself; a [`Simulation`] has
+//! a source of a given latency and a clock of its own, so that the work of a session can be tested to the byte.
 //!
-//! With [`Session::show_channels`], roots get a [`DrawnTexture`] beside geometry: their block's map and images, wanted where the view
-//! ([`Session::look_from`]) shows them larger than a pixel, largest first. Geometry never waits for texels. What has none yet has
-//! a mean ([`DrawnRoot::mean`]). Programs that draw with texture coordinates take them from [`ByPiece`].
+//! With [`Session::show_channels`], roots get a [`DrawnTexture`] beside geometry: their block's map and images, wanted
+//! where the view ([`Session::look_from`]) shows them larger than a pixel, largest first. Geometry never waits for
+//! texels. What has none yet has a mean ([`DrawnRoot::mean`]). Programs that draw with texture coordinates take them
+//! from [`ByPiece`].
 //!
-//! A [`Follower`] finds both cuts from the query of each frame. A [`Streamer`] combines all of this for a program that draws a file
-//! from a moving camera and has threads to spare.
+//! A [`Follower`] finds both cuts from the query of each frame. A [`Streamer`] combines all of this for a program that
+//! draws a file from a moving camera and has threads to spare.
 //!
-//! With [`Options::light`], roots of files without normals are drawn in smooth light: [`DrawnRoot::lit`] has a normal at each vertex, the same on both sides
-//! of every border. What a surface has of it by itself is found where it is decoded; the normals at borders are found anew beside what changes.
+//! With [`Options::light`], roots of files without normals are drawn in smooth light: [`DrawnRoot::lit`] has a normal
+//! at each vertex, the same on both sides of every border. What a surface has of it by itself is found where it is
+//! decoded; the normals at borders are found anew beside what changes.
 //!
-//! Of a large file, only a part of the tree is known. A streamer's follower chooses from this part, and a thread of it walks on to what the
-//! query wants: until it arrives, the group above is drawn. A session reads the lists and index blocks around the roots of its cuts as it
-//! reads their pages. The index is never dropped from memory.
+//! Of a large file, only a part of the tree is known. A streamer's follower chooses from this part, and a thread of it
+//! walks on to what the query wants: until it arrives, the group above is drawn. A session reads the lists and index
+//! blocks around the roots of its cuts as it reads their pages. The index is never dropped from memory.
 //!
 //! # Overview of types
 //!
-//! [`crate::File::streamer`] starts a [`Streamer`], which behaves as its [`StreamerOptions`] say and returns [`Streamed`] for each
-//! query. Its parts can be used alone. [`crate::File::session`] makes a [`Session`], with [`Options`] and a [`Mode`]; each [`Frame`]
-//! says what it [`Shows`]. Its [`Job`]s are [`Read`]s, of a [`Class`], and [`Decoding`]s that become [`Decoded`]; [`Loaders`] or a
+//! [`crate::File::streamer`] starts a [`Streamer`], which behaves as its [`StreamerOptions`] say and returns
+//! [`Streamed`] for each query. Its parts can be used alone. [`crate::File::session`] makes a [`Session`], with
+//! [`Options`] and a [`Mode`]; each [`Frame`] says what it [`Shows`]. Its [`Job`]s are [`Read`]s, of a [`Class`], and
+//! [`Decoding`]s that become [`Decoded`]; [`Loaders`] or a
 //! [`Simulation`] do them. A [`Follower`] predicts cuts from the [`Motion`] of a camera's [`Pose`].
 //!
-//! A [`Picture`] holds a [`DrawnRoot`] for each root: a [`DrawnSurface`], and a [`Strip`] of triangles along each half-arc, which take
-//! a finer neighbour's samples at its [`BorderEdge`]s; [`Lit`] has both with normals, and [`Light`] the normals for programs that join borders themselves.
+//! A [`Picture`] holds a [`DrawnRoot`] for each root: a [`DrawnSurface`], and a [`Strip`] of triangles along each
+//! half-arc, which take a finer neighbour's samples at its [`BorderEdge`]s; [`Lit`] has both with normals, and
+//! [`Light`] the normals for programs that join borders themselves.
 //! [`Changes`] say what is new. [`Counters`] with their [`LatencyHistogram`] say
 //! what a session has done, and a [`Problem`] what it has given up.
 //!
-//! Files of heights have a [`HeightsSession`] and a [`HeightsStreamer`] of their own, whose jobs, frames and pictures are the same. An [`Expecter`]
-//! predicts the query of later frames.
+//! Files of heights have a [`HeightsSession`] and a [`HeightsStreamer`] of their own, whose jobs, frames and pictures
+//! are the same. An [`Expecter`] predicts the query of later frames.
 //!
 //! # Memory and damage
 //!
-//! Bytes of pages, decoded surfaces and images have a cache each, with a bound; the index has none. Only what the running frame draws or demands, and the coarsest
-//! level, which stays, can exceed it.
+//! Bytes of pages, decoded surfaces and images have a cache each, with a bound; the index has none. Only what the
+//! running frame draws or demands, and the coarsest level, which stays, can exceed it.
 //!
 //! A page that cannot be read, or is not sound, is tried again. When a session gives it up, it reports that once
 //! ([`Session::take_problems`]) and draws the roots that need the page coarser.
@@ -135,8 +139,8 @@ pub struct Options {
     pub decoded_cache: u64,
     /// Bound of the cache of decoded images, bytes; streams of texels may take an eighth of it besides.
     pub texel_cache: u64,
-    /// Most reads in flight at once; at least 1. Correa has eight threads; with twice as many there is nearly always one left to
-    /// prefetch.
+    /// Most reads in flight at once; at least 1. Correa has eight threads; with twice as many there is nearly always
+    /// one left to prefetch.
     pub max_reads: usize,
     /// Pages up to this many bytes apart are read at once, which wastes the bytes between them.
     pub max_gap: u64,
@@ -148,14 +152,16 @@ pub struct Options {
     pub max_attempts: u32,
     /// Time before a failed read is tried again; it doubles with each attempt.
     pub retry_delay: Duration,
-    /// Whether a root whose wanted level is not loaded may stay finer than wanted, if it was drawn so, instead of becoming coarser
-    /// (Niski 2007, section 6.2). Frames may then exceed a triangle budget until the wanted level is loaded.
+    /// Whether a root whose wanted level is not loaded may stay finer than wanted, if it was drawn so, instead of
+    /// becoming coarser (Niski 2007, section 6.2). Frames may then exceed a triangle budget until the wanted level is
+    /// loaded.
     pub may_stay_finer: bool,
-    /// Of heights: in a view, tiles whose samples take more pixels than this give way to their quarters for the sake of light and colours, even
-    /// where their triangles are near enough. Infinite by default: then geometry alone decides.
+    /// Of heights: in a view, tiles whose samples take more pixels than this give way to their quarters for the sake of
+    /// light and colours, even where their triangles are near enough. Infinite by default: then geometry alone decides.
     pub sample_px: f64,
-    /// Whether roots of a mesh get normals for smooth light, alike on both sides of every border ([`DrawnRoot::lit`]; SPEC.md, 14.5). For files that
-    /// store no normals: it takes a third more memory for decoded surfaces, and time to decode them. False by default: then nothing is computed.
+    /// Whether roots of a mesh get normals for smooth light, alike on both sides of every border ([`DrawnRoot::lit`];
+    /// SPEC.md, 14.5). For files that store no normals: it takes a third more memory for decoded surfaces, and time to
+    /// decode them. False by default: then nothing is computed.
     pub light: bool,
 }
 

@@ -1,5 +1,5 @@
-//! Prediction of the camera's motion, for prefetching (Correa 2004, section 4.5: linear extrapolation of the position, and of the
-//! direction with its angular speed).
+//! Prediction of the camera's motion, for prefetching (Correa 2004, section 4.5: linear extrapolation of the position,
+//! and of the direction with its angular speed).
 #![expect(clippy::disallowed_methods, reason = "views choose what is drawn; no decoded position depends on them")]
 
 use std::time::Duration;
@@ -47,9 +47,9 @@ impl Motion {
         self.last = Some((now, pose));
     }
 
-    /// The pose `ahead` of the last observation if the camera moves on as between the last two: it turns about a fixed axis at a fixed
-    /// speed, and moves straight on or, if the path of the last three bends, in a circle. `None` before the second observation, or if
-    /// the camera stands still.
+    /// The pose `ahead` of the last observation if the camera moves on as between the last two: it turns about a fixed
+    /// axis at a fixed speed, and moves straight on or, if the path of the last three bends, in a circle. `None` before
+    /// the second observation, or if the camera stands still.
     pub fn predict(&self, ahead: Duration) -> Option<Pose> {
         let ((time_before, before), (time, last)) = (self.before?, self.last?);
         if before == last {

@@ -1,5 +1,5 @@
-//! Directions in two numbers: the sphere as an octahedron that is unfolded to a square (Meyer, Süssmuth, Sussner, Stamminger and Greiner, "On
-//! Floating-Point Normal Vectors", 2010).
+//! Directions in two numbers: the sphere as an octahedron that is unfolded to a square (Meyer, Süssmuth, Sussner,
+//! Stamminger and Greiner, "On Floating-Point Normal Vectors", 2010).
 
 use crate::codec::vector::{Vec3, dot, scale};
 
@@ -20,8 +20,9 @@ pub(crate) fn octahedral(vector: Vec3) -> Octahedral {
     [x, y].map(|x| (x * MOST).round() as i16)
 }
 
-/// The direction, of length 1, of two numbers from -32767 to 32767: the point of the octahedron |x| + |y| + |z| = 1 above (x, y) where |x| + |y| is at
-/// most 1, and below its reflection (1 - |y|, 1 - |x|), with the signs of x and y, elsewhere. It is within 0.004 degrees of what was stored.
+/// The direction, of length 1, of two numbers from -32767 to 32767: the point of the octahedron |x| + |y| + |z| = 1
+/// above (x, y) where |x| + |y| is at most 1, and below its reflection (1 - |y|, 1 - |x|), with the signs of x and y,
+/// elsewhere. It is within 0.004 degrees of what was stored.
 pub fn direction([x, y]: [i16; 2]) -> [f64; 3] {
     let [x, y] = [x, y].map(|x| f64::from(x) / MOST);
     let z = 1.0 - x.abs() - y.abs();

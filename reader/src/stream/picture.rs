@@ -107,19 +107,20 @@ impl DrawnRoot {
         Counts { triangles: self.triangle_count() as u64, strips: self.strips.len() as u64 }
     }
 
-    /// A number that another state of this root does not have: where it is the same as in an earlier frame, nothing of the root has changed.
+    /// A number that another state of this root does not have: where it is the same as in an earlier frame, nothing of
+    /// the root has changed.
     pub fn stamp(&self) -> u64 {
         self.stamp
     }
 
-    /// The same for its normals: where the number is that of an earlier frame, neither its surface nor its normals have changed, though its strips and
-    /// its images may have.
+    /// The same for its normals: where the number is that of an earlier frame, neither its surface nor its normals have
+    /// changed, though its strips and its images may have.
     pub fn light_stamp(&self) -> u64 {
         self.light_stamp
     }
 
-    /// Bound of the two-sided distance between the drawn root and the input, world units: the block's error and, where a neighbour is
-    /// finer, its border deviation.
+    /// Bound of the two-sided distance between the drawn root and the input, world units: the block's error and, where
+    /// a neighbour is finer, its border deviation.
     pub fn error(&self) -> f64 {
         self.error
     }
@@ -137,14 +138,14 @@ impl DrawnRoot {
         self.images.as_ref()
     }
 
-    /// Of a tile of heights the place of each vertex that [`DrawnRoot::joined`] returns in the tile's images: the column and the row of the
-    /// sample there, or what lies between two.
+    /// Of a tile of heights the place of each vertex that [`DrawnRoot::joined`] returns in the tile's images: the
+    /// column and the row of the sample there, or what lies between two.
     pub fn places(&self) -> impl Iterator<Item = [f32; 2]> + '_ {
         self.surface.places.iter().chain(self.strips.iter().flat_map(|strip| &strip.places)).copied()
     }
 
-    /// The mean of its image of a channel or, until that is there, of another block that is near; in the numbers of the image. `channel`
-    /// counts those that the session shows.
+    /// The mean of its image of a channel or, until that is there, of another block that is near; in the numbers of the
+    /// image. `channel` counts those that the session shows.
     pub fn mean(&self, channel: usize) -> Option<[f64; 4]> {
         self.texture.as_ref()?.means.get(channel).copied().flatten()
     }
@@ -179,12 +180,13 @@ pub struct Changes {
     pub removed: Vec<u32>,
     /// Roots that have got their images.
     pub textures: Vec<u32>,
-    /// In a session with light ([`super::Options::light`]): roots whose surface is not new, and whose normals at the border have changed.
+    /// In a session with light ([`super::Options::light`]): roots whose surface is not new, and whose normals at the
+    /// border have changed.
     pub lights: Vec<u32>,
 }
 
-/// All roots that are drawn, none of them above another. There are no cracks: every arc is drawn with the samples of its finer side, and
-/// every corner that is a vertex of the finest root around it.
+/// All roots that are drawn, none of them above another. There are no cracks: every arc is drawn with the samples of
+/// its finer side, and every corner that is a vertex of the finest root around it.
 #[derive(Clone, Debug, Default)]
 pub struct Picture {
     pub(super) roots: SortedMap<u32, DrawnRoot>,
@@ -220,14 +222,14 @@ impl Picture {
         self.roots.get(&root)
     }
 
-    /// A number that another state of the picture does not have: where it is the same as in an earlier frame, no root has changed, come or
-    /// gone.
+    /// A number that another state of the picture does not have: where it is the same as in an earlier frame, no root
+    /// has changed, come or gone.
     pub fn stamp(&self) -> u64 {
         self.history.stamp()
     }
 
-    /// The roots that have changed, come or gone since the picture had a stamp, some of them more than once. None where that is not known, because
-    /// the picture never had that stamp, or thousands of changes ago.
+    /// The roots that have changed, come or gone since the picture had a stamp, some of them more than once. None where
+    /// that is not known, because the picture never had that stamp, or thousands of changes ago.
     pub fn changed_since(&self, stamp: u64) -> Option<impl Iterator<Item = u32> + '_> {
         self.history.since(stamp)
     }
@@ -403,7 +405,8 @@ impl Picture {
         changes
     }
 
-    /// The roots whose strips may depend on a root: those across its arcs, and those that lack a corner which it may have.
+    /// The roots whose strips may depend on a root: those across its arcs, and those that lack a corner which it may
+    /// have.
     fn add_neighbours(&self, surface: &DrawnSurface, roots: &mut SortedSet<u32>) {
         roots.extend(surface.half_arcs().filter_map(|half_arc| self.users.across(surface.root, half_arc.arc)));
         for corner in surface.raised_corners() {

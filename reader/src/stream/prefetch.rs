@@ -1,9 +1,11 @@
-//! Keeps track of what was prefetched and what of it was used (Correa 2004, section 4.5, limits the bytes of each frame).
+//! Keeps track of what was prefetched and what of it was used (Correa 2004, section 4.5, limits the bytes of each
+//! frame).
 
 use super::job::Content;
 use crate::sorted::{SortedMap, SortedSet};
 
-/// Frames without prefetching, or without decoding prefetched pages, after the cache evicted some that no frame had used.
+/// Frames without prefetching, or without decoding prefetched pages, after the cache evicted some that no frame had
+/// used.
 const PAUSE: u64 = 30;
 
 #[derive(Clone, Copy, Debug)]

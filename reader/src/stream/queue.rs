@@ -1,8 +1,8 @@
-//! The queue of pages to read: by priority, each page once, near pages together (Niski 2007, section 6.1.1; Correa 2004, sections 4.4
-//! and 4.5).
+//! The queue of pages to read: by priority, each page once, near pages together (Niski 2007, section 6.1.1; Correa
+//! 2004, sections 4.4 and 4.5).
 //!
-//! Every frame wants its pages anew. That renews priorities, and drops pages before they are read once frames no longer want them.
-//! Niski stamps requests with times for the same reason.
+//! Every frame wants its pages anew. That renews priorities, and drops pages before they are read once frames no longer
+//! want them. Niski stamps requests with times for the same reason.
 
 use std::{cmp::Reverse, time::Duration};
 
@@ -139,7 +139,8 @@ impl<K: Copy + Ord> Queue<K> {
         self.wishes.values().map(|wish| wish.due).min()
     }
 
-    /// Takes the most urgent page, with pages of its class nearby. `most_bytes` bounds the size of a read of each class.
+    /// Takes the most urgent page, with pages of its class nearby. `most_bytes` bounds the size of a read of each
+    /// class.
     pub fn take(&mut self, now: Duration, joining: Joining, most_bytes: impl Fn(Class) -> u64) -> Option<Batch<K>> {
         let ready = |&&(priority, key): &&(Priority, K)| {
             let wish = self.wishes.get(&key);

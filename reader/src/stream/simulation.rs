@@ -5,8 +5,8 @@ use std::time::Duration;
 use super::{Frame, Job, Read, Session};
 use crate::{error::Result, select::Node, sorted::SortedMap, source::ReadAt};
 
-/// Does a session's jobs with a source whose every read takes a given time, whatever its size and however many are in flight. Decoding
-/// takes no time. The clock is virtual: nothing waits, and the same steps have the same result.
+/// Does a session's jobs with a source whose every read takes a given time, whatever its size and however many are in
+/// flight. Decoding takes no time. The clock is virtual: nothing waits, and the same steps have the same result.
 #[derive(Debug)]
 pub struct Simulation<T> {
     source: T,

@@ -69,7 +69,8 @@ impl Streamed {
 
 /// Draws a file from a moving camera: a [`Follower`], a [`Session`] and its [`Loaders`].
 ///
-/// In each frame, call [`Streamer::frame`]; then draw [`Streamer::overview`] if there is one, else [`Streamer::picture`].
+/// In each frame, call [`Streamer::frame`]; then draw [`Streamer::overview`] if there is one, else
+/// [`Streamer::picture`].
 /// [`Frame::changes`] says what is new in it.
 pub struct Streamer {
     follower: Follower,
@@ -152,7 +153,8 @@ impl Streamer {
         Ok(streamed)
     }
 
-    /// Waits until everything for the last frame is loaded. The next frame draws it; of a large file, it may want more then.
+    /// Waits until everything for the last frame is loaded. The next frame draws it; of a large file, it may want more
+    /// then.
     pub fn settle(&self) {
         self.loaders.settle();
         if let Some(walker) = &self.walker {
@@ -183,8 +185,8 @@ impl Streamer {
         self.picture().error_px(view)
     }
 
-    /// The size of the largest texel of the picture in a view, pixels; 0 without texels. Above 1 images are blurred there. Of each block the smallest
-    /// texels count: others are larger because the input has no more there.
+    /// The size of the largest texel of the picture in a view, pixels; 0 without texels. Above 1 images are blurred
+    /// there. Of each block the smallest texels count: others are larger because the input has no more there.
     ///
     /// # Errors
     /// As [`Streamer::error_px`].

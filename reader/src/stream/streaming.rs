@@ -24,8 +24,8 @@ use crate::{
     source::ReadAt,
 };
 
-/// How often a frame that waits looks at all that it lacks while some of it may still come. To look for thousands of roots takes milliseconds, in
-/// which nobody else gets at the loader.
+/// How often a frame that waits looks at all that it lacks while some of it may still come. To look for thousands of
+/// roots takes milliseconds, in which nobody else gets at the loader.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Draws a file frame by frame while it is being loaded: see the [module](super).
@@ -74,7 +74,8 @@ impl Session {
     /// A session for an index. The caller does its jobs.
     ///
     /// # Errors
-    /// [`Error::Missing`] until the index blocks of all tops have been supplied ([`Index::supply`]); draw [`crate::decode::overview`] until then.
+    /// [`Error::Missing`] until the index blocks of all tops have been supplied ([`Index::supply`]); draw
+    /// [`crate::decode::overview`] until then.
     /// [`Error::Format`], [`Error::Limit`].
     pub fn new(index: Arc<Index>, options: Options) -> Result<Self> {
         let content = Arc::new(FileContent::new(index, options.light)?);
@@ -100,10 +101,12 @@ impl Session {
         })
     }
 
-    /// Draws roots with the images of these channels from the next frame on, by number; none at first. What was shown before is forgotten.
+    /// Draws roots with the images of these channels from the next frame on, by number; none at first. What was shown
+    /// before is forgotten.
     ///
     /// # Errors
-    /// [`Error::Query`] if a channel does not exist or occurs twice; [`Error::Unsupported`] without the feature `channels`.
+    /// [`Error::Query`] if a channel does not exist or occurs twice; [`Error::Unsupported`] without the feature
+    /// `channels`.
     pub fn show_channels(&mut self, channels: &[u8]) -> Result<()> {
         let content = match channels {
             [] => None,
@@ -120,7 +123,8 @@ impl Session {
         Ok(())
     }
 
-    /// Says what the next frames show: roots that this view shows get their images, the largest ones first. Without a view all roots do.
+    /// Says what the next frames show: roots that this view shows get their images, the largest ones first. Without a
+    /// view all roots do.
     ///
     /// # Errors
     /// [`Error::Query`] if something in the view is not finite or makes no sense.
@@ -129,13 +133,14 @@ impl Session {
         Ok(())
     }
 
-    /// Begins a frame with the cut that it wants, as [`crate::File::select`] returns it, and the cut that later frames will probably
-    /// want (see [`super::Motion`]), which only [`Mode::AsynchronousWithPrefetch`] uses. Both are sorted by root. Roots outside the
-    /// wanted cut are not drawn, except in place of its own until these are loaded.
+    /// Begins a frame with the cut that it wants, as [`crate::File::select`] returns it, and the cut that later frames
+    /// will probably want (see [`super::Motion`]), which only [`Mode::AsynchronousWithPrefetch`] uses. Both are sorted
+    /// by root. Roots outside the wanted cut are not drawn, except in place of its own until these are loaded.
     ///
     /// # Errors
-    /// [`Error::Query`] if a node does not exist, a root occurs twice, or one root of the wanted cut is above another. [`Error::Missing`] if the
-    /// index blocks of wanted roots, or of those above them, are not known: supply them ([`Index::supply`]). Whoever chose the cut knew them.
+    /// [`Error::Query`] if a node does not exist, a root occurs twice, or one root of the wanted cut is above another.
+    /// [`Error::Missing`] if the index blocks of wanted roots, or of those above them, are not known: supply them
+    /// ([`Index::supply`]). Whoever chose the cut knew them.
     pub fn begin(&mut self, wanted: &[Node], expected: &[Node], now: Duration) -> Result<()> {
         self.check(wanted)?;
         self.check(expected)?;
@@ -173,8 +178,8 @@ impl Session {
         Ok(())
     }
 
-    /// Ends the frame and updates the picture. Returns `None` in [`Mode::Synchronous`] while something is missing: do jobs and call
-    /// again.
+    /// Ends the frame and updates the picture. Returns `None` in [`Mode::Synchronous`] while something is missing: do
+    /// jobs and call again.
     pub fn end(&mut self, now: Duration) -> Option<Frame> {
         let waits = self.options.mode == Mode::Synchronous;
         if self.waiting.is_some() {
@@ -251,7 +256,8 @@ impl Session {
         Some(Frame { shows, is_complete, changes, late_roots, lost_roots, late_textures: 0 })
     }
 
-    /// The next job, if one can be done now. Call it until it returns `None`, after the beginning of each frame and after each result.
+    /// The next job, if one can be done now. Call it until it returns `None`, after the beginning of each frame and
+    /// after each result.
     pub fn poll(&self, now: Duration) -> Option<Job> {
         self.shared.lock().poll(now, true)
     }

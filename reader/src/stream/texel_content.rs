@@ -1,6 +1,8 @@
-//! The texels of a file for a loader: streams of blocks, and the images of a root at a level, which are decoded together.
+//! The texels of a file for a loader: streams of blocks, and the images of a root at a level, which are decoded
+//! together.
 //!
-//! An image lies over the triangles of one block, so it can be decoded only for a surface that is there. Geometry never waits for it.
+//! An image lies over the triangles of one block, so it can be decoded only for a surface that is there. Geometry never
+//! waits for it.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -33,8 +35,8 @@ impl TexelUnit {
 pub struct DrawnTexture {
     /// The root's number.
     pub root: u32,
-    /// The map and the images of the channels that the session shows. Texels beside the pieces have the values of the nearest ones of their
-    /// piece, so that means may be taken of several.
+    /// The map and the images of the channels that the session shows. Texels beside the pieces have the values of the
+    /// nearest ones of their piece, so that means may be taken of several.
     pub texture: Texture,
     /// For each of these channels the mean over the root, in the numbers of the image.
     pub means: Vec<Option<[f64; 4]>>,
@@ -116,7 +118,8 @@ impl Content for TexelContent {
     }
 
     fn supply(&self, offset: u64, bytes: Vec<u8>) {
-        // Units that wait for these ask for them at once, and the index keeps what they say. So what came before is not kept.
+        // Units that wait for these ask for them at once, and the index keeps what they say. So what came before is not
+        // kept.
         let mut fetched = self.index.fetched();
         fetched.insert(offset, bytes);
         *locked(&self.fetched) = fetched;

@@ -1,12 +1,12 @@
 //! Which roots of a picture get which images, and in what order (Niski 2007, section 6.1.1).
 //!
-//! An image belongs to one block, because its map divides that block's patch. So a root is drawn with the images of the block that is
-//! drawn. Until these are there, and where they are not needed, the mean over the nearest coarser block that is there stands for them:
-//! an image of one texel.
+//! An image belongs to one block, because its map divides that block's patch. So a root is drawn with the images of the
+//! block that is drawn. Until these are there, and where they are not needed, the mean over the nearest coarser block
+//! that is there stands for them: an image of one texel.
 //!
-//! The error of texels is one of their own: **a texel a pixel**. So the images of a root are wanted where the view shows it, and where it
-//! is larger than a pixel. Those of the largest roots come first, because there the mean is worst. Without a view all are wanted, in any
-//! order.
+//! The error of texels is one of their own: **a texel a pixel**. So the images of a root are wanted where the view
+//! shows it, and where it is larger than a pixel. Those of the largest roots come first, because there the mean is
+//! worst. Without a view all are wanted, in any order.
 
 use std::{sync::Arc, time::Duration};
 
@@ -21,7 +21,8 @@ use super::{
 use crate::select::Projection;
 use crate::sorted::{SortedMap, SortedSet};
 
-/// The images of a picture's roots, kept from frame to frame. A frame looks only at roots that are new or still lack theirs.
+/// The images of a picture's roots, kept from frame to frame. A frame looks only at roots that are new or still lack
+/// theirs.
 #[derive(Debug, Default)]
 pub(crate) struct Textures {
     /// Roots whose images are not there.
@@ -119,7 +120,8 @@ fn need(content: &TexelContent, view: Option<&Projection>, root: u32) -> Option<
     (pixels > 1.0).then(|| (pixels as u64).max(1).ilog2() as u8)
 }
 
-/// Images whose mean stands for those of a surface: of the nearest coarser block, of the root or above it, else of a finer one.
+/// Images whose mean stands for those of a surface: of the nearest coarser block, of the root or above it, else of a
+/// finer one.
 fn stand_in(loader: &Loader<TexelContent>, content: &FileContent, surface: &DrawnSurface) -> Option<Arc<DrawnTexture>> {
     let root = surface.root;
     let own = content.blocks(root);

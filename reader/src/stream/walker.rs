@@ -1,7 +1,7 @@
 //! A thread that walks down the tree of a large file, so that frames choose from what their query wants.
 //!
-//! Frames choose from the part of the tree that is known. Where that ends, a group stands for what is below it, until the walker has read
-//! the index further and hands over a larger part. So no frame waits for the index.
+//! Frames choose from the part of the tree that is known. Where that ends, a group stands for what is below it, until
+//! the walker has read the index further and hands over a larger part. So no frame waits for the index.
 
 use std::{
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
@@ -17,8 +17,8 @@ use crate::{
 /// Finds what a query has to choose from. Reads what it needs.
 pub(crate) type Walk = dyn Fn(&Query) -> Result<Arc<Hierarchy>> + Send;
 
-/// The walker looks further than the query: it looks for this share of the tolerance, so that what a camera that comes nearer wants is known
-/// before it does.
+/// The walker looks further than the query: it looks for this share of the tolerance, so that what a camera that comes
+/// nearer wants is known before it does.
 const TOLERANCE_SHARE: f64 = 0.5;
 
 /// Time before a walk that has failed is tried again for the same query.
@@ -62,7 +62,8 @@ impl Walker {
         Self { shared, thread: Some(thread), last: None, failed: None }
     }
 
-    /// Looks for what a query wants, unless it was the last one to be asked. Returns what was found since, for a query not long ago.
+    /// Looks for what a query wants, unless it was the last one to be asked. Returns what was found since, for a query
+    /// not long ago.
     pub fn follow(&mut self, query: &Query) -> Option<Result<Adapter>> {
         let mut state = self.shared.lock();
         let found = state.found.take();

@@ -1,4 +1,5 @@
-//! Files whose clusters are in several lists give the same answers as files with one list, and read only the branches that they need.
+//! Files whose clusters are in several lists give the same answers as files with one list, and read only the branches
+//! that they need.
 
 use std::sync::Arc;
 

@@ -27,7 +27,8 @@ fn vectors(folder: &Path) -> Vec<PathBuf> {
     paths
 }
 
-/// Tiles of which none lies above another, each at one of its resolutions. Implied tiles are drawn by the one above them.
+/// Tiles of which none lies above another, each at one of its resolutions. Implied tiles are drawn by the one above
+/// them.
 ///
 /// With the number of each tile's resolution.
 fn random_tiles(heights: &Heights<Vec<u8>>, number: usize, random: &mut Random) -> Vec<(CutTile, usize)> {

@@ -11,7 +11,8 @@ use crate::{
 /// Axes of pieces: one for each direction along an axis of the world.
 const SHAPES: [[i8; 3]; 6] = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]];
 
-/// A file in which each block has a map of up to six pieces, colours and numbers. One of nine has only numbers, and one of eleven nothing.
+/// A file in which each block has a map of up to six pieces, colours and numbers. One of nine has only numbers, and one
+/// of eleven nothing.
 pub(crate) fn painted_file(faces: &Faces, options: Options) -> Vec<u8> {
     let (mut model, _) = model(faces, options);
     add_channels(&mut model, options.seed);

@@ -1,9 +1,10 @@
-//! One table of queries for every language: `tests/data/queries.txt`. This reader says what is expected; the tests of the program and of the
-//! packages for Python, C and JavaScript compare. `LODPACK_WRITE_QUERIES=1` writes the table again.
+//! One table of queries for every language: `tests/data/queries.txt`. This reader says what is expected; the tests of
+//! the program and of the packages for Python, C and JavaScript compare. `LODPACK_WRITE_QUERIES=1` writes the table
+//! again.
 //!
-//! A line is a file of `format-spec/vectors`, what is asked of it, `=`, and the answer: the kind of error, or nodes, triangles, vertices, the
-//! error inside the box, that of everything, what limits the cut, and FNV-1a (64 bits) of the positions (f64) and triangles (u32); of a channel that
-//! is asked for, its name and kind.
+//! A line is a file of `format-spec/vectors`, what is asked of it, `=`, and the answer: the kind of error, or nodes,
+//! triangles, vertices, the error inside the box, that of everything, what limits the cut, and FNV-1a (64 bits) of the
+//! positions (f64) and triangles (u32); of a channel that is asked for, its name and kind.
 
 use std::{fmt::Write, path::Path};
 

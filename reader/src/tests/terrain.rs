@@ -172,7 +172,8 @@ impl Terrain {
             .collect()
     }
 
-    /// A file of it. Resolutions have tolerances up to `most`, and errors that have nothing to do with them, so that every cut may occur.
+    /// A file of it. Resolutions have tolerances up to `most`, and errors that have nothing to do with them, so that
+    /// every cut may occur.
     pub fn file(&self, most: f64) -> Vec<u8> {
         let grid = &self.info.grid;
         let mut tiles = Vec::new();

@@ -42,8 +42,8 @@ impl Assembly {
         Some((*position, *self.catalogue.corner_levels.get(corner as usize)?))
     }
 
-    /// Counts groups above the roots of all pieces, after these. Returns their piece, which is the last one that [`super::Output`] takes.
-    /// Of `head`, uses the lattice, the levels and the channels.
+    /// Counts groups above the roots of all pieces, after these. Returns their piece, which is the last one that
+    /// [`super::Output`] takes. Of `head`, uses the lattice, the levels and the channels.
     ///
     /// # Errors
     /// [`Error::Model`] if they do not fit the pieces.

@@ -15,17 +15,17 @@ use crate::{
     lattice::{Lattice, LatticePoint},
 };
 
-/// A stream of blocks ends after the block that brings it to this many symbols, about half a kilobyte. Then a stream's own four to six
-/// bytes cost less than one percent, and few other blocks have to be decoded to reach one.
+/// A stream of blocks ends after the block that brings it to this many symbols, about half a kilobyte. Then a stream's
+/// own four to six bytes cost less than one percent, and few other blocks have to be decoded to reach one.
 const STREAM_SYMBOLS: usize = 2048;
 
-/// A cluster of several roots ends before it has more half-arcs than this. The border of a group that stands for thousands of leaves consists of
-/// the leaves' arcs, and a query for a small region needs one such group of each depth. Leaves have about ten half-arcs, so that their
-/// clusters are never that large.
+/// A cluster of several roots ends before it has more half-arcs than this. The border of a group that stands for
+/// thousands of leaves consists of the leaves' arcs, and a query for a small region needs one such group of each depth.
+/// Leaves have about ten half-arcs, so that their clusters are never that large.
 const CLUSTER_HALF_ARCS: usize = 1024;
 
-/// A catalogue in the order of the file. Roots that are near each other in space are near each other in the file, whatever pieces they
-/// come from: pieces are divided for the builder, and the order is for readers.
+/// A catalogue in the order of the file. Roots that are near each other in space are near each other in the file,
+/// whatever pieces they come from: pieces are divided for the builder, and the order is for readers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Arrangement {
     pub catalogue: Catalogue,
@@ -194,8 +194,8 @@ impl Arrangement {
         self.clusters.partition_point(|cluster| cluster.first_root <= number).saturating_sub(1)
     }
 
-    /// The cluster that an arc of the file belongs to: the last one to begin before it, since those without arcs of their own begin
-    /// where the next one does.
+    /// The cluster that an arc of the file belongs to: the last one to begin before it, since those without arcs of
+    /// their own begin where the next one does.
     pub fn cluster_of_arc(&self, number: u32) -> usize {
         self.clusters.partition_point(|cluster| cluster.first_arc <= number).saturating_sub(1)
     }

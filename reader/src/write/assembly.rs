@@ -30,12 +30,13 @@ use crate::{
 const ARCS_PER_RECORD: u64 = 3;
 
 /// An arc run ends with the arc that brings its samples in pages to this number: about 0.9 kB over all levels. A region
-/// at its borders needs few arcs of many clusters; smaller runs would lie farther apart, so that more requests would be needed.
+/// at its borders needs few arcs of many clusters; smaller runs would lie farther apart, so that more requests would be
+/// needed.
 const ARC_RUN_SAMPLES: u16 = 1024;
 
-/// A file that is put together from pieces, which may be made anywhere and at any time. All roots determine the order of the file, so
-/// that neighbours in space are near each other in it. Only the symbols of one piece, or of some clusters, are in memory. So a file can
-/// be larger than memory:
+/// A file that is put together from pieces, which may be made anywhere and at any time. All roots determine the order
+/// of the file, so that neighbours in space are near each other in it. Only the symbols of one piece, or of some
+/// clusters, are in memory. So a file can be larger than memory:
 ///
 /// ```text
 /// Assembly::new, count(index of each piece), perhaps count_above, arrange, seal    ->  Encoder
@@ -67,7 +68,8 @@ pub(super) struct FileHead {
 }
 
 impl Assembly {
-    /// A file without pieces yet. Uses only what the model says about the whole file: lattice, steps, levels, source and channels.
+    /// A file without pieces yet. Uses only what the model says about the whole file: lattice, steps, levels, source
+    /// and channels.
     ///
     /// # Errors
     /// [`crate::Error::Model`] if levels or channels break a rule.
@@ -169,11 +171,11 @@ impl Arranged {
         Tables::of(&all)
     }
 
-    /// An estimate, within a few percent, of the bytes up to the end of the coarsest level in a file without an overview. Texels do not
-    /// count: a picture without them reads none.
+    /// An estimate, within a few percent, of the bytes up to the end of the coarsest level in a file without an
+    /// overview. Texels do not count: a picture without them reads none.
     pub fn first_picture_bytes(&self) -> u64 {
-        // Counts, box, lengths, checksum and the states of two streams; lengths, triangles and error of a level; length and checksum
-        // of a stream.
+        // Counts, box, lengths, checksum and the states of two streams; lengths, triangles and error of a level; length
+        // and checksum of a stream.
         const CLUSTER_BYTES: u64 = 42;
         const CLUSTER_LEVEL_BYTES: u64 = 9;
         const STREAM_BYTES: u64 = 6;
@@ -196,9 +198,9 @@ impl Arranged {
         head + clusters + bytes(&self.records) + bytes(&self.corners) + arcs + bytes(&self.coarsest)
     }
 
-    /// The number of levels whose samples go into the index blocks: with the corners, they take at most [`ARCS_PER_RECORD`] times the
-    /// bytes of the records. Coarse samples are few, and every reader of finer ones needs them; in pages of their own they would cost a
-    /// request or two per level.
+    /// The number of levels whose samples go into the index blocks: with the corners, they take at most
+    /// [`ARCS_PER_RECORD`] times the bytes of the records. Coarse samples are few, and every reader of finer ones needs
+    /// them; in pages of their own they would cost a request or two per level.
     fn index_arc_levels(&self, tables: &Tables) -> u8 {
         let bytes = |tally: &Tally| tally.bytes(tables);
         let (room, mut taken) = (ARCS_PER_RECORD * bytes(&self.records), bytes(&self.corners));

@@ -9,8 +9,8 @@ use crate::{
     lattice::LatticePoint,
 };
 
-/// The roots, arcs and corners of all pieces so far, numbered as they came. The order of a file needs all of them, about half a kilobyte
-/// a root, but no symbols.
+/// The roots, arcs and corners of all pieces so far, numbered as they came. The order of a file needs all of them,
+/// about half a kilobyte a root, but no symbols.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Catalogue {
     /// First root, arc and corner of each piece, and of the next one.
@@ -42,9 +42,9 @@ impl Catalogue {
         self.add_with(piece, known)
     }
 
-    /// Adds a checked piece without arcs and corners of its own, whose shared arcs are numbers in this catalogue. Its first roots are the
-    /// parents of `children`, each a root of the catalogue and its parent's number in the piece; `corner_levels` are those of corners that
-    /// become vertices at coarser levels than so far.
+    /// Adds a checked piece without arcs and corners of its own, whose shared arcs are numbers in this catalogue. Its
+    /// first roots are the parents of `children`, each a root of the catalogue and its parent's number in the piece;
+    /// `corner_levels` are those of corners that become vertices at coarser levels than so far.
     ///
     /// # Errors
     /// [`Error::Model`] if it does not fit the pieces before.

@@ -1,4 +1,5 @@
-//! Clusters that other processes encode: what each of them needs for its share, and what is left for the one that puts the file together.
+//! Clusters that other processes encode: what each of them needs for its share, and what is left for the one that puts
+//! the file together.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -19,8 +20,8 @@ use crate::{
     format::{channels::stream_count, clusters::Cluster},
 };
 
-/// Some clusters of a file, with all that is needed to encode them but their symbols. It has about half a kilobyte for each of their roots,
-/// however large the file is:
+/// Some clusters of a file, with all that is needed to encode them but their symbols. It has about half a kilobyte for
+/// each of their roots, however large the file is:
 ///
 /// ```text
 /// Encoder::share(clusters)                 ->  EncoderShare, for another process
@@ -50,7 +51,8 @@ struct Planned {
     arcs: Vec<[u32; 2]>,
 }
 
-/// What a file has beside its clusters, once its order is known. [`Self::encoder`] adds clusters that were encoded elsewhere to an
+/// What a file has beside its clusters, once its order is known. [`Self::encoder`] adds clusters that were encoded
+/// elsewhere to an
 /// [`super::Output`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct EncoderHead {
@@ -62,8 +64,9 @@ pub struct EncoderHead {
 }
 
 impl Encoder {
-    /// The pieces from which the roots of a cluster come, ascending, and how many come from each. Coarse groups come first in a file, so
-    /// clusters that follow each other may need all pieces; those of one piece need that one and a few around it.
+    /// The pieces from which the roots of a cluster come, ascending, and how many come from each. Coarse groups come
+    /// first in a file, so clusters that follow each other may need all pieces; those of one piece need that one and a
+    /// few around it.
     ///
     /// # Errors
     /// [`Error::Model`] if there is no such cluster.

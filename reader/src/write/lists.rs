@@ -14,12 +14,14 @@ use crate::{
 /// How clusters are divided among lists. A file whose clusters all fit in the topmost list has no other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ListSizes {
-    /// The most entries of a list. A list of 64 clusters takes about 4 kB, so a small region reads little for others; with fewer, lists
-    /// would lie deeper, and each height is a round trip.
+    /// The most entries of a list. A list of 64 clusters takes about 4 kB, so a small region reads little for others;
+    /// with fewer, lists would lie deeper, and each height is a round trip.
     pub entries: usize,
-    /// The most bytes of the topmost list, which everybody reads: with header, levels and tables, opening takes at most 16 KiB.
+    /// The most bytes of the topmost list, which everybody reads: with header, levels and tables, opening takes at most
+    /// 16 KiB.
     pub top_bytes: usize,
-    /// In files of several lists, this many clusters stay in the topmost one. They hold the coarsest roots, which every query needs.
+    /// In files of several lists, this many clusters stay in the topmost one. They hold the coarsest roots, which every
+    /// query needs.
     pub top_clusters: usize,
 }
 

@@ -1,18 +1,22 @@
 //! Writing a file.
 //!
-//! [`write_file`] writes a [`Model`] and returns a [`WriteReport`]. A model has [`LevelInfo`]s, [`ArcRecord`]s and [`RootRecord`]s with
-//! a [`BlockRecord`] a level, and perhaps an [`OverviewRecord`]; its channels are [`crate::index::ChannelInfo`]s. Arcs come first: [`quantise_arcs`], or [`quantise_arc`] for one, turns
-//! the [`WantedSample`]s of [`ArcTarget`]s into [`ArcSample`]s at the places where a decoder will find them (parameters up to
-//! [`PARAM_END`], steps up to [`MAX_TANGENT_SHIFT`]). Then a filling's encoder writes the symbols of each block to a [`SymbolBuffer`]:
-//! [`encode_patch`] or [`encode_refined_patch`] an irregular [`PatchTarget`], and [`grid`] a grid, with the [`Quantisation`] of
-//! the level's [`LevelSteps`]; a [`Slide`] moves vertices to their best places, and an [`EncodeError`] says why a patch cannot be
-//! coded. [`SymbolStatistics`] tell what symbols
-//! will cost. Errors are rounded up to what a file can store: [`stored_error`], [`storable_error`]. A file has up to [`MAX_LEVELS`].
+//! [`write_file`] writes a [`Model`] and returns a [`WriteReport`]. A model has [`LevelInfo`]s, [`ArcRecord`]s and
+//! [`RootRecord`]s with a [`BlockRecord`] a level, and perhaps an [`OverviewRecord`]; its channels are
+//! [`crate::index::ChannelInfo`]s. Arcs come first: [`quantise_arcs`], or [`quantise_arc`] for one, turns the
+//! [`WantedSample`]s of [`ArcTarget`]s into [`ArcSample`]s at the places where a decoder will find them (parameters up
+//! to
+//! [`PARAM_END`], steps up to [`MAX_TANGENT_SHIFT`]). Then a filling's encoder writes the symbols of each block to a
+//! [`SymbolBuffer`]:
+//! [`encode_patch`] or [`encode_refined_patch`] an irregular [`PatchTarget`], and [`grid`] a grid, with the
+//! [`Quantisation`] of the level's [`LevelSteps`]; a [`Slide`] moves vertices to their best places, and an
+//! [`EncodeError`] says why a patch cannot be coded. [`SymbolStatistics`] tell what symbols will cost. Errors are
+//! rounded up to what a file can store: [`stored_error`], [`storable_error`]. A file has up to [`MAX_LEVELS`].
 //!
-//! A model that is larger than memory comes in [`Piece`]s, each a [`PieceIndex`] and [`PieceSymbols`], whose [`Shares`] name what other
-//! pieces have too ([`Share`]). An [`Assembly`] counts and orders them ([`Arranged`]), an [`Output`] sorts their symbols by cluster
-//! ([`ClusterSymbols`]), and an [`Encoder`] makes each an [`EncodedCluster`]. With the feature `serde`, other processes can do that: each has an
-//! `EncoderShare`, and an `EncoderHead` puts the file together. Groups of roots of several pieces stand [`Above`] them.
+//! A model that is larger than memory comes in [`Piece`]s, each a [`PieceIndex`] and [`PieceSymbols`], whose [`Shares`]
+//! name what other pieces have too ([`Share`]). An [`Assembly`] counts and orders them ([`Arranged`]), an [`Output`]
+//! sorts their symbols by cluster ([`ClusterSymbols`]), and an [`Encoder`] makes each an [`EncodedCluster`]. With the
+//! feature `serde`, other processes can do that: each has an `EncoderShare`, and an `EncoderHead` puts the file
+//! together. Groups of roots of several pieces stand [`Above`] them.
 //! [`ListSizes`] say how clusters are listed.
 //!
 //! Its files, in the order of use:
@@ -79,7 +83,8 @@ pub use sorting::ClusterSymbols;
 
 use crate::error::Result;
 
-/// Writes a model as a file. The same model gives the same bytes on every machine. Larger models are written piece by piece: see
+/// Writes a model as a file. The same model gives the same bytes on every machine. Larger models are written piece by
+/// piece: see
 /// [`Assembly`].
 ///
 /// # Errors

@@ -46,8 +46,8 @@ pub struct BlockRecord {
     pub triangle_count: u32,
     /// The symbols that the filling's encoder wrote.
     pub symbols: SymbolBuffer,
-    /// Its texel streams: the map, then the image of each channel of the model, any of them perhaps empty. No entries are as good as
-    /// only empty ones.
+    /// Its texel streams: the map, then the image of each channel of the model, any of them perhaps empty. No entries
+    /// are as good as only empty ones.
     pub texels: Vec<Vec<u8>>,
 }
 
@@ -55,16 +55,18 @@ pub struct BlockRecord {
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RootRecord {
-    /// Loops of at least two half-arcs, each ending at the corner where the next begins, in the winding of the triangles;
-    /// none for a closed surface.
+    /// Loops of at least two half-arcs, each ending at the corner where the next begins, in the winding of the
+    /// triangles; none for a closed surface.
     pub loops: Vec<Vec<HalfArc>>,
-    /// Smallest and largest world coordinates of everything drawn at any level, and of the piece of input that the root stands for.
+    /// Smallest and largest world coordinates of everything drawn at any level, and of the piece of input that the root
+    /// stands for.
     pub bounds: [[f64; 3]; 2],
     /// How its blocks are coded.
     pub filling: Filling,
     /// The root that stands for this one and its other children together, by its number in the model.
     pub parent: Option<u32>,
-    /// One entry for each level, at least one of them a block. The coarsest block of a child follows its parent's finest one.
+    /// One entry for each level, at least one of them a block. The coarsest block of a child follows its parent's
+    /// finest one.
     pub blocks: Vec<Option<BlockRecord>>,
 }
 
@@ -84,7 +86,8 @@ pub struct OverviewRecord {
     pub symbols: SymbolBuffer,
 }
 
-/// The content of a file, in any order: the writer sorts roots so that neighbours lie together, and renumbers arcs and corners.
+/// The content of a file, in any order: the writer sorts roots so that neighbours lie together, and renumbers arcs and
+/// corners.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
     /// The lattice of the coordinates.

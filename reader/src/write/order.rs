@@ -3,8 +3,9 @@
 use super::piece::NO_ROOT;
 use crate::format::clusters::MAX_CLUSTER_ROOTS;
 
-/// The fewest and most roots of a cluster in files of several clusters; in between, the square root of the number of roots. With more,
-/// a query for a small volume would read more of the index for other roots; fewer would make CLUSTERS longer, which everybody reads.
+/// The fewest and most roots of a cluster in files of several clusters; in between, the square root of the number of
+/// roots. With more, a query for a small volume would read more of the index for other roots; fewer would make CLUSTERS
+/// longer, which everybody reads.
 const CLUSTER_ROOTS: [usize; 2] = [12, 24];
 const _: () = assert!(CLUSTER_ROOTS[1] <= MAX_CLUSTER_ROOTS);
 
@@ -20,9 +21,9 @@ pub(super) fn cluster_roots(root_count: usize) -> usize {
     }
 }
 
-/// Orders roots from the top: first those without a parent, then the children of the first one, those of the second one, and so on.
-/// Siblings are ordered by recursive halving, so that neighbours in space are mostly near each other. `centres` are those of the
-/// roots' boxes; `neighbours` are pairs of siblings that share an arc.
+/// Orders roots from the top: first those without a parent, then the children of the first one, those of the second
+/// one, and so on. Siblings are ordered by recursive halving, so that neighbours in space are mostly near each other.
+/// `centres` are those of the roots' boxes; `neighbours` are pairs of siblings that share an arc.
 pub(super) fn from_the_top(
     centres: Vec<[f64; 3]>,
     pairs: &[[u32; 2]],
@@ -53,9 +54,9 @@ pub(super) fn from_the_top(
     order
 }
 
-/// Orders roots by halving sets of them. Halves consist of whole clusters, so that the boxes of clusters are small. A set is cut where
-/// the fewest arcs join both sides, because roots that share an arc are read together. The half nearer to what precedes the set comes
-/// first.
+/// Orders roots by halving sets of them. Halves consist of whole clusters, so that the boxes of clusters are small. A
+/// set is cut where the fewest arcs join both sides, because roots that share an arc are read together. The half nearer
+/// to what precedes the set comes first.
 struct Halving {
     /// Centre of each root's box.
     centres: Vec<[f64; 3]>,
@@ -133,8 +134,8 @@ impl Halving {
     }
 }
 
-/// The sizes that the lower half of `count` roots, at least two, may have: whole clusters, 35 to 65 percent if possible; within a cluster
-/// half of the roots.
+/// The sizes that the lower half of `count` roots, at least two, may have: whole clusters, 35 to 65 percent if
+/// possible; within a cluster half of the roots.
 fn half_sizes(count: usize, cluster_roots: usize) -> Sizes {
     if count <= cluster_roots {
         return Sizes { start: count / 2, last: count / 2, step: 1 };

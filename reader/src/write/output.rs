@@ -37,8 +37,8 @@ pub struct WriteReport {
     pub root_order: Vec<u32>,
 }
 
-/// A file that takes its pieces, and then its clusters. Pieces arrive in another order than clusters, and pages lie level by level, so
-/// both wait until all have arrived: in files or in memory, depending on `S`.
+/// A file that takes its pieces, and then its clusters. Pieces arrive in another order than clusters, and pages lie
+/// level by level, so both wait until all have arrived: in files or in memory, depending on `S`.
 #[derive(Debug)]
 pub struct Output<S> {
     encoder: Encoder,

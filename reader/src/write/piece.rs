@@ -43,8 +43,8 @@ pub struct Shares {
 /// No root: the parent of a top.
 pub(super) const NO_ROOT: u32 = u32::MAX;
 
-/// A piece's reference to an arc or corner: 2 n for number n of the piece itself, 2 n + 1 for shared number n, which an earlier piece
-/// has.
+/// A piece's reference to an arc or corner: 2 n for number n of the piece itself, 2 n + 1 for shared number n, which an
+/// earlier piece has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LocalRef(pub u32);
 
@@ -75,13 +75,15 @@ pub struct Piece {
     pub symbols: PieceSymbols,
 }
 
-/// The roots, arcs and corners of a piece, in the order of its model, without arcs and corners that an earlier piece has.
+/// The roots, arcs and corners of a piece, in the order of its model, without arcs and corners that an earlier piece
+/// has.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PieceIndex {
     /// No block begins a stream yet.
     pub(super) roots: Vec<RootEntry>,
-    /// Centre of each root's box, which the order of the file follows; world units, since boxes on the lattice are rounded.
+    /// Centre of each root's box, which the order of the file follows; world units, since boxes on the lattice are
+    /// rounded.
     pub(super) centres: Vec<[f64; 3]>,
     /// The number of symbols in each block, root after root.
     pub(super) block_symbols: Vec<u32>,

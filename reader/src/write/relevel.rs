@@ -1,5 +1,5 @@
-//! Pieces for a file with more or fewer levels: those of a part of a model do not depend on how many levels there are above it, as long as
-//! the piece has nothing there but what belongs to all levels.
+//! Pieces for a file with more or fewer levels: those of a part of a model do not depend on how many levels there are
+//! above it, as long as the piece has nothing there but what belongs to all levels.
 
 use super::piece::{Piece, Runs};
 use crate::{
@@ -16,8 +16,8 @@ struct Moved {
 }
 
 impl Piece {
-    /// Gives a piece that has blocks from level `from` on, and samples of arcs there and at level 0, the levels of a file in which
-    /// that level is `to`.
+    /// Gives a piece that has blocks from level `from` on, and samples of arcs there and at level 0, the levels of a
+    /// file in which that level is `to`.
     ///
     /// # Errors
     /// [`Error::Model`] if the piece has something at levels above, or one of the levels is 0.
@@ -60,7 +60,8 @@ impl Moved {
         Ok(())
     }
 
-    /// Moves what there is for each level of each thing. `is_empty` is asked of the levels between, with level 0 beside it.
+    /// Moves what there is for each level of each thing. `is_empty` is asked of the levels between, with level 0 beside
+    /// it.
     fn of_each<T: Clone>(
         self,
         all: &[T],

@@ -1,8 +1,9 @@
 //! From the order of pieces to the order of the file: symbols wait outside memory, those of a cluster in few chunks.
 //!
-//! A cluster may have roots of several pieces, and pieces come one after the other. The part of a cluster in a piece is one *chunk*:
-//! the blocks of its roots, then the samples of its arcs level by level, in the order of the file. Each run of symbols is its size in
-//! tokens and in extra bits (varints), then these. The texel streams of a block follow its symbols, each with its size (varint).
+//! A cluster may have roots of several pieces, and pieces come one after the other. The part of a cluster in a piece is
+//! one *chunk*: the blocks of its roots, then the samples of its arcs level by level, in the order of the file. Each
+//! run of symbols is its size in tokens and in extra bits (varints), then these. The texel streams of a block follow
+//! its symbols, each with its size (varint).
 
 use std::{
     io::{Read, Seek, SeekFrom, Write},

@@ -1,4 +1,5 @@
-// One instance of the reader, and the loop that fetches what it lacks. Runs in a worker, or on the thread that opened the file.
+// One instance of the reader, and the loop that fetches what it lacks. Runs in a worker, or on the thread that opened
+// the file.
 
 import { NO_CHANNEL, unpackChannels, unpackTextured } from './channels.js';
 import { CoreStream } from './core-stream.js';
@@ -251,7 +252,10 @@ export class Core {
     };
   }
 
-  /** A mesh. Of heights also the normal of each vertex and, with a ramp, its colour: red, green, blue and opacity, as screens show them. */
+  /**
+   * A mesh. Of heights also the normal of each vertex and, with a ramp, its colour: red, green, blue and opacity, as
+   * screens show them.
+   */
   #mesh(isOfHeights = false) {
     const [vertexCount, triangleCount] = this.floats(0, 2);
     const buffer = this.take(16);
@@ -272,7 +276,10 @@ export class Core {
     return { ...mesh, normals, colors: at < buffer.byteLength ? part(Uint8Array, 4 * vertexCount) : null };
   }
 
-  /** Calls until nothing is missing. Bytes that were fetched for one answer are dropped after it; what the index says stays. */
+  /**
+   * Calls until nothing is missing. Bytes that were fetched for one answer are dropped after it; what the index says
+   * stays.
+   */
   async #ask(attempt, signal) {
     const question = this.call('ask');
     try {

@@ -8,7 +8,9 @@ import { PLANES } from './atlas.js';
 /** Rows that are uploaded one by one. More are uploaded with all others at once. */
 const FEW_ROWS = 256;
 
-/** What three.js has for the planes of an atlas: properties of materials that show one, and what these need beside it. */
+/**
+ * What three.js has for the planes of an atlas: properties of materials that show one, and what these need beside it.
+ */
 const USES = {
   data: { maps: ['map'], colorSpace: SRGBColorSpace },
   normals: { maps: ['normalMap'], colorSpace: NoColorSpace, fit: (material) => { material.normalMapType = ObjectSpaceNormalMap; } },
@@ -18,8 +20,9 @@ const USES = {
 };
 
 /**
- * Has a shader of WebGL take the fourth component of colours as their coverage (`Drawing::coverage`). Its lowest bits, which are not interpolated, say
- * whether it is compared with one half or the share of pixels that show the surface, and whether light falls on it. Elsewhere it is compared.
+ * Has a shader of WebGL take the fourth component of colours as their coverage (`Drawing::coverage`). Its lowest bits,
+ * which are not interpolated, say whether it is compared with one half or the share of pixels that show the surface,
+ * and whether light falls on it. Elsewhere it is compared.
  */
 export function cover(shader) {
   shader.fragmentShader = shader.fragmentShader.replace('#include <alphatest_fragment>', `
@@ -49,8 +52,10 @@ export class SlabTexture {
     this.look(look);
   }
 
-  /** Whether something lies between two texels of colours, and whether these are the directions of normals, which light shows better; and whether opacity
-   * is how much of a texel is there. */
+  /**
+   * Whether something lies between two texels of colours, and whether these are the directions of normals, which light
+   * shows better; and whether opacity is how much of a texel is there.
+   */
   look({ isBlended, hasDirections, isCovered }) {
     Object.assign(this, { hasDirections, isCovered });
     if (this.#material) this.#material.needsUpdate = true;

@@ -139,7 +139,8 @@ export class LodpackMesh extends Object3D {
   }
 
   /**
-   * Asks for what a camera needs. Drawing calls it, so programs need to only to prepare for a camera that does not draw yet.
+   * Asks for what a camera needs. Drawing calls it, so programs need to only to prepare for a camera that does not draw
+   * yet.
    */
   update(camera, renderer) {
     if (this.ground) {

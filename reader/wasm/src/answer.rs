@@ -63,7 +63,8 @@ impl Put for Vec<u8> {
     }
 }
 
-/// Packs a mesh: its numbers of vertices and triangles (f64), positions (f64), triangles, and the node of each triangle.
+/// Packs a mesh: its numbers of vertices and triangles (f64), positions (f64), triangles, and the node of each
+/// triangle.
 pub fn put_mesh(output: &mut Vec<u8>, mesh: &Mesh) {
     output.put_floats([mesh.positions.len() as f64, mesh.triangles.len() as f64]);
     put_all(output, &mesh.positions, |place: &mut [u8; 24], position| {

@@ -19,7 +19,8 @@ use crate::{
 };
 
 impl State {
-    /// Seven numbers (f64) for each channel, and their names, each followed by the end of a line: `js/channels.js` reads it.
+    /// Seven numbers (f64) for each channel, and their names, each followed by the end of a line: `js/channels.js`
+    /// reads it.
     pub fn channels(&mut self) -> Answer {
         if let Ok(index) = self.heights_index() {
             let colour = "colour\n".bytes();
@@ -50,8 +51,8 @@ impl State {
         Ok(index.channels().len() as u32)
     }
 
-    /// Makes a stream show a channel, or none if there is none of this number; with normals if `beside` is odd, and with materials if it is 2 or 3.
-    /// Of heights number 0 is the ramp.
+    /// Makes a stream show a channel, or none if there is none of this number; with normals if `beside` is odd, and
+    /// with materials if it is 2 or 3. Of heights number 0 is the ramp.
     pub fn show(&mut self, stream: u32, channel: u32, range: [f64; 2], beside: u32) -> Answer {
         let has_ramp = self.heights_index().map(|index| index.ramp().is_some());
         let Ok(has_ramp) = has_ramp else { return self.show_of_mesh(stream, channel, range, beside) };
@@ -162,8 +163,8 @@ impl State {
     }
 }
 
-/// Packs a mesh: its numbers of vertices and triangles (f64), positions (f64), places (f32), triangles, the node of each, for each page and
-/// for those without one the number of its triangles, and the sizes of pages.
+/// Packs a mesh: its numbers of vertices and triangles (f64), positions (f64), places (f32), triangles, the node of
+/// each, for each page and for those without one the number of its triangles, and the sizes of pages.
 #[cfg(feature = "channels")]
 fn put_paged(output: &mut Vec<u8>, mesh: &PagedMesh) {
     let triangle_count: usize = mesh.triangles.iter().map(Vec::len).sum();
@@ -180,8 +181,8 @@ fn put_paged(output: &mut Vec<u8>, mesh: &PagedMesh) {
     output.put_words(mesh.page_sizes.iter().flatten().copied());
 }
 
-/// Packs the pages of a channel: their components (u32), and the values of each, padded to four bytes: red, green, blue and opacity of
-/// colours, in which normals and factors are shown, too, or else numbers (u16).
+/// Packs the pages of a channel: their components (u32), and the values of each, padded to four bytes: red, green, blue
+/// and opacity of colours, in which normals and factors are shown, too, or else numbers (u16).
 #[cfg(feature = "channels")]
 fn put_pages(output: &mut Vec<u8>, (mesh, textured): (&PagedMesh, &TexturedMesh), channel: usize, is_of_bytes: bool) {
     if is_of_bytes {

@@ -9,7 +9,8 @@ use lodpack::{
 
 use crate::answer::put_all;
 
-/// Texels along a side of an image: one a sample, and one more on each side, where whoever interpolates may read a little beyond the border.
+/// Texels along a side of an image: one a sample, and one more on each side, where whoever interpolates may read a
+/// little beyond the border.
 pub const TEXELS: usize = SIDE + 2;
 
 /// The images of tiles that the page has.
@@ -53,7 +54,8 @@ pub fn put_places(output: &mut Vec<u8>, drawn: &DrawnRoot) {
     });
 }
 
-/// Packs images: colours (red, green, blue, opacity) if they are shown, and normals (half floats, from 0 to 1, with a 1).
+/// Packs images: colours (red, green, blue, opacity) if they are shown, and normals (half floats, from 0 to 1, with a
+/// 1).
 pub fn put_images(output: &mut Vec<u8>, images: &TileImages, shows_colours: bool) {
     let inside = |texel: usize| texel.saturating_sub(1).min(SIDE - 1);
     let samples: Vec<usize> =

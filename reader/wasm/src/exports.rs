@@ -105,7 +105,8 @@ pub extern "C" fn lodpack_ground_frame() -> i32 {
     call(State::ground_frame)
 }
 
-/// The overview's mesh; with light followed by the normals of its vertices, and vertices on creases are there more than once. Returns 0 if there is none.
+/// The overview's mesh; with light followed by the normals of its vertices, and vertices on creases are there more than
+/// once. Returns 0 if there is none.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_overview(light: u32) -> i32 {
     call(|state| state.overview(light != 0))
@@ -165,14 +166,15 @@ pub extern "C" fn lodpack_channel_range(question: u32, channel: u32) -> i32 {
     call(|state| state.channel_range(question, channel))
 }
 
-/// The mesh of the cut in the input with pages of some channels, whose numbers are before it. Returns the number of pages of each.
+/// The mesh of the cut in the input with pages of some channels, whose numbers are before it. Returns the number of
+/// pages of each.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_extract_textured(question: u32, channel_count: u32, page_side: u32) -> i32 {
     call(|state| state.extract_textured(question, channel_count, page_side))
 }
 
-/// Makes a stream show a channel, with these values at the ends of its ramp; none if the number is that of no channel. `beside` is the sum of 1, if
-/// normals are to come with it, and 2, if what else materials have is.
+/// Makes a stream show a channel, with these values at the ends of its ramp; none if the number is that of no channel.
+/// `beside` is the sum of 1, if normals are to come with it, and 2, if what else materials have is.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_show(stream: u32, channel: u32, low: f64, high: f64, beside: u32) -> i32 {
     call(|state| state.show(stream, channel, [low, high], beside))
@@ -229,7 +231,8 @@ pub extern "C" fn lodpack_lose(stream: u32) -> i32 {
     })
 }
 
-/// Does the next job of a stream: 0 if there is none, 1 if the output holds a read to start, 2 if something was decoded.
+/// Does the next job of a stream: 0 if there is none, 1 if the output holds a read to start, 2 if something was
+/// decoded.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_poll(stream: u32, now_ms: f64) -> i32 {
     call(|state| {

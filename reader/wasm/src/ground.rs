@@ -1,5 +1,5 @@
-//! The ground that a mesh stands on. It is opened by an instance of its own, as a file of heights; this one says where it lies, and that one where
-//! it is in the space of the mesh.
+//! The ground that a mesh stands on. It is opened by an instance of its own, as a file of heights; this one says where
+//! it lies, and that one where it is in the space of the mesh.
 
 use lodpack::{
     Error, GroundFrame,
@@ -15,7 +15,8 @@ use crate::{
 const PLACE_BYTES: usize = 40;
 
 impl State {
-    /// Where the ground lies in the file: offset and length (f64); and then where the mesh is, for [`Self::ground_frame`]. Returns 0 if there is none.
+    /// Where the ground lies in the file: offset and length (f64); and then where the mesh is, for
+    /// [`Self::ground_frame`]. Returns 0 if there is none.
     pub fn ground(&mut self) -> Answer {
         let index = self.index()?.clone();
         let Some(range) = index.ground_range() else { return Ok(0) };
@@ -27,7 +28,8 @@ impl State {
         Ok(1)
     }
 
-    /// Of an open ground: its scale, and the rows of the matrices to the space of the mesh and back (f64). The input is where the mesh is.
+    /// Of an open ground: its scale, and the rows of the matrices to the space of the mesh and back (f64). The input is
+    /// where the mesh is.
     pub fn ground_frame(&mut self) -> Answer {
         let (numbers, crs) =
             self.input.split_at_checked(PLACE_BYTES).ok_or_else(|| wrong("where the mesh is takes five numbers"))?;

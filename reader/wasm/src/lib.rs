@@ -1,9 +1,10 @@
 //! The reader as WebAssembly: one instance reads one file, and JavaScript does all reading for it.
 //!
-//! JavaScript writes arguments of any length to the buffer that [`exports::input`] returns, and finds results in the one that
-//! [`exports::output`] and [`exports::output_length`] describe. Every other call returns a number: zero or more if it succeeded,
-//! otherwise a [`Status`](answer::Status). A call that needs bytes which are not there returns `Missing` with their ranges: JavaScript
-//! fetches these, hands them over, and repeats the call, as with [`lodpack::Index`].
+//! JavaScript writes arguments of any length to the buffer that [`exports::input`] returns, and finds results in the
+//! one that
+//! [`exports::output`] and [`exports::output_length`] describe. Every other call returns a number: zero or more if it
+//! succeeded, otherwise a [`Status`](answer::Status). A call that needs bytes which are not there returns `Missing`
+//! with their ranges: JavaScript fetches these, hands them over, and repeats the call, as with [`lodpack::Index`].
 //!
 //! | module | holds |
 //! |---|---|

@@ -172,8 +172,8 @@ struct Packed<'p> {
 }
 
 impl Packed<'_> {
-    /// Whether it has a channel, places, normals of a tile, and colours beside these; then normals, a material and emitted light of its new image,
-    /// and normals of vertices; and the size of the image, if it has one.
+    /// Whether it has a channel, places, normals of a tile, and colours beside these; then normals, a material and
+    /// emitted light of its new image, and normals of vertices; and the size of the image, if it has one.
     fn flags(&self, shows_channel: bool, shows_colours: bool) -> [u32; 3] {
         let is_tile = self.drawn.images().is_some();
         let bits = [
@@ -193,9 +193,10 @@ impl Packed<'_> {
     }
 }
 
-/// Packs what has changed: the error of each changed root (f64), lost roots, removed roots, seven words for each changed root, and then for
-/// each its positions (f32), triangles and, with light, normals (i16, two a vertex); where it has an image, the place (f32) and the rectangle (u16) of each vertex in it; and the
-/// image, if it is new, with what comes with it: of a tile of heights colours, if these are shown, and normals.
+/// Packs what has changed: the error of each changed root (f64), lost roots, removed roots, seven words for each
+/// changed root, and then for each its positions (f32), triangles and, with light, normals (i16, two a vertex); where
+/// it has an image, the place (f32) and the rectangle (u16) of each vertex in it; and the image, if it is new, with
+/// what comes with it: of a tile of heights colours, if these are shown, and normals.
 pub fn put_changes(
     output: &mut Vec<u8>,
     (picture, lattice, origin): (&Picture, &Lattice, [f64; 3]),
@@ -220,7 +221,8 @@ pub fn put_changes(
         let (root, level) = (packed.drawn.surface.root, u32::from(packed.drawn.surface.level));
         [root, level, packed.positions.len() as u32, packed.triangles.len() as u32, flags, width, height]
     }));
-    // Both roots at a border have the same world positions there, so they also have the same ones here: no crack can open.
+    // Both roots at a border have the same world positions there, so they also have the same ones here: no crack can
+    // open.
     let place = |position: [f64; 3]| [0, 1, 2].map(|k| (position[k] - origin[k]) as f32);
     for Packed { drawn, positions, triangles, normals, pieces, image, tile_images } in packed {
         put_all(output, &positions, |bytes: &mut [u8; 12], &position| put_array(bytes, place(position)));

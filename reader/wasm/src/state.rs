@@ -29,7 +29,8 @@ pub struct State {
     streams: Table<Stream>,
 }
 
-/// What has this needs the feature `heights`. Without the feature nothing has it, and compilers leave out all code for what nothing has.
+/// What has this needs the feature `heights`. Without the feature nothing has it, and compilers leave out all code for
+/// what nothing has.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum HasHeights {
     #[cfg(feature = "heights")]

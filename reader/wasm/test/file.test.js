@@ -142,7 +142,8 @@ describe('streams', needsScan, () => {
         if (frame.shows === 'picture' && (frame.uploads.length > 0 || step % 8 === 0)) await check(frame);
         await new Promise((resolve) => setTimeout(resolve, 2));
       }
-      // How many frames had different levels until here depends on how fast the machine is. Here parts are nearer than others.
+      // How many frames had different levels until here depends on how fast the machine is. Here parts are nearer than
+      // others.
       await check(await settle(stream, pool, { view: viewOf(file.bounds, 0.4, 20 / 6, 64), outside: 'coarsest' }));
       assert.ok(checked > 3 && (clean > 0 || file.rootCount > 8), `${checked} frames were checked, ${clean} without such vertices`);
       if (file.rootCount > 8) assert.ok(mixed > 0, 'no frame had different levels');

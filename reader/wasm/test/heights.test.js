@@ -1,4 +1,5 @@
-// Files of heights: what they say, cuts and meshes, frames of a moving camera, and bytes that are not as they should be.
+// Files of heights: what they say, cuts and meshes, frames of a moving camera, and bytes that are not as they should
+// be.
 
 import assert from 'node:assert/strict';
 import { readFile } from 'node:fs/promises';

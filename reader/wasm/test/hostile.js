@@ -9,8 +9,8 @@ const FRAMES = 4;
 const MOST_LEVELS = 4;
 
 /**
- * Opens bytes with `open(bytes)` and asks for cuts, meshes, channels and frames. Returns what went well, by name, and throws if anything does
- * worse than to be refused.
+ * Opens bytes with `open(bytes)` and asks for cuts, meshes, channels and frames. Returns what went well, by name, and
+ * throws if anything does worse than to be refused.
  */
 export async function ask(open, bytes) {
   const done = new Set();

@@ -405,7 +405,10 @@ describe('the viewer page', { skip }, () => {
     assert.equal(shots.size, 4);
   });
 
-  /** How far the picture is from the colours that the input has there, of 255: root mean square, and the share of pixels that are far off. */
+  /**
+   * How far the picture is from the colours that the input has there, of 255: root mean square, and the share of pixels
+   * that are far off.
+   */
   const paintErrors = () => page.evaluate(async () => {
     const { paintedColour, pixelsOf } = await import('/lodpack/test/picture.js');
     const { renderer, pick, shown, camera } = globalThis.lodpackViewer;

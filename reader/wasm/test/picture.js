@@ -1,8 +1,8 @@
 // What is drawn, as one mesh: for checks of its edges.
 
 /**
- * How many edges have one triangle, how many have another number than one or two in opposite directions, and how many triangles are
- * degenerate; vertices at one position are one vertex. `parts` are pairs of positions and indices.
+ * How many edges have one triangle, how many have another number than one or two in opposite directions, and how many
+ * triangles are degenerate; vertices at one position are one vertex. `parts` are pairs of positions and indices.
  */
 export function countEdges(parts) {
   const vertices = new Map();
@@ -97,8 +97,9 @@ export function pixelsOf({ renderer, shown, camera }, image, isUnlit) {
 }
 
 /**
- * What the strips of `valid-drawn` show, which lie side by side along x: of each the share of its pixels that show it and not the background, and
- * among these the share whose red is that of the file. `place` gives the x of what a pixel shows.
+ * What the strips of `valid-drawn` show, which lie side by side along x: of each the share of its pixels that show it
+ * and not the background, and among these the share whose red is that of the file. `place` gives the x of what a pixel
+ * shows.
  */
 export function stripsOf(pixels, { width, height }, place) {
   const strips = Array.from({ length: 6 }, () => ({ all: 0, shown: 0, plain: 0 }));

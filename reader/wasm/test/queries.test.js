@@ -1,4 +1,5 @@
-// The table of queries that every language answers alike: tests/data/queries.txt. reader/src/tests/queries.rs says what its lines mean.
+// The table of queries that every language answers alike: tests/data/queries.txt. reader/src/tests/queries.rs says what
+// its lines mean.
 
 import assert from 'node:assert/strict';
 import { readFile } from 'node:fs/promises';

@@ -9,7 +9,8 @@ import { gzipSync } from 'node:zlib';
 const TYPES = { '.html': 'text/html', '.js': 'text/javascript', '.wasm': 'application/wasm', '.lodpack': 'application/octet-stream', '.css': 'text/css' };
 
 /**
- * Serves `mounts`, from prefixes to folders or bytes. `fault(request)` may return what goes wrong: a status, or the name of a fault below.
+ * Serves `mounts`, from prefixes to folders or bytes. `fault(request)` may return what goes wrong: a status, or the
+ * name of a fault below.
  */
 export async function serve(mounts, { fault = () => undefined, cors = true, expose = true } = {}) {
   const log = [];

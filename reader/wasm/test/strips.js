@@ -2,7 +2,10 @@
 
 import assert from 'node:assert/strict';
 
-/** Opaque, cut out at 0.3, blended, double-sided, unlit, and cut out at 0.5: opacity is 0.2, 0.4, 0.6 and 0.8 in a quarter of each. */
+/**
+ * Opaque, cut out at 0.3, blended, double-sided, unlit, and cut out at 0.5: opacity is 0.2, 0.4, 0.6 and 0.8 in a
+ * quarter of each.
+ */
 const SHOWN = [1, 0.75, 0.5, 1, 1, 0.5];
 const UNLIT = 4;
 

@@ -79,7 +79,8 @@ def download(client, name, version, options, cache, down):
 
 
 def source_lists(cache):
-    """Options that let apt-get see the sources of the archives that the machine knows, without changing its settings."""
+    """Options that let apt-get see the sources of the archives that the machine knows, without changing its
+    settings."""
     own = cache / "apt"
     options = ["-o", "Dir::Etc::sourcelist=/dev/null", "-o", f"Dir::Etc::sourceparts={own}/etc", "-o", f"Dir::State::lists={own}/lists"]
     if not (own / "lists").exists():
@@ -102,7 +103,8 @@ def unpack(archive, folder):
 
 
 def files(cache, largest, most):
-    """Distinct files (format, package, path, hash), at most `most` of one format from a package; which ones, their hashes say."""
+    """Distinct files (format, package, path, hash), at most `most` of one format from a package; which ones, their
+    hashes say."""
     seen, found = set(), []
     for package, folder in fetch(cache):
         own = {}

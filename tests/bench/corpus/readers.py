@@ -1,4 +1,5 @@
-"""What other readers see in a file: area, box, triangles and mean colours of meshes; samples, place and CRS of rasters."""
+"""What other readers see in a file: area, box, triangles and mean colours of meshes; samples, place and CRS of
+rasters."""
 import json
 import pathlib
 import subprocess
@@ -16,8 +17,9 @@ def area_of(points, corners):
 
 
 def measured(points, corners, loose=False, colours=(), faces=None):
-    """Figures of triangles as lodpack repairs them: welded, without those that have no area, each once. `loose`: the area
-    hangs on how polygons are divided; `faces` says which triangles are of one polygon, whose area is at least that of its outline."""
+    """Figures of triangles as lodpack repairs them: welded, without those that have no area, each once. `loose`: the
+    area hangs on how polygons are divided; `faces` says which triangles are of one polygon, whose area is at least that
+    of its outline."""
     points, corners = np.asarray(points, float).reshape(-1, 3), np.asarray(corners, np.int64).reshape(-1, 3)
     repeated = (corners == np.roll(corners, 1, axis=1)).any(1).sum()
     out = {"raw": [int(len(corners) - repeated), len(corners)], "loose": bool(loose), "colours": [list(map(float, c)) for c in colours if c is not None]}

@@ -118,7 +118,8 @@ class Gltfpack:
         self.command, self.source, self.triangles, self.work = command, source, triangles, work
 
     def pack(self, count, bits, path):
-        """Bytes for about `count` triangles, the same sent with gzip, and CPU seconds. Writes the decoded mesh to `path`."""
+        """Bytes for about `count` triangles, the same sent with gzip, and CPU seconds. Writes the decoded mesh to
+        `path`."""
         out = os.path.join(self.work, "packed.glb")
         share = min(count / self.triangles, 1)
         # Its manual calls -cz maximum compression, above -cc. Without -se it stops at 1 % of the extent.

@@ -8,7 +8,8 @@ BUILD = ("cpu", "cpu_written", "memory")
 
 
 def least(run, budget=20.0, most=3):
-    """CPU seconds and memory, the best of three runs or of as many as take 20 CPU seconds; and the result of the last run."""
+    """CPU seconds and memory, the best of three runs or of as many as take 20 CPU seconds; and the result of the last
+    run."""
     cpu, memory, spent = [], [], 0.0
     while len(cpu) < most and spent < budget:
         last, seconds, peak = run()
@@ -53,7 +54,8 @@ def measure_clusterlod(result, mesh, work):
 
 
 def measure_deepmonkey(result, command, source, work):
-    """Reads only OBJ. Its finest level is the input, and it makes no levels between that and a few hundred triangles."""
+    """Reads only OBJ. Its finest level is the input, and it makes no levels between that and a few hundred
+    triangles."""
     obj, out = os.path.join(work, "source.obj"), os.path.join(work, "peer.dgc")
     positions, triangles = read_ply(source)
     with open(obj, "w") as f:
@@ -71,7 +73,8 @@ def measure_deepmonkey(result, command, source, work):
 
 
 def measure_nexus(result, mesh, source, work, step_of):
-    """The default pyramid; then positions as coarse as our error allows, and as many of its nodes as reach our errors."""
+    """The default pyramid; then positions as coarse as our error allows, and as many of its nodes as reach our
+    errors."""
     idle = python(nexus.IDLE).memory
     cpu, memory, (size, seconds) = least(lambda: (lambda n: ((n[0], n[2]), n[2], n[1].memory))(nexus.nexus(mesh, work, keep=True)))
     nxs, nxz, cut = (os.path.join(work, name) for name in ("peer.nxs", "peer.nxz", "cut.ply"))

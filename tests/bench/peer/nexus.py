@@ -1,8 +1,8 @@
 """Nexus: nxs_build and nxs_compress from pymeshlab, and reading their files.
 
-The header of .nxs and .nxz has 88 bytes, followed by 44 bytes per node and 12 per patch; nodes begin at multiples of 256 bytes.
-A node's faces are runs, one per patch, each covered by the finer node that the patch names. The last node is the sink, which is
-empty."""
+The header of .nxs and .nxz has 88 bytes, followed by 44 bytes per node and 12 per patch; nodes begin at multiples of
+256 bytes. A node's faces are runs, one per patch, each covered by the finer node that the patch names. The last node is
+the sink, which is empty."""
 import os
 import numpy as np
 
@@ -26,11 +26,11 @@ def fresh(*paths):
 
 
 def nexus(mesh, work, keep=False, ram=2000):
-    """Runs nxs_build and nxs_compress in a process of their own. Returns (bytes, Run, CPU and elapsed seconds minus Python's
-    own).
+    """Runs nxs_build and nxs_compress in a process of their own. Returns (bytes, Run, CPU and elapsed seconds minus
+    Python's own).
 
-    `ram` is the number of megabytes that it may use. The compressed file is `peer.nxz` in `work`; with `keep`, the uncompressed
-    one remains as `peer.nxs`."""
+    `ram` is the number of megabytes that it may use. The compressed file is `peer.nxz` in `work`; with `keep`, the
+    uncompressed one remains as `peer.nxs`."""
     idle = python(IDLE)
     nxs, nxz = os.path.join(work, "peer.nxs"), os.path.join(work, "peer.nxz")
     fresh(nxs, nxz)
@@ -48,7 +48,8 @@ def build_only(mesh, nxs, triangles):
 
 
 def compress(nxs, nxz, step):
-    """A compressed file with positions on a lattice. `step` must be a power of two, because the program takes its logarithm."""
+    """A compressed file with positions on a lattice. `step` must be a power of two, because the program takes its
+    logarithm."""
     fresh(nxz)
     python(COARSE, nxs, nxz, repr(float(step)))
     return os.path.getsize(nxz)
@@ -86,7 +87,8 @@ class Index:
         return 2.0 ** int(np.log2(step))
 
     def first_picture(self):
-        """Requests and bytes until the roots are read: the header, which gives the length of the index; the index; the roots."""
+        """Requests and bytes until the roots are read: the header, which gives the length of the index; the index; the
+        roots."""
         roots = min(int(self.patches["node"].min()), self.sink)
         return 3, int(self.offsets[roots])
 
@@ -151,7 +153,7 @@ def weld(positions, triangles):
 
 
 def truncated(source, path, step):
-    """A mesh as decoded from the compressor's files: multiples of the step, rounded toward zero (compared with its JavaScript
-    decoder)."""
+    """A mesh as decoded from the compressor's files: multiples of the step, rounded toward zero (compared with its
+    JavaScript decoder)."""
     positions, triangles = read_ply(source)
     write_ply(path, *weld(np.trunc(positions.astype(float) / step) * step, triangles))

@@ -67,8 +67,8 @@ class Result:
             self.fail(peer, measures, error or type(error).__name__)
 
     def write_csv(self, path):
-        """The table that `lodpack report --peers` reads, with lengths in input units. The report joins rows of one name and
-        ignores `setting`."""
+        """The table that `lodpack report --peers` reads, with lengths in input units. The report joins rows of one name
+        and ignores `setting`."""
         with open(path, "w", newline="") as out:
             table = csv.writer(out, lineterminator="\n")
             table.writerow(["name", "mesh", "cpu_seconds", "bytes", "triangles", "rms", "max", "setting"])

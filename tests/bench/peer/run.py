@@ -10,7 +10,8 @@ LIMIT = 3600
 class Run:
     """The output and cost of a program: stdout, CPU seconds, elapsed seconds, peak memory in bytes.
 
-    Memory is sampled while the program runs: afterwards, the system would include what this Python used when it started it."""
+    Memory is sampled while the program runs: afterwards, the system would include what this Python used when it started
+    it."""
 
     def __init__(self, *command):
         with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
@@ -64,7 +65,8 @@ def python(code, *args):
 
 
 class Distance:
-    """RMS and a bound on the maximum, for the worse direction, in mean edge lengths of the input (`edge`, in its units)."""
+    """RMS and a bound on the maximum, for the worse direction, in mean edge lengths of the input (`edge`, in its
+    units)."""
 
     def __init__(self, mesh, path):
         d = program("distance", mesh, path).json()

@@ -5,9 +5,10 @@ import math
 def fewest(error_of, start, most, limit, steps=6):
     """The fewest triangles whose error is at most `limit`, within 2 %, or None if even `most` are not enough.
 
-    `error_of(count)` gives the error. In logarithms, errors over triangles are about a line: first one that falls by one for
-    one, then the line through the nearest count that is too coarse and the nearest that is fine enough. The largest error may
-    stay constant for long: after two counts that are not enough, steps become large, and the last but one is `most` itself."""
+    `error_of(count)` gives the error. In logarithms, errors over triangles are about a line: first one that falls by
+    one for one, then the line through the nearest count that is too coarse and the nearest that is fine enough. The
+    largest error may stay constant for long: after two counts that are not enough, steps become large, and the last but
+    one is `most` itself."""
     low, high, count = None, None, min(start, most)
     for step in range(steps):
         error = error_of(int(count))
@@ -31,8 +32,9 @@ def fewest(error_of, start, most, limit, steps=6):
 
 
 def reach(try_count, count, most, limit, loss=0.0, tries=4):
-    """Tries counts from `count` on: more triangles if the error is above `limit`, fewer if it is below. `try_count(count)`
-    gives the error, of which about `loss` remains whatever the count. Ends near the limit, or after `tries` tries."""
+    """Tries counts from `count` on: more triangles if the error is above `limit`, fewer if it is below.
+    `try_count(count)` gives the error, of which about `loss` remains whatever the count. Ends near the limit, or after
+    `tries` tries."""
     low, high = 0, None
     share = lambda error: math.sqrt(max(error**2 - loss**2, (0.3 * error) ** 2))
     for _ in range(tries):

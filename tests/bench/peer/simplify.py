@@ -101,8 +101,8 @@ class Simplifier:
         return self.measured[count]
 
     def guess(self, measure, limit):
-        """The number of triangles that should reach this error, from the nearest measured one: errors are about inversely
-        proportional to triangles."""
+        """The number of triangles that should reach this error, from the nearest measured one: errors are about
+        inversely proportional to triangles."""
         known = [(getattr(d, measure), d.triangles) for d in self.measured.values() if getattr(d, measure) > 0]
         error, triangles = min(known, key=lambda pair: abs(np.log(pair[0] / limit)))
         return triangles * error / limit

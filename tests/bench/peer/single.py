@@ -18,8 +18,8 @@ class Scale:
         return self.extent / (2**bits - 1)
 
     def loss(self, measure, step):
-        """The error that rounding to a lattice adds. Between vertices that are off along the normal independently, half of the
-        mean square remains; a largest error comes from one vertex."""
+        """The error that rounding to a lattice adds. Between vertices that are off along the normal independently, half
+        of the mean square remains; a largest error comes from one vertex."""
         return step / math.sqrt(24) if measure == "rms" else 0.6 * step
 
     def truncation(self, measure, step):
@@ -45,7 +45,8 @@ def room(measure, limit, loss):
 
 
 def measure_simplifier(result, tool, source, mesh, work):
-    """Meshes with our errors and as few triangles as possible. Returns the simplifier, and its triangles for each measure."""
+    """Meshes with our errors and as few triangles as possible. Returns the simplifier, and its triangles for each
+    measure."""
     simplifier, needs = Simplifier(tool, source, result.triangles, mesh, work), {}
     start = result.ours.triangles
     for measure, steps in (("rms", 6), ("max", 6)):
@@ -77,8 +78,8 @@ def measure_draco(result, positions, triangles, scale, mesh, work):
 
 
 def starting(simplifier, needs, measure, limit, loss):
-    """The number of triangles to start with, given the share of rounding. The largest error falls in jumps and cannot be
-    predicted."""
+    """The number of triangles to start with, given the share of rounding. The largest error falls in jumps and cannot
+    be predicted."""
     return simplifier.guess(measure, room(measure, limit, loss)) if measure == "rms" else 1.05 * needs[measure]
 
 
@@ -115,8 +116,8 @@ def measure_gltfpack(result, packer, measure, start, scale, mesh, work):
 
 
 def measure_nexus_over(result, simplifier, needs, measure, scale, work):
-    """Simplifies first, then builds Nexus's pyramid over the result, so that the pyramid can have our error at its finest
-    level."""
+    """Simplifies first, then builds Nexus's pyramid over the result, so that the pyramid can have our error at its
+    finest level."""
     limit = getattr(result.ours, measure)
     nxs, nxz, path = (os.path.join(work, name) for name in ("over.nxs", "over.nxz", "level.ply"))
     for step in (scale.lattice(measure, limit), scale.lattice(measure, limit) / 2):

@@ -1,8 +1,9 @@
-//! Writes generated meshes: generate sphere|rough|torus|sheet|part|pipes|boxes|sponge N OUT.ply [--single]. N is the resolution
-//! (spheres and the part have 12 N^2 triangles), the number of pipes or boxes, or the depth of the sponge; --single writes
-//! single-precision coordinates.
+//! Writes generated meshes: generate sphere|rough|torus|sheet|part|pipes|boxes|sponge N OUT.ply [--single]. N is the
+//! resolution (spheres and the part have 12 N^2 triangles), the number of pipes or boxes, or the depth of the sponge;
+//! --single writes single-precision coordinates.
 //!
-//! generate city N FOLDER [--texture SIDE] writes N tiles of a city, each an OBJ file with a texture of SIDE x SIDE texels (2,048 by default).
+//! generate city N FOLDER [--texture SIDE] writes N tiles of a city, each an OBJ file with a texture of SIDE x SIDE
+//! texels (2,048 by default).
 
 use lodpack_tests::city::{TEXTURE_SIDE, write_city};
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, rough_sphere, save_ply, save_single_ply, torus};

@@ -1,5 +1,6 @@
-//! Writes generated terrain as GeoTIFFs: terrain flat|globe COLUMNS ROWS OUT.tif, or with --tile N as tiles of N x N samples in the folder
-//! OUT. --seed N makes another world; with --island a globe is a level sea but for an island of 10 degrees. A row is held at a time, so any size can be written.
+//! Writes generated terrain as GeoTIFFs: terrain flat|globe COLUMNS ROWS OUT.tif, or with --tile N as tiles of N x N
+//! samples in the folder OUT. --seed N makes another world; with --island a globe is a level sea but for an island of
+//! 10 degrees. A row is held at a time, so any size can be written.
 
 use lodpack_tests::terrain::{Fractal, Grid};
 use std::fs::File;

@@ -153,8 +153,8 @@ const LATTICE: Lattice = Lattice { origin: [0.0; 3], step_log2: -6 };
 const QUANTISATION: Quantisation = Quantisation { normal_shift: 0, tangent_shift: 1 };
 
 impl Net {
-    /// An arc for each edge. It has samples at a quarter, in the middle and at three quarters, which are pushed outward; `levels` gives
-    /// those of the middle and of the other two.
+    /// An arc for each edge. It has samples at a quarter, in the middle and at three quarters, which are pushed
+    /// outward; `levels` gives those of the middle and of the other two.
     fn new(
         corners: Vec<LatticePoint>,
         corner_levels: Vec<u8>,
@@ -292,7 +292,8 @@ fn listed_cube() -> Result<Vec<u8>, Failure> {
     net.file(&[0.5], roots, None, ListSizes { entries: 2, top_clusters: 1, ..ListSizes::default() })
 }
 
-/// The cube of squares with two channels. Blocks have bytes that mean nothing, or none; those of the first two clusters have none.
+/// The cube of squares with two channels. Blocks have bytes that mean nothing, or none; those of the first two clusters
+/// have none.
 fn cube_with_channels() -> Result<Vec<u8>, Failure> {
     let (corners, squares) = squares(3);
     let levels = vec![0; corners.len()];
@@ -318,8 +319,8 @@ fn cube_with_channels() -> Result<Vec<u8>, Failure> {
     Ok(bytes)
 }
 
-/// A cube of six roots with a channel that says how each is drawn: the first in the usual way, and by one number. The last has two numbers, and its
-/// coarser block none.
+/// A cube of six roots with a channel that says how each is drawn: the first in the usual way, and by one number. The
+/// last has two numbers, and its coarser block none.
 fn drawn_cube() -> Result<Vec<u8>, Failure> {
     let masked = |cutoff: f64| Drawing { alpha: AlphaMode::Mask(cutoff), ..Drawing::default() };
     let of_roots = [
@@ -340,8 +341,9 @@ fn drawn_cube() -> Result<Vec<u8>, Failure> {
     })
 }
 
-/// The same cube with exact channels: a colour with alpha, light, a normal and a factor. The first root has images of one colour, the others have
-/// gradients with edges and what looks like noise; every seventh texel is not used, and the last root's coarser block has no images.
+/// The same cube with exact channels: a colour with alpha, light, a normal and a factor. The first root has images of
+/// one colour, the others have gradients with edges and what looks like noise; every seventh texel is not used, and the
+/// last root's coarser block has no images.
 fn exact_cube() -> Result<Vec<u8>, Failure> {
     let exact = |name, kind, components, step: f64| ChannelInfo {
         is_exact: true,
@@ -383,7 +385,8 @@ fn channel(name: &str, kind: ChannelKind, components: u8, step: f64, bound: f64)
     ChannelInfo { name: name.to_owned(), kind, is_exact: false, components, low: 0.0, step, bound }
 }
 
-/// A cube of six roots at two levels with these channels. `images` gives the streams of a block, of which the root, the level and the map are given.
+/// A cube of six roots at two levels with these channels. `images` gives the streams of a block, of which the root, the
+/// level and the map are given.
 fn painted_cube(
     channels: Vec<ChannelInfo>,
     images: impl Fn(usize, u8, &Map) -> Vec<Vec<u8>>,
@@ -455,8 +458,8 @@ fn cube_of_squares(n: i64) -> Result<Vec<u8>, Failure> {
     net.file(&[0.5, 0.125], roots, Some(overview(QUANTISATION)?), ListSizes::default())
 }
 
-/// Four by two squares. Over the four on the left lies a group, over that and the two beside it another one; the two on the right
-/// have nothing above them. Where no more than two roots meet, corners are missing at coarse levels.
+/// Four by two squares. Over the four on the left lies a group, over that and the two beside it another one; the two on
+/// the right have nothing above them. Where no more than two roots meet, corners are missing at coarse levels.
 fn tree() -> Result<Vec<u8>, Failure> {
     // Three rows, seen from above.
     let corners = (0..15).map(|k| [k % 5 * 200 - 400, k / 5 * 200 - 200, 300 - k % 4 * 25]).collect();

@@ -1,4 +1,5 @@
-//! The sections CHANNELS and TEXELS (SPEC.md, chapter 20) of a file with one cluster or none, as the numbers that are in them.
+//! The sections CHANNELS and TEXELS (SPEC.md, chapter 20) of a file with one cluster or none, as the numbers that are
+//! in them.
 
 use super::{CHANNELS, CLUSTERS, Container, PAGES, Section, TEXELS, put_part, put_varint};
 

@@ -7,8 +7,8 @@ const CELL: &[u8] = include_bytes!("../../../format-spec/vectors/heights/cell.lo
 /// One of an ellipsoid.
 const GLOBE: &[u8] = include_bytes!("../../../format-spec/vectors/heights/globe.lodpack");
 
-/// The worked example on a ground of one cell. The example has y up, its unit is a quarter of a metre, and it lies elsewhere; the ground says
-/// nothing of that.
+/// The worked example on a ground of one cell. The example has y up, its unit is a quarter of a metre, and it lies
+/// elsewhere; the ground says nothing of that.
 pub fn grounded() -> Container {
     let mut container = Handmade::example().container();
     container.version[1] = 3;

@@ -1,8 +1,8 @@
 //! Files put together by hand, symbol by symbol, without the library's writer: so that single rules can be broken.
 //!
-//! The model is the worked example of SPEC.md, chapter 17: a triangle; at level 1 one of its arcs has a sample, and there is
-//! an interior vertex. All contexts use one table in which all 256 tokens are equally likely, so that any symbol can become
-//! any other one. [`HandmadeTexels`] gives it channels.
+//! The model is the worked example of SPEC.md, chapter 17: a triangle; at level 1 one of its arcs has a sample, and
+//! there is an interior vertex. All contexts use one table in which all 256 tokens are equally likely, so that any
+//! symbol can become any other one. [`HandmadeTexels`] gives it channels.
 
 mod channels;
 mod container;
@@ -206,7 +206,8 @@ impl Handmade {
         file
     }
 
-    /// The worked example as a tree: a group with the triangle of level 0, whose only child has the triangles of level 1.
+    /// The worked example as a tree: a group with the triangle of level 0, whose only child has the triangles of
+    /// level 1.
     pub fn tree() -> Self {
         let mut file = Self::example();
         (file.totals[0], file.counts[0], file.counts[3]) = (2, 2, 1);

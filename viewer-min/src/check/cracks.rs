@@ -12,8 +12,9 @@ use crate::{
     scene::Scene,
 };
 
-/// Triangles that close an open surface. They join each edge on arcs that only one half-arc of the finest surface uses with a single
-/// point. The file knows where the surface ends, and of heights the mesh of the same cut; an edge that is open anywhere else stays open.
+/// Triangles that close an open surface. They join each edge on arcs that only one half-arc of the finest surface uses
+/// with a single point. The file knows where the surface ends, and of heights the mesh of the same cut; an edge that is
+/// open anywhere else stays open.
 pub fn caps(scene: &Scene) -> Result<Mesh> {
     let mut made = Mesh { positions: vec![middle_of(scene.bounds).0.into()], ..Mesh::default() };
     let mut close = |ends: [[f64; 3]; 2]| {

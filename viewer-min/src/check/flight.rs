@@ -1,4 +1,5 @@
-//! Flights: every frame of a moving camera, with what is loaded by then, has no crack and shows the surface wherever it lies.
+//! Flights: every frame of a moving camera, with what is loaded by then, has no crack and shows the surface wherever it
+//! lies.
 
 use anyhow::{Context, Result};
 use glam::DVec3;
@@ -35,7 +36,8 @@ pub struct Flight {
     pub problems: Vec<String>,
 }
 
-/// Flies along a path. Frames never wait for what is loaded meanwhile. `ball` is the radius of a ball around the origin that lies within the surface at any level.
+/// Flies along a path. Frames never wait for what is loaded meanwhile. `ball` is the radius of a ball around the origin
+/// that lies within the surface at any level.
 ///
 /// # Errors
 /// If the file cannot be opened, or there is no adapter.

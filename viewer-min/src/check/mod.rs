@@ -5,7 +5,8 @@
 //! - **error**: every drawn point is as near to the original mesh as the certified error of its root says, and vice
 //!   versa.
 //! - **ways**: pulled and stitched pictures are equal, and equal to the picture of the extracted mesh.
-//! - **together**: in a picture of a mesh on its ground, each pixel shows whichever of both is nearer where each is drawn alone.
+//! - **together**: in a picture of a mesh on its ground, each pixel shows whichever of both is nearer where each is
+//!   drawn alone.
 //! - **accuracy**: the share of pixels that look as at full resolution (Correa 2004, section 4.6); reported, not
 //!   judged.
 
@@ -82,8 +83,8 @@ pub fn check_file(args: &Args) -> Result<bool> {
     Ok(outcome.failures.is_empty())
 }
 
-/// Checks a file against the mesh from which it was built or, without one, against its own finest level. A ground is checked like a file of
-/// its own, and then both in one picture.
+/// Checks a file against the mesh from which it was built or, without one, against its own finest level. A ground is
+/// checked like a file of its own, and then both in one picture.
 pub fn check(source: Source, input: Option<Mesh>, options: &Options) -> Result<Outcome> {
     let mut outcome = check_alone(Arc::clone(&source), input, options)?;
     let range = match Opened::open(Arc::clone(&source), Limits::default())? {
@@ -255,7 +256,8 @@ impl Check {
         })
     }
 
-    /// Something that has to do with no view: neighbours differ by any number of levels, or tiles that are not shown are fine, too.
+    /// Something that has to do with no view: neighbours differ by any number of levels, or tiles that are not shown
+    /// are fine, too.
     fn mixed(&self, number: usize) -> Result<Wanted> {
         let Some(heights) = self.scene.heights() else {
             return Ok(Wanted::Nodes(mixed_levels(self.scene.mesh()?, number as u64)?));

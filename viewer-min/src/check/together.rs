@@ -14,7 +14,8 @@ use crate::{
     scene::{GroundScene, Scene, Source},
 };
 
-/// Depths that differ by less than this share are equal: those of the ground are computed in its own space, whose unit may be another.
+/// Depths that differ by less than this share are equal: those of the ground are computed in its own space, whose unit
+/// may be another.
 const EQUAL: f32 = 1e-5;
 
 /// Draws a mesh and its ground each alone and then together, and compares the pictures.

@@ -48,8 +48,8 @@ pub fn views(scene: &Scene, count: usize, size_px: u32) -> Vec<View> {
     (0..count).map(view).collect()
 }
 
-/// A cut in which each root has a level of its own, so neighbours differ by any number of levels. In a tree its roots are of any
-/// height.
+/// A cut in which each root has a level of its own, so neighbours differ by any number of levels. In a tree its roots
+/// are of any height.
 ///
 /// # Errors
 /// If the index cannot be read.

@@ -118,7 +118,8 @@ fn pixels_have_the_colours_of_the_input_at_every_tolerance() {
     if !has_gpu() {
         return;
     }
-    // At six pixels the top is drawn. The group below it is farther off than the top, and colours that went through its surface have moved along it.
+    // At six pixels the top is drawn. The group below it is farther off than the top, and colours that went through its
+    // surface have moved along it.
     for (tolerance, most_mean, most) in [("0.01", 3.5, 20.0), ("1", 3.5, 20.0), ("6", 10.0, 60.0)] {
         let picture = picture(&format!("colours-{tolerance}"), &["--unlit", "--tolerance", tolerance]);
         let [mean, largest] = differences(&picture, colour);

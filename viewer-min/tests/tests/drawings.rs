@@ -1,4 +1,5 @@
-//! Files that say how they are drawn: masks are cut out, blended surfaces scattered over pixels, and unlit ones take no light.
+//! Files that say how they are drawn: masks are cut out, blended surfaces scattered over pixels, and unlit ones take no
+//! light.
 
 use std::fs;
 
@@ -17,7 +18,8 @@ const SIZE: [u32; 2] = [900, 200];
 const DISTANCE: f64 = 6.0;
 const TANGENT: f64 = 0.132;
 
-/// Draws six strips with these materials. Of each strip its pixels, those that show it, and those among them that have the file's red.
+/// Draws six strips with these materials. Of each strip its pixels, those that show it, and those among them that have
+/// the file's red.
 fn counts(name: &str, materials: impl Iterator<Item = Value>) -> [[u32; 3]; 6] {
     let folder = folder(name);
     let [input, file, out] = ["strips.gltf", "strips.lodpack", "strips.png"].map(|name| folder.join(name));

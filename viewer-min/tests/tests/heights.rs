@@ -257,7 +257,8 @@ fn a_ramp_colours_the_picture() {
     let (mut count, mut greens) = (0, std::collections::HashSet::new());
     for pixel in picture.pixels().filter(|&&colour| colour != BACKGROUND) {
         let [red, green, blue] = [0, 1, 2].map(|k| f64::from(pixel.0[k]));
-        // Colours are mixed as light is, so they lie a little beside the lines between the stops; bare ground is 100 away.
+        // Colours are mixed as light is, so they lie a little beside the lines between the stops; bare ground is 100
+        // away.
         assert!(away([red, green, blue]) < 40.0, "{pixel:?}");
         greens.insert(pixel.0[1]);
         count += 1;
@@ -282,8 +283,8 @@ fn a_mesh_and_its_ground_share_a_depth_buffer() {
         return;
     }
     let heights = Heights::open(std::fs::read(flat()).unwrap(), Limits::default()).unwrap();
-    // A ring that is half in the ground and half above it, in kilometres around a sample of it, with y up: the ground has to be turned, scaled and
-    // moved to it.
+    // A ring that is half in the ground and half above it, in kilometres around a sample of it, with y up: the ground
+    // has to be turned, scaled and moved to it.
     let (sample, surface) = ([150_u64, 86], heights.surface());
     let [x, y] = [0, 1].map(|k| surface.first[k] + surface.spacing[k] * sample[k] as f64);
     let height = heights.window(sample[0]..sample[0] + 1, sample[1]..sample[1] + 1).unwrap()[0];

@@ -10,8 +10,8 @@
 //! - [`sources`]: servers that fail while a file is being viewed
 //! - [`window`]: the window under Xvfb: opens, takes keys, draws, closes
 //!
-//! [`channels`], [`checks`], [`drawings`], [`heights`], [`pictures`] and [`window`] need a graphics adapter (Mesa's lavapipe is enough). Without one they report
-//! that they were skipped, and fail only if LODPACK_REQUIRE_GPU=1 is set.
+//! [`channels`], [`checks`], [`drawings`], [`heights`], [`pictures`] and [`window`] need a graphics adapter (Mesa's
+//! lavapipe is enough). Without one they report that they were skipped, and fail only if LODPACK_REQUIRE_GPU=1 is set.
 #![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 
 mod cameras;

@@ -51,7 +51,8 @@ fn tiles_join_to_the_picture() {
     }
     let (path, folder) = (Model::sphere_path(), folder("tiles"));
     let out = folder.join("joined.png");
-    // A tile may split a group that it sees a part of, so that at coarser tolerances tiles are finer than the whole picture.
+    // A tile may split a group that it sees a part of, so that at coarser tolerances tiles are finer than the whole
+    // picture.
     for (tiles, tolerance) in [("2x2", "1"), ("4x2", "0.5")] {
         let arguments = [
             path.to_str().unwrap(),

@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-/// Finds the triangle beside a border edge, also after triangles were split. Triangles have points, several of which may be one vertex.
+/// Finds the triangle beside a border edge, also after triangles were split. Triangles have points, several of which
+/// may be one vertex.
 pub(super) struct BorderEdges<F> {
     /// The triangle of each directed edge between vertices. It is never iterated, because its order is random.
     triangle_of: HashMap<(u32, u32), u32>,
@@ -25,8 +26,9 @@ impl<F: Fn(u32) -> u32> BorderEdges<F> {
         Self { triangle_of, vertex_of }
     }
 
-    /// Inserts points into the border edge between two points, in whichever direction its triangle runs along it. The triangle becomes
-    /// a fan, whose other triangles are added at the end. Returns which triangle that was, if there is such an edge.
+    /// Inserts points into the border edge between two points, in whichever direction its triangle runs along it. The
+    /// triangle becomes a fan, whose other triangles are added at the end. Returns which triangle that was, if there is
+    /// such an edge.
     pub fn insert(&mut self, triangles: &mut Vec<[u32; 3]>, from: u32, to: u32, between: &[u32]) -> Option<u32> {
         let [from, to] = [from, to].map(&self.vertex_of);
         if self.triangle_of.contains_key(&(from, to)) {

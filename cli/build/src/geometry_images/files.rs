@@ -7,8 +7,8 @@ use super::MANIFEST_NAME;
 /// The start of the names of folders with coarser images.
 pub(super) const MIP_NAME: &str = "mip_";
 
-/// The files in a directory that are named as [`super::write_atlas`] names them, `atlas.json` first: an atlas that is removed in this
-/// order is never mistaken for a complete one. Those in its folders of coarser images follow.
+/// The files in a directory that are named as [`super::write_atlas`] names them, `atlas.json` first: an atlas that is
+/// removed in this order is never mistaken for a complete one. Those in its folders of coarser images follow.
 ///
 /// # Errors
 /// If the directory cannot be read.

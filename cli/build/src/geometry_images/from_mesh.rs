@@ -23,8 +23,8 @@ use lodpack_stage::segment::{SegmentOptions, segment_charts};
 pub struct AtlasOptions {
     /// Triangles per chart to aim for. Default 8192.
     pub chart_triangles: u32,
-    /// How often charts without a map are cut into about four and tried again. Default 2: a handle or a hole that remains then costs a
-    /// patch of some 500 triangles instead of 8192.
+    /// How often charts without a map are cut into about four and tried again. Default 2: a handle or a hole that
+    /// remains then costs a patch of some 500 triangles instead of 8192.
     pub retries: u32,
     /// How charts are mapped, and which maps are good enough.
     pub embed: EmbedOptions,
@@ -53,7 +53,8 @@ pub struct BuiltAtlas {
     pub embedding: EmbedReport,
 }
 
-/// Cuts a mesh into charts and maps each to a polygon. Charts that have no map after some attempts become patches, with a note.
+/// Cuts a mesh into charts and maps each to a polygon. Charts that have no map after some attempts become patches, with
+/// a note.
 ///
 /// A chart has triangles that are drawn alike. The result depends on the surface and the options alone.
 pub fn build_atlas(input: impl Into<Surface>, options: &AtlasOptions, progress: &dyn Progress) -> BuiltAtlas {
@@ -255,7 +256,8 @@ fn cut_further(charts: &CutCharts, maps: &[Map], labels: &mut [u32]) -> u64 {
     count
 }
 
-/// Charts without a map as patches. Those that border on each other form one patch, so a patch has only charts as neighbours.
+/// Charts without a map as patches. Those that border on each other form one patch, so a patch has only charts as
+/// neighbours.
 fn patches_of(atlas: &Atlas, mesh: &Mesh, origin: DVec3, is_patch: &[bool]) -> Vec<AtlasPatch> {
     // Union-find over the charts; the first chart of a patch stands for it.
     let mut parent: Vec<u32> = (0..is_patch.len() as u32).collect();

@@ -80,7 +80,8 @@ impl GeometryImage {
 pub(super) const ENCODING: Encoding =
     Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
 
-/// The samples of an image while it is read, row by row. One of the wrong size has none: it is refused before anything is allocated for it.
+/// The samples of an image while it is read, row by row. One of the wrong size has none: it is refused before anything
+/// is allocated for it.
 pub(super) struct Square<T> {
     size: Vec2<usize>,
     resolution: u32,

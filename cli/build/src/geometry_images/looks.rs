@@ -109,7 +109,8 @@ impl Looks {
 }
 
 impl AtlasProduct {
-    /// The resolution at which images have about a texel for each texel of the input, or for each of its vertices; 0 where there are no images.
+    /// The resolution at which images have about a texel for each texel of the input, or for each of its vertices; 0
+    /// where there are no images.
     pub(super) fn texel_resolution(&self, shader: &Shader) -> u32 {
         if self.looks.appearance.is_empty() {
             return 0;

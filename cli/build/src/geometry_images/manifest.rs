@@ -216,8 +216,8 @@ impl Manifest {
         self.check_patches()
     }
 
-    /// The number of roots and patches, each of which has a material where there are images with texels, or something that says how it is
-    /// drawn; otherwise 0.
+    /// The number of roots and patches, each of which has a material where there are images with texels, or something
+    /// that says how it is drawn; otherwise 0.
     pub fn material_count(&self) -> usize {
         let mut drawings = self.roots.iter().map(|root| root.drawing).chain(self.patches.iter().map(|of| of.drawing));
         let are_needed =

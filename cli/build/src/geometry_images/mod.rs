@@ -1,26 +1,29 @@
 //! A chart atlas as files that other programs can read and make: one EXR geometry image per root, and `atlas.json`.
 //!
-//! A chart with n corners gives n square roots, its quads ([`lodpack_stage::embed::quad_point`]). A root of resolution r is an image of
-//! (2^r + 1)^2 pixels with the channels R, G, B = x, y, z: 32-bit floats, relative to the origin in `atlas.json`. Column x is
-//! s = x / 2^r, row y is t = y / 2^r. Going right, then down, then back is counter-clockwise on the outside of the surface. So
-//! the left edge is s = 0, the top edge (the image's first row) t = 0, the right edge s = 1, the bottom edge t = 1.
+//! A chart with n corners gives n square roots, its quads ([`lodpack_stage::embed::quad_point`]). A root of resolution
+//! r is an image of (2^r + 1)^2 pixels with the channels R, G, B = x, y, z: 32-bit floats, relative to the origin in
+//! `atlas.json`. Column x is s = x / 2^r, row y is t = y / 2^r. Going right, then down, then back is counter-clockwise
+//! on the outside of the surface. So the left edge is s = 0, the top edge (the image's first row) t = 0, the right edge
+//! s = 1, the bottom edge t = 1.
 //!
-//! `chart` in `atlas.json` says which roots are quads of one chart. `lodpack build` makes one root of a file of them, and of each patch.
+//! `chart` in `atlas.json` says which roots are quads of one chart. `lodpack build` makes one root of a file of them,
+//! and of each patch.
 //!
-//! For each edge, `atlas.json` names the edge of another root that is the same line, and says whether it runs the other way there. The
-//! samples along both are bit-identical. An edge without a neighbour is on the boundary of the surface, or borders on a patch.
+//! For each edge, `atlas.json` names the edge of another root that is the same line, and says whether it runs the other
+//! way there. The samples along both are bit-identical. An edge without a neighbour is on the boundary of the surface,
+//! or borders on a patch.
 //!
-//! A patch is a piece of the surface for which no map was found: a PLY mesh, its positions relative to the origin too. For each edge of an
-//! image on which the patch borders, `atlas.json` lists the patch's vertices along that edge. The edge's samples are among them, in
-//! order; the vertices between are inserted into the image's triangles.
+//! A patch is a piece of the surface for which no map was found: a PLY mesh, its positions relative to the origin too.
+//! For each edge of an image on which the patch borders, `atlas.json` lists the patch's vertices along that edge. The
+//! edge's samples are among them, in order; the vertices between are inserted into the image's triangles.
 //!
-//! What the surface carries has images of its own for each root, at the same places (s, t): PNG for what materials have, at a
-//! resolution of its own, and EXR for numbers, at that of the root. Borders are as doubled in them as in the images of positions: roots whose
-//! surface is drawn alike have the same bytes on both sides. Patches have images whose
+//! What the surface carries has images of its own for each root, at the same places (s, t): PNG for what materials
+//! have, at a resolution of its own, and EXR for numbers, at that of the root. Borders are as doubled in them as in the
+//! images of positions: roots whose surface is drawn alike have the same bytes on both sides. Patches have images whose
 //! places the corners of their PLY triangles name, and numbers at their vertices.
 //!
-//! Mips are folders `mip_01`, `mip_02` ... of the same layout, each with images of half the steps: their positions are every second sample,
-//! and what else there is comes from the input again, averaged over what a sample stands for.
+//! Mips are folders `mip_01`, `mip_02` ... of the same layout, each with images of half the steps: their positions are
+//! every second sample, and what else there is comes from the input again, averaged over what a sample stands for.
 
 mod border_edges;
 mod files;

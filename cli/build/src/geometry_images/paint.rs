@@ -34,8 +34,8 @@ impl<'a> Painting<'a> {
         self.drawings[chart]
     }
 
-    /// The side whose values a side takes: the first one along the arc that is drawn alike. Where the two sides of an arc are not, as glass in
-    /// a frame, each has its own, so that neither bleeds into the other.
+    /// The side whose values a side takes: the first one along the arc that is drawn alike. Where the two sides of an
+    /// arc are not, as glass in a frame, each has its own, so that neither bleeds into the other.
     fn owner(&self, chart: usize, side: usize) -> SideId {
         let half = self.product.charts[chart].sides[side];
         let is_alike = |id: &&SideId| self.drawings[id.chart as usize] == self.drawings[chart];

@@ -36,7 +36,8 @@ pub(super) struct SampledPatch {
     pub borders: Vec<Border>,
 }
 
-/// Adds the samples of its borders to a patch. Its own vertices stay: the reader inserts them into the images' triangles.
+/// Adds the samples of its borders to a patch. Its own vertices stay: the reader inserts them into the images'
+/// triangles.
 pub(super) fn sampled_patch(patch: &AtlasPatch, around: &Surroundings) -> SampledPatch {
     let mut patch = patch.clone();
     let mut is_border = vec![false; patch.positions.len()];

@@ -31,8 +31,8 @@ pub(super) struct PatchFiles<'a> {
 }
 
 impl PatchFiles<'_> {
-    /// Writes a patch; `sampled` is the one with the samples of its borders. Returns the names of its mesh and of its images, one for each channel with
-    /// texels.
+    /// Writes a patch; `sampled` is the one with the samples of its borders. Returns the names of its mesh and of its
+    /// images, one for each channel with texels.
     pub fn write(
         &self,
         index: usize,
@@ -105,7 +105,8 @@ impl PatchFiles<'_> {
 }
 
 impl SampledPatch {
-    /// The places in an image of the corners of all triangles, as shares of its size, counted from its lower left corner as PLY has them.
+    /// The places in an image of the corners of all triangles, as shares of its size, counted from its lower left
+    /// corner as PLY has them.
     fn places(&self, patch: &AtlasPatch, image: &PatchImage) -> Vec<[f32; 2]> {
         let size = DVec2::new(f64::from(image.size[0]), f64::from(image.size[1]));
         let mut places = Vec::with_capacity(3 * self.patch.triangles.len());

@@ -71,7 +71,8 @@ fn side_of(patch: &AtlasPatch, triangle: usize, painter: &mut Painter, coarser: 
     (texels.ceil() as u32).saturating_add(1).clamp(2, MOST)
 }
 
-/// The weights of a triangle's corners at a point of its square; beyond the third side those of the closest point there.
+/// The weights of a triangle's corners at a point of its square; beyond the third side those of the closest point
+/// there.
 fn weights(s: f64, t: f64) -> [f32; 3] {
     let beyond = (s + t - 1.0).max(0.0) / 2.0;
     let (s, t) = ((s - beyond).clamp(0.0, 1.0), (t - beyond).clamp(0.0, 1.0));

@@ -92,7 +92,8 @@ impl AtlasProduct {
         self.charts.iter().map(|chart| chart.embedding.corner_count).sum()
     }
 
-    /// The resolution, 1 to [`MAX_RESOLUTION`], at which the images have about as many samples as the charts have vertices.
+    /// The resolution, 1 to [`MAX_RESOLUTION`], at which the images have about as many samples as the charts have
+    /// vertices.
     pub fn default_resolution(&self) -> u32 {
         let vertex_count: usize = self.charts.iter().map(|chart| chart.mesh.positions.len()).sum();
         // The nearest in ratio.

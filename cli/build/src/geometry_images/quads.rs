@@ -3,8 +3,9 @@
 use super::product::AtlasChart;
 use lodpack_stage::arcs::HalfArc;
 
-/// The images of a chart's quads, each of (2^`resolution` + 1)^2 samples, row by row. Outer edges take the samples of the sides, of which each has
-/// 2^(`resolution` + 1) + 1; the centre and the spokes are evaluated only once. `evaluate` is given a quad and a point (s, t) of it.
+/// The images of a chart's quads, each of (2^`resolution` + 1)^2 samples, row by row. Outer edges take the samples of
+/// the sides, of which each has 2^(`resolution` + 1) + 1; the centre and the spokes are evaluated only once. `evaluate`
+/// is given a quad and a point (s, t) of it.
 pub(super) fn sample_quads<T: Copy>(
     resolution: u32,
     sides: &[Vec<T>],

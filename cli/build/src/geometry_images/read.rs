@@ -20,13 +20,14 @@ use lodpack_runtime::progress::Silent;
 
 /// Reads a folder that [`super::write_atlas`] wrote, or that has the same layout, as one mesh in input units.
 ///
-/// Every sample becomes a vertex, welded along the edges that `atlas.json` declares common. Every cell becomes two triangles, cut along
-/// the shorter diagonal except where two cells would get the same one. Triangles that welding makes degenerate are dropped. The triangles
-/// of the patches follow; where a patch has vertices between the samples of an image's edge, the image's triangles there become fans.
+/// Every sample becomes a vertex, welded along the edges that `atlas.json` declares common. Every cell becomes two
+/// triangles, cut along the shorter diagonal except where two cells would get the same one. Triangles that welding
+/// makes degenerate are dropped. The triangles of the patches follow; where a patch has vertices between the samples of
+/// an image's edge, the image's triangles there become fans.
 ///
 /// # Errors
-/// [`AtlasError`] if a file is missing or unreadable, `atlas.json` is inconsistent, an image has the wrong size or a sample that is
-/// not finite, or two neighbours hold different samples along a common edge.
+/// [`AtlasError`] if a file is missing or unreadable, `atlas.json` is inconsistent, an image has the wrong size or a
+/// sample that is not finite, or two neighbours hold different samples along a common edge.
 pub fn read_atlas(dir: &Path) -> Result<Mesh, AtlasError> {
     Ok(read_surface(dir, &Channels::None)?.mesh)
 }
@@ -34,7 +35,8 @@ pub fn read_atlas(dir: &Path) -> Result<Mesh, AtlasError> {
 /// As [`read_atlas`], with what of the surface is wanted beside its shape.
 ///
 /// # Errors
-/// Those of [`read_atlas`], images of channels that are missing or have the wrong size, and more of them than a build takes.
+/// Those of [`read_atlas`], images of channels that are missing or have the wrong size, and more of them than a build
+/// takes.
 pub(super) fn read_surface(dir: &Path, channels: &Channels) -> Result<AtlasSurface, AtlasError> {
     let path = dir.join(MANIFEST_NAME);
     if dir.is_dir() && !path.exists() {

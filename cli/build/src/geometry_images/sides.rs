@@ -14,8 +14,8 @@ pub(super) struct SideId {
     pub reversed: bool,
 }
 
-/// Samples every arc once, in its own direction, at 2^(resolution + 1) equal steps of its parameter. Everything that borders on the arc
-/// takes these samples, so all agree.
+/// Samples every arc once, in its own direction, at 2^(resolution + 1) equal steps of its parameter. Everything that
+/// borders on the arc takes these samples, so all agree.
 pub(super) fn sample_arcs(arcs: &[Vec<ArcKnot>], resolution: u32) -> Vec<Vec<[f32; 3]>> {
     arcs.par_iter().map(|knots| sample_arc(knots, 2usize << resolution)).collect()
 }

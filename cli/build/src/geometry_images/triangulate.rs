@@ -18,7 +18,8 @@ pub(super) struct Triangulated {
     pub pieces: Vec<u32>,
     /// The first point of each piece.
     pub first: Vec<u32>,
-    /// For vertices of patches between two samples of an image: these, and how far they are from the first to the second, 0 to 1.
+    /// For vertices of patches between two samples of an image: these, and how far they are from the first to the
+    /// second, 0 to 1.
     pub between: HashMap<u32, ([u32; 2], f32)>,
 }
 
@@ -53,7 +54,8 @@ pub(super) fn triangulate(images: &[GeometryImage], patches: &[Mesh], points: Po
 
     let mut cells = cells_of(images, |a: u32, b: u32| {
         let [a, b] = [a, b].map(|point| vertex_of(point) as usize);
-        // A patch in the corner of an image may have the same edge from border to border, so such a diagonal is avoided.
+        // A patch in the corner of an image may have the same edge from border to border, so such a diagonal is
+        // avoided.
         (is_shared[a] && is_shared[b], mesh.positions[a].distance_squared(mesh.positions[b]))
     });
     separate_doubled_diagonals(&mut cells, vertex_of);
@@ -95,7 +97,8 @@ pub(super) fn triangulate(images: &[GeometryImage], patches: &[Mesh], points: Po
     Triangulated { mesh, points: triangles, pieces, first: firsts, between }
 }
 
-/// The cells of all images, each to be cut along the diagonal between its first and third point: the one of smaller cost.
+/// The cells of all images, each to be cut along the diagonal between its first and third point: the one of smaller
+/// cost.
 fn cells_of<C: PartialOrd>(images: &[GeometryImage], cost: impl Fn(u32, u32) -> C) -> Vec<[u32; 4]> {
     let mut cells = Vec::with_capacity(images.iter().map(|image| image.last * image.last).sum());
     let mut first = 0;
@@ -113,8 +116,8 @@ fn cells_of<C: PartialOrd>(images: &[GeometryImage], cost: impl Fn(u32, u32) -> 
     cells
 }
 
-/// Turns the diagonal of cells that share it with another cell. Beside a fold, or in the coarsest images, cells can share opposite
-/// vertices, and an edge with four triangles would not be manifold.
+/// Turns the diagonal of cells that share it with another cell. Beside a fold, or in the coarsest images, cells can
+/// share opposite vertices, and an edge with four triangles would not be manifold.
 fn separate_doubled_diagonals(cells: &mut [[u32; 4]], vertex_of: impl Fn(u32) -> u32) {
     let key = |a: u32, b: u32| {
         let (a, b) = (vertex_of(a), vertex_of(b));

@@ -29,8 +29,8 @@ const TEXTURE_MEMORY: u64 = 1 << 30;
 /// How an atlas is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WriteOptions {
-    /// The resolution of the images of positions and of numbers: each has (2^resolution + 1)^2 samples. About one sample for each vertex where
-    /// there is none.
+    /// The resolution of the images of positions and of numbers: each has (2^resolution + 1)^2 samples. About one
+    /// sample for each vertex where there is none.
     pub resolution: Option<u32>,
     /// The resolution of images with texels. About one for each texel of the input where there is none.
     pub texel_resolution: Option<u32>,
@@ -56,12 +56,14 @@ pub struct Resolutions {
     pub mips: u32,
 }
 
-/// Writes every chart as geometry images of (2^r + 1)^2 samples, one for each corner (`root_CCCCC_K.exr` for corner K of chart C), with images of
-/// what the surface carries beside them (`root_CCCCC_K_colour.png`), every patch as `patch_PPPPP.ply`, and `atlas.json` last: a folder without
-/// it is incomplete. Mips come first, each in a folder of its own.
+/// Writes every chart as geometry images of (2^r + 1)^2 samples, one for each corner (`root_CCCCC_K.exr` for corner K
+/// of chart C), with images of what the surface carries beside them (`root_CCCCC_K_colour.png`), every patch as
+/// `patch_PPPPP.ply`, and `atlas.json` last: a folder without it is incomplete. Mips come first, each in a folder of
+/// its own.
 ///
 /// # Errors
-/// If the folder cannot be made or written to, a resolution is above [`MAX_RESOLUTION`], or a position does not fit in 32-bit floats.
+/// If the folder cannot be made or written to, a resolution is above [`MAX_RESOLUTION`], or a position does not fit in
+/// 32-bit floats.
 pub fn write_atlas(
     dir: &Path,
     product: &AtlasProduct,
@@ -246,8 +248,9 @@ fn chart_images(chart: &AtlasChart, arc_samples: &[Vec<[f32; 3]>], resolution: u
     images.into_iter().map(|samples| GeometryImage { last: 1 << resolution, samples }).collect()
 }
 
-/// The neighbours of a quad's image. Spokes border on the quads beside them. Half-sides border on the other half of the partner side,
-/// which runs the other way; but all outer edges of images run from the middle of a side to a corner, so the edges run the same way.
+/// The neighbours of a quad's image. Spokes border on the quads beside them. Half-sides border on the other half of the
+/// partner side, which runs the other way; but all outer edges of images run from the middle of a side to a corner, so
+/// the edges run the same way.
 fn neighbours_of(chart: usize, corner: usize, partners: &[Option<SideId>], around: &Surroundings) -> Neighbours {
     let (first_root, corner_count) = (around.first_root, partners.len());
     let previous = (corner + corner_count - 1) % corner_count;

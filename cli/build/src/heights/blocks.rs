@@ -26,8 +26,8 @@ impl Blocks {
         }
     }
 
-    /// How far the samples of a block are at most from what is straight between its corners, in steps; column and row count blocks from the
-    /// first sample on. None if there is no such block.
+    /// How far the samples of a block are at most from what is straight between its corners, in steps; column and row
+    /// count blocks from the first sample on. None if there is no such block.
     #[inline]
     pub fn roughness(&self, size: usize, [column, row]: [usize; 2]) -> Option<f64> {
         let count = self.counts[size];
@@ -36,7 +36,8 @@ impl Blocks {
     }
 }
 
-/// The largest of some distances, one for each sample of a run: `off` gets the place in the run as a number, and the sample.
+/// The largest of some distances, one for each sample of a run: `off` gets the place in the run as a number, and the
+/// sample.
 #[inline(always)]
 pub fn largest(run: &[Stored], least: f64, off: impl Fn(f64, Stored) -> f64) -> f64 {
     let (chunks, rest) = run.as_chunks::<LANES>();
@@ -57,8 +58,8 @@ pub fn largest(run: &[Stored], least: f64, off: impl Fn(f64, Stored) -> f64) -> 
     of_two(of_two(most[0], most[1]), of_two(most[2], most[3]))
 }
 
-/// For each block of `SIDE` cells along a side, row by row, how far its samples are at most from what is straight between its four corners,
-/// in steps and rounded up; infinite where some have no data.
+/// For each block of `SIDE` cells along a side, row by row, how far its samples are at most from what is straight
+/// between its four corners, in steps and rounded up; infinite where some have no data.
 fn roughness<const SIDE: usize>(stored: &[Stored], width: usize) -> Vec<f32> {
     let height = stored.len() / width.max(1);
     let mut all = vec![];

@@ -1,8 +1,9 @@
 //! Tiles whose samples are equally far apart: how far their triangles are from the samples below.
 //!
-//! On a globe, a point of a triangle is compared with the sample of the same column and row. Between them lies the point of the same height as
-//! that of the triangle, if heights changed evenly along the globe: it is as far from the sample as the heights differ, and as far from the
-//! triangle as the globe bends there. So both together bound the distance, and no sample has to be placed in space.
+//! On a globe, a point of a triangle is compared with the sample of the same column and row. Between them lies the
+//! point of the same height as that of the triangle, if heights changed evenly along the globe: it is as far from the
+//! sample as the heights differ, and as far from the triangle as the globe bends there. So both together bound the
+//! distance, and no sample has to be placed in space.
 
 use lodpack::heights::{Base, CELLS, DrawnTile, SIDE, TileTriangle};
 
@@ -51,7 +52,8 @@ impl<'a> Even<'a> {
         Some(Self { steps, shift: across.trailing_zeros(), first, bends })
     }
 
-    /// A bound of the distance of samples from a triangle, or some smaller number than `known` if the bound is not above that.
+    /// A bound of the distance of samples from a triangle, or some smaller number than `known` if the bound is not
+    /// above that.
     pub fn distance(&self, judge: &Judge<'_>, triangle: TileTriangle, known: f64) -> f64 {
         // The longest side runs from the first to the second corner.
         let index = triangle.map(|at| [usize::from(at) % SIDE, usize::from(at) / SIDE]);
@@ -112,11 +114,12 @@ fn latitude(judge: &Judge<'_>, row: u64) -> f64 {
     judge.surface.first[1] + row as f64 * judge.surface.spacing[1]
 }
 
-/// What the globe adds for each kind of triangle (longest side along a diagonal, a row or a column) and size, in a tile between two rows.
+/// What the globe adds for each kind of triangle (longest side along a diagonal, a row or a column) and size, in a tile
+/// between two rows.
 ///
-/// A smooth surface f is off a triangle between its points by half the sum, over its sides, of the products of both ends' shares and the second
-/// derivative of f along the side. Shares of the ends of one side have a product of a quarter at most, so the whole is at most an eighth of the
-/// longest side's derivative or of the two others' together.
+/// A smooth surface f is off a triangle between its points by half the sum, over its sides, of the products of both
+/// ends' shares and the second derivative of f along the side. Shares of the ends of one side have a product of a
+/// quarter at most, so the whole is at most an eighth of the longest side's derivative or of the two others' together.
 fn bends(judge: &Judge<'_>, distance: u64, rows: [u64; 2]) -> [[Bend; SIZES]; 3] {
     let Base::Ellipsoid { axis, eccentricity } = judge.surface.base else { return Default::default() };
     let latitudes = rows.map(|row| latitude(judge, row).to_radians());

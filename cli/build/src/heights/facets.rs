@@ -1,7 +1,8 @@
 //! How far triangles of a coarse tile are from the samples below them.
 //!
-//! Heights are whole steps. Most tiles are *even*: their samples are equally far apart, a power of two, and triangles are halves of squares. Then
-//! slopes are sums of a few bits, and nothing is rounded (`even`). Everything else is a [`Facet`] between any samples.
+//! Heights are whole steps. Most tiles are *even*: their samples are equally far apart, a power of two, and triangles
+//! are halves of squares. Then slopes are sums of a few bits, and nothing is rounded (`even`). Everything else is a
+//! [`Facet`] between any samples.
 
 use lodpack::heights::{DrawnTile, Line, Lines, SIDE, Surface, TileTriangle};
 
@@ -84,8 +85,8 @@ pub struct Judge<'a> {
 }
 
 impl<'a> Judge<'a> {
-    /// Looks at a window. `highest` is the highest sample of the grid, in units of coordinates. The tile of the window has `cells` cells along a side,
-    /// and its diagonal `falls` from the north-west, or rises.
+    /// Looks at a window. `highest` is the highest sample of the grid, in units of coordinates. The tile of the window
+    /// has `cells` cells along a side, and its diagonal `falls` from the north-west, or rises.
     pub fn new(
         (window, cells, falls): (&'a Window, usize, bool),
         scale: Scale,
@@ -116,8 +117,8 @@ impl<'a> Judge<'a> {
         Some(Place { squares: &self.squares, first: first.map(|at| at as usize), shift: across.trailing_zeros() })
     }
 
-    /// How far samples are from a triangle that is half of a square or lies on a side of one, in steps, with the longest side from the first to the second
-    /// corner; none if there is no table.
+    /// How far samples are from a triangle that is half of a square or lies on a side of one, in steps, with the
+    /// longest side from the first to the second corner; none if there is no table.
     pub fn of_square(&self, [a, b, c]: &[Corner; 3]) -> Option<f64> {
         let [west, north] = [self.window.columns[0], self.window.rows[0]].map(|line| line as i64);
         let [across, down] = [(a.column - b.column).unsigned_abs(), (a.row - b.row).unsigned_abs()];
@@ -147,9 +148,9 @@ impl<'a> Judge<'a> {
         self.has_voids
     }
 
-    /// The largest distance between a triangle and those samples of the window that lie above, below or on it, matched by column and row;
-    /// and the same along those of its sides that lie on the border of its tile. Where their sum is not above `known`, the first one may be
-    /// anything from itself up to what makes the sum `known`.
+    /// The largest distance between a triangle and those samples of the window that lie above, below or on it, matched
+    /// by column and row; and the same along those of its sides that lie on the border of its tile. Where their sum is
+    /// not above `known`, the first one may be anything from itself up to what makes the sum `known`.
     pub fn distances(&self, facet: &Facet, known: f64) -> [f64; 2] {
         let border = self.along_border(facet);
         let inside = match self.surface.is_globe() {
@@ -241,7 +242,8 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// The largest height between samples and a triangle on a plane in steps, if it is above `least`; otherwise at most that.
+    /// The largest height between samples and a triangle on a plane in steps, if it is above `least`; otherwise at most
+    /// that.
     fn on_plane(&self, Facet { corners, .. }: &Facet, least: f64) -> f64 {
         let [a, b, c] = *corners;
         let slope = Slope::new(corners.map(|corner| [corner.column as f64, corner.row as f64]));
@@ -268,9 +270,9 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// The same for a triangle whose sides run along rows, columns and diagonals, and which lies within the window. Looks only into those
-    /// blocks of samples that may be further from it than what is known: no sample is further from it than the furthest corner of its block and
-    /// the roughness of the block together.
+    /// The same for a triangle whose sides run along rows, columns and diagonals, and which lies within the window.
+    /// Looks only into those blocks of samples that may be further from it than what is known: no sample is further
+    /// from it than the furthest corner of its block and the roughness of the block together.
     pub fn in_even(&self, corners: &[Corner; 3], plane: &Plane, most: &mut f64) {
         let rows = EvenRows::new(corners);
         let extent = (rows.last - rows.first) as usize;
@@ -433,7 +435,8 @@ struct EvenRows {
     last: i64,
     /// The last row of the upper of the two short sides.
     upper_end: i64,
-    /// Column and row where the long side, and the upper and the lower short side begin, and columns to the east for each row.
+    /// Column and row where the long side, and the upper and the lower short side begin, and columns to the east for
+    /// each row.
     sides: [([i64; 2], i64); 3],
 }
 

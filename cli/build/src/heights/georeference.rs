@@ -1,5 +1,5 @@
-//! Where a window of a grid of heights is, in the reference system that its file names and in that system's own units, and the keys of
-//! GeoTIFF 1.1 (OGC 19-008r4) that say so.
+//! Where a window of a grid of heights is, in the reference system that its file names and in that system's own units,
+//! and the keys of GeoTIFF 1.1 (OGC 19-008r4) that say so.
 
 use lodpack::ReadAt;
 use lodpack::heights::{Base, Heights};

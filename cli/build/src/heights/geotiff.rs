@@ -77,8 +77,8 @@ pub fn window_of<S: ReadAt>(
     Ok(RasterWindow { depth, stride, first: range.map(|[from, _]| from), size, error: cut.error })
 }
 
-/// [`window_of`] without rows beyond the poles: where a grid of areas ends half a row before a pole, its file has a row for the pole itself,
-/// which closes the surface again when it is built from the window.
+/// [`window_of`] without rows beyond the poles: where a grid of areas ends half a row before a pole, its file has a row
+/// for the pole itself, which closes the surface again when it is built from the window.
 ///
 /// # Errors
 /// [`Error::Query`] if there are no samples; those of reading the index.
@@ -162,7 +162,8 @@ enum Kind {
 }
 
 impl Kind {
-    /// Bits, the format of samples (2: whole numbers, 3: floats), and the predictor (2: differences, 3: of the bytes of floats).
+    /// Bits, the format of samples (2: whole numbers, 3: floats), and the predictor (2: differences, 3: of the bytes of
+    /// floats).
     fn tags(self) -> [u16; 3] {
         match self {
             Self::Short => [16, 2, 2],
@@ -211,7 +212,8 @@ impl Kind {
     }
 }
 
-/// The lowest and the highest height of a file, as its coarsest tiles know them; the lowest is above the highest where nothing is drawn.
+/// The lowest and the highest height of a file, as its coarsest tiles know them; the lowest is above the highest where
+/// nothing is drawn.
 ///
 /// # Errors
 /// Those of reading the index.

@@ -1,11 +1,12 @@
 //! Building files of heights: rasters whose samples stay a grid (thesis 3.3 and 3.4).
 //!
-//! Samples are rounded to steps (`samples`), so every tile knows its values without any other one. Tiles are worked on in units whose
-//! samples fit in memory (`unit`); those above the units are few, and are judged by every unit below them (`above`). What all units have in
-//! common is found first (`basis`); then any process builds any of them (`build`), and one joins them. `tile` chooses the
-//! resolutions of a tile. How far their triangles are from all samples follows for most tiles of planes from a table of `squares`, and so do their `needs`;
-//! `facets` and `even` measure the others, without those in `blocks` that cannot matter. `coding` writes, `geotiff` takes rasters out of such files
-//! again, and `tin` few triangles.
+//! Samples are rounded to steps (`samples`), so every tile knows its values without any other one. Tiles are worked on
+//! in units whose samples fit in memory (`unit`); those above the units are few, and are judged by every unit below
+//! them (`above`). What all units have in common is found first (`basis`); then any process builds any of them
+//! (`build`), and one joins them. `tile` chooses the resolutions of a tile. How far their triangles are from all
+//! samples follows for most tiles of planes from a table of `squares`, and so do their `needs`; `facets` and `even`
+//! measure the others, without those in `blocks` that cannot matter. `coding` writes, `geotiff` takes rasters out of
+//! such files again, and `tin` few triangles.
 
 mod above;
 mod basis;

@@ -1,7 +1,9 @@
-//! What the samples of a tile with even lines on a plane need (SPEC.md 22.5), from the distances of squares: the same triangles as readers draw.
+//! What the samples of a tile with even lines on a plane need (SPEC.md 22.5), from the distances of squares: the same
+//! triangles as readers draw.
 //!
-//! A triangle is drawn at the tolerances that its own longest side does not exceed and that of the triangle it is half of does. So the error at a
-//! tolerance is the largest distance of those triangles whose needs lie on both sides of it, size by size.
+//! A triangle is drawn at the tolerances that its own longest side does not exceed and that of the triangle it is half
+//! of does. So the error at a tolerance is the largest distance of those triangles whose needs lie on both sides of it,
+//! size by size.
 
 use lodpack::heights::CELLS;
 
@@ -14,8 +16,8 @@ const LANES: usize = 8;
 /// Sizes of squares in a tile: from 2 cells on.
 const SIZES: usize = CELLS.ilog2() as usize;
 
-/// The largest of some numbers and the distances of those triangles that are drawn at a tolerance: their own needs do not exceed it, and those of the
-/// triangles before they were halved do.
+/// The largest of some numbers and the distances of those triangles that are drawn at a tolerance: their own needs do
+/// not exceed it, and those of the triangles before they were halved do.
 #[inline(always)]
 fn find_drawn(most: &mut [f32; LANES], tolerance: f32, [off, own, before]: [&[f32]; 3]) {
     let of = |most: &mut f32, off: f32, own: f32, before: f32| {
@@ -99,8 +101,9 @@ impl Needs {
         count
     }
 
-    /// The largest need that a tolerance does not meet with a halving, with what neighbours may add on the border: no sample of a tile that has all samples
-    /// is further from its triangle. Looser than [`Self::distance`], and found faster.
+    /// The largest need that a tolerance does not meet with a halving, with what neighbours may add on the border: no
+    /// sample of a tile that has all samples is further from its triangle. Looser than [`Self::distance`], and found
+    /// faster.
     pub fn bound(&self, tolerance: f32, place: Place<'_>) -> f32 {
         let mut most = [0.0f32; LANES];
         let met = |need: f32| if need <= tolerance { need } else { 0.0 };
@@ -146,8 +149,8 @@ impl Needs {
         most.into_iter().fold(least, larger)
     }
 
-    /// The same for halves of squares, of which there are `count` in a row. Those of a cell have no middle. Each is half of a triangle on a side of a
-    /// square of twice the size, unless there is none.
+    /// The same for halves of squares, of which there are `count` in a row. Those of a cell have no middle. Each is
+    /// half of a triangle on a side of a square of twice the size, unless there is none.
     fn halves(
         &self,
         count: usize,
@@ -161,7 +164,8 @@ impl Needs {
             let (squares, first) = place.row(CELLS / count, row);
             let mut before = [[f32::INFINITY; CELLS]; 2];
             if let Some(above) = above {
-                // Halves in the north of squares in the north lie on rows, and those in the south of squares in the south.
+                // Halves in the north of squares in the north lie on rows, and those in the south of squares in the
+                // south.
                 let (n, half) = (above.count, row % 2);
                 let lines = &above.rows[(row / 2 + half) * n..][..n];
                 let columns = &above.columns[row / 2 * (n + 1)..][..=n];
@@ -266,7 +270,8 @@ impl Level {
         [self.rows[k], self.rows[n * n + k], self.columns[k * (n + 1)], self.columns[k * (n + 1) + n]]
     }
 
-    /// The largest of some numbers and the distances of samples from the triangles on sides that are drawn at a tolerance.
+    /// The largest of some numbers and the distances of samples from the triangles on sides that are drawn at a
+    /// tolerance.
     fn sides(&self, tolerance: f32, place: Place<'_>, most: &mut [f32; LANES]) {
         let n = self.count;
         for row in 0..n {

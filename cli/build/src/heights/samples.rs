@@ -240,8 +240,8 @@ const SHIFT: f64 = 6_755_399_441_055_744.0;
 /// The number of samples that are rounded side by side.
 const LANES: usize = 4;
 
-/// Appends a row in which no sample lacks data, and returns the largest error, and the lowest and the highest step; none if there is something in
-/// it that has to be looked at one by one.
+/// Appends a row in which no sample lacks data, and returns the largest error, and the lowest and the highest step;
+/// none if there is something in it that has to be looked at one by one.
 fn round_row(heights: &[f64], scale: Scale, out: &mut Vec<Stored>) -> Option<(f64, [i32; 2])> {
     let (mut errors, mut lowest, mut highest) = ([0.0f64; LANES], [f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
     let mut is_number = true;
@@ -277,7 +277,8 @@ fn nearest(x: f64) -> f64 {
     if x.abs() < 1e15 { (x + SHIFT) - SHIFT } else { x }
 }
 
-/// Gives samples without data the heights of those beside them, or of the row before: coarse tiles may draw cells of which they are corners.
+/// Gives samples without data the heights of those beside them, or of the row before: coarse tiles may draw cells of
+/// which they are corners.
 fn fill(row: &mut [Stored], from: usize, end: usize, last: Option<&[i32]>) {
     let west = from.checked_sub(1).map(|at| row[at] >> 1);
     let east = row.get(end).map(|sample| sample >> 1);

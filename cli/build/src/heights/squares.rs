@@ -1,10 +1,12 @@
-//! How far the samples of a plane are from the triangles of all squares of 2^k cells: the table from which both the needs and the errors of tiles
-//! with even lines follow (SPEC.md 22.5).
+//! How far the samples of a plane are from the triangles of all squares of 2^k cells: the table from which both the
+//! needs and the errors of tiles with even lines follow (SPEC.md 22.5).
 //!
-//! A square has a triangle on each of its four sides, whose apex is its middle, and two halves, which meet in a diagonal: from the north-west where
-//! its column and its row make an even sum. Whatever the depth of a tile, its triangles are among these, so samples are looked at once for all depths.
-//! Slopes are a difference of heights by a power of two; in numbers of 24 bits, heights that differ by no more than 2^16 steps have exact distances
-//! in squares of up to 64 cells, and nearly exact ones in larger ones. Small squares are looked at side by side, large ones row by row.
+//! A square has a triangle on each of its four sides, whose apex is its middle, and two halves, which meet in a
+//! diagonal: from the north-west where its column and its row make an even sum. Whatever the depth of a tile, its
+//! triangles are among these, so samples are looked at once for all depths. Slopes are a difference of heights by a
+//! power of two; in numbers of 24 bits, heights that differ by no more than 2^16 steps have exact distances in squares
+//! of up to 64 cells, and nearly exact ones in larger ones. Small squares are looked at side by side, large ones row by
+//! row.
 
 /// Heights differ by at most this many steps.
 pub const MOST_STEPS: i64 = 1 << 16;
@@ -67,7 +69,8 @@ struct Off<const LANES: usize> {
 }
 
 impl Squares {
-    /// All sizes from 2 cells up to the largest, of which there is one square. It `falls` if its diagonal is from the north-west.
+    /// All sizes from 2 cells up to the largest, of which there is one square. It `falls` if its diagonal is from the
+    /// north-west.
     pub fn all(ground: &Ground, largest: usize, falls: bool) -> Vec<Self> {
         let sizes = (1..=largest.ilog2()).map(|k| 1usize << k);
         sizes.map(|size| Self::new(ground, size, size == largest && !falls)).collect()
@@ -228,7 +231,8 @@ fn squares<const SIZE: usize, const LANES: usize, const FALLS: bool>(
     off
 }
 
-/// The largest of some numbers and the distances of a run of samples from heights that rise evenly from its first one on.
+/// The largest of some numbers and the distances of a run of samples from heights that rise evenly from its first one
+/// on.
 #[inline(always)]
 fn run(most: &mut [f32; RUN], samples: &[f32], first: f32, rise: f32) {
     let mut places = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];

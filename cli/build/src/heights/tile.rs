@@ -17,7 +17,8 @@ use super::squares::{Ground, Squares};
 
 /// Tolerances of tiles whose quarters say more, as shares of how far the quarters' samples are off.
 const COARSE: [f64; 3] = [1.0, 1.8, 3.0];
-/// The same for level tiles on a globe: halves of cells, and halves of squares of cells, which are off by twice as much.
+/// The same for level tiles on a globe: halves of cells, and halves of squares of cells, which are off by twice as
+/// much.
 const LEVEL: [f64; 2] = [0.0, 2.1];
 /// The coarsest tolerance of tiles that have all samples, as a share of how far their parent is from these.
 const COARSEST: f64 = 2.0;
@@ -53,7 +54,8 @@ impl Setting<'_> {
     }
 }
 
-/// Numbers of triangles of a surface, and how far samples are from them: inside, and along the border of the tile. Others are not off.
+/// Numbers of triangles of a surface, and how far samples are from them: inside, and along the border of the tile.
+/// Others are not off.
 pub type SeenFacets = Vec<(u32, [f64; 2])>;
 
 /// A surface that a tile may be drawn as, and how far it has been seen from the samples.
@@ -122,8 +124,9 @@ pub struct Tile {
 }
 
 impl Tile {
-    /// A tile of its samples. `off` says how far samples that only its quarters have are from it, if there are any, and `above` the distance of
-    /// its own from its parent. A tile above the units has no judge here, and is judged by parts.
+    /// A tile of its samples. `off` says how far samples that only its quarters have are from it, if there are any, and
+    /// `above` the distance of its own from its parent. A tile above the units has no judge here, and is judged by
+    /// parts.
     pub fn new(
         setting: &Setting<'_>,
         (id, judge): (TileId, Option<&Judge<'_>>),
@@ -247,7 +250,8 @@ impl Tile {
         }
     }
 
-    /// What is stored of its resolutions. `least` is the finest error of the tiles below, which no tile above falls short of.
+    /// What is stored of its resolutions. `least` is the finest error of the tiles below, which no tile above falls
+    /// short of.
     pub fn resolutions(&self, setting: &Setting<'_>, least: f64) -> Vec<Resolution> {
         let mut before = least;
         let of = |drawn: &Drawn| {
@@ -263,7 +267,8 @@ impl Tile {
         self.drawn.iter().map(of).collect()
     }
 
-    /// Notes cells that are drawn but only partly there: the largest diagonal of them, and the largest range of their heights.
+    /// Notes cells that are drawn but only partly there: the largest diagonal of them, and the largest range of their
+    /// heights.
     pub fn note_partly(&mut self, setting: &Setting<'_>, is_whole: impl Fn(usize, usize) -> bool) {
         let is_drawn = |column: usize, row: usize| match &self.values.cells {
             None => true,
@@ -320,8 +325,8 @@ fn in_steps(length: f64, step: f64) -> f32 {
     if f64::from(rounded) > steps { rounded.next_down() } else { rounded }
 }
 
-/// Tolerances of tiles whose needs are known in steps. Readers compute these in other units, with rounding: so no tolerance may be so near to what a
-/// sample can need that the two could differ.
+/// Tolerances of tiles whose needs are known in steps. Readers compute these in other units, with rounding: so no
+/// tolerance may be so near to what a sample can need that the two could differ.
 struct Exact {
     step: f64,
     /// Readers do not round: steps have few bits.
@@ -395,7 +400,8 @@ impl<'a> Laid<'a> {
         [self.lines.columns[at % SIDE] as f64, row]
     }
 
-    /// How far the globe is from straight connections between the samples, if these are equally far apart and none is at a pole.
+    /// How far the globe is from straight connections between the samples, if these are equally far apart and none is
+    /// at a pole.
     fn bend(&self) -> Option<f64> {
         let surface = self.setting.surface;
         self.lines.distances()?;
@@ -489,7 +495,8 @@ pub fn distance_of_quarters<'a>(
     Off { most, is_level }
 }
 
-/// Twice the distance of the samples of a quarter from a tile's straight connections, in steps, where both divide a plane evenly.
+/// Twice the distance of the samples of a quarter from a tile's straight connections, in steps, where both divide a
+/// plane evenly.
 fn doubled_distance(tile: &TileValues, id: TileId, quarter: &TileValues) -> i64 {
     let [x, y] = [id.quarter() & 1, id.quarter() >> 1].map(|half| half * CELLS / 2);
     let at = |column: usize, row: usize| i64::from(tile.steps[(y + row) * SIDE + x + column]);
@@ -518,7 +525,8 @@ fn doubled_distance(tile: &TileValues, id: TileId, quarter: &TileValues) -> i64 
     most
 }
 
-/// The shares that the corners of a cell (north-west, north-east, south-west, south-east) have in a point of its two triangles.
+/// The shares that the corners of a cell (north-west, north-east, south-west, south-east) have in a point of its two
+/// triangles.
 fn shares([x, y]: [f64; 2], falls: bool) -> [f64; 4] {
     match (falls, if falls { y >= x } else { x + y <= 1.0 }) {
         (true, true) => [1.0 - y, 0.0, y - x, x],

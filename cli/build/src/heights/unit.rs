@@ -223,7 +223,8 @@ pub fn finish_tile(
     Ok((said, finished))
 }
 
-/// The error that a level tile needs so that all tiles below follow from it; none if that is too much, or one of them says something.
+/// The error that a level tile needs so that all tiles below follow from it; none if that is too much, or one of them
+/// says something.
 fn level_error(setting: &Setting<'_>, resolutions: &[Resolution], below: &[Below]) -> Option<f64> {
     let levels = setting.level?;
     // What follows is drawn with all samples.

@@ -11,6 +11,7 @@ pub struct RasterWindow {
     pub(super) first: [u64; 2],
     /// Columns and rows.
     pub size: [u64; 2],
-    /// A bound of the distance between the surface of these samples and what the heights were made from, in units of space.
+    /// A bound of the distance between the surface of these samples and what the heights were made from, in units of
+    /// space.
     pub error: f64,
 }

@@ -1,8 +1,8 @@
 //! Adding to a job: a new job of all inputs takes over whatever the new inputs do not touch.
 //!
-//! Correa 2004 (section 3.1) adds to a tree by rebuilding the leaves into which triangles fall. The same is done here with regions:
-//! those that get triangles, and those that share a seam with a region whose charts have changed, are built again. What a region is
-//! built from is compared, not guessed, so the result is the file of a fresh build.
+//! Correa 2004 (section 3.1) adds to a tree by rebuilding the leaves into which triangles fall. The same is done here
+//! with regions: those that get triangles, and those that share a seam with a region whose charts have changed, are
+//! built again. What a region is built from is compared, not guessed, so the result is the file of a fresh build.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -40,9 +40,10 @@ pub(super) struct EarlierJob {
 }
 
 impl Job {
-    /// Plans a job in `path` of the inputs of the job `earlier` and of those in `options`, of which only the memory and `resume` count
-    /// besides. The new job takes over what the earlier one knows of regions that do not change: their charts, and their products where
-    /// its parts are built. Its parts, and the file that they become, are those of [`Self::plan`] with all inputs.
+    /// Plans a job in `path` of the inputs of the job `earlier` and of those in `options`, of which only the memory and
+    /// `resume` count besides. The new job takes over what the earlier one knows of regions that do not change: their
+    /// charts, and their products where its parts are built. Its parts, and the file that they become, are those of
+    /// [`Self::plan`] with all inputs.
     ///
     /// # Errors
     /// As for plans, and [`JobError::Extend`] if the earlier job was not planned for this or its inputs have changed.
@@ -156,7 +157,8 @@ impl EarlierJob {
         Ok(())
     }
 
-    /// The numbers that the corners and seams of a region have in a later job, where everything that it is built from is the same there.
+    /// The numbers that the corners and seams of a region have in a later job, where everything that it is built from
+    /// is the same there.
     fn same(
         &self,
         region: usize,

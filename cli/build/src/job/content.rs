@@ -1,7 +1,9 @@
-//! What the inputs of a job contain, as hashes of ranges of their bytes: so no process has to read all of them before the others can begin.
+//! What the inputs of a job contain, as hashes of ranges of their bytes: so no process has to read all of them before
+//! the others can begin.
 //!
-//! The bytes of all inputs, one file after the other, are divided into as many ranges as a stage has tasks. Each task hashes its own, file by
-//! file. A job is recognised by samples of its inputs; whether an input is still what it was follows from all hashes together.
+//! The bytes of all inputs, one file after the other, are divided into as many ranges as a stage has tasks. Each task
+//! hashes its own, file by file. A job is recognised by samples of its inputs; whether an input is still what it was
+//! follows from all hashes together.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -66,8 +68,8 @@ pub(super) fn root(hashes: impl IntoIterator<Item = Vec<u64>>) -> u64 {
     xxh3_64(&bytes)
 }
 
-/// Whether the content of a file, by name `path` now, differs from what is known of an input of a job in a directory. The file has the
-/// input's size.
+/// Whether the content of a file, by name `path` now, differs from what is known of an input of a job in a directory.
+/// The file has the input's size.
 pub(super) fn differs(manifest: &Manifest, job: &Path, number: usize, path: &Path) -> bool {
     let input = &manifest.inputs[number];
     match manifest.stages {

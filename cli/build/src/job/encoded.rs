@@ -1,4 +1,5 @@
-//! The last stages of a job in stages: the order of the file, and clusters as bytes. What is left for a merge is to put these together.
+//! The last stages of a job in stages: the order of the file, and clusters as bytes. What is left for a merge is to put
+//! these together.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -41,7 +42,8 @@ pub(super) struct BuiltJob<'a> {
 }
 
 impl BuiltJob<'_> {
-    /// Orders all parts, and writes for each task of [`Stage::Encode`] what it has to know. Returns the bytes of these files.
+    /// Orders all parts, and writes for each task of [`Stage::Encode`] what it has to know. Returns the bytes of these
+    /// files.
     pub fn arrange(&self) -> Result<u64, BuildError> {
         let (plan, _) = read_plan(self.folder, self.manifest.id())?;
         let paths: Vec<PathBuf> = (0..self.manifest.parts.len() as u32).map(|part| self.part(part)).collect();

@@ -10,8 +10,8 @@ pub const FILE_EXTENSION: &str = "lodpack";
 /// How the directories of jobs are named, where `lodpack plan` chooses the name.
 pub const JOB_EXTENSION: &str = "job";
 
-/// The path beside an input that has its name and another extension: `mesh.obj` gives `mesh.lodpack`, and the directory `atlas/`
-/// gives `atlas.lodpack`.
+/// The path beside an input that has its name and another extension: `mesh.obj` gives `mesh.lodpack`, and the directory
+/// `atlas/` gives `atlas.lodpack`.
 pub fn beside(input: &Path, extension: &str) -> PathBuf {
     let input = named(input);
     match input.is_dir() {
@@ -36,8 +36,9 @@ pub(super) fn product_name(job: &Path, inputs: &[PathBuf]) -> PathBuf {
     path.file_name().map(PathBuf::from).unwrap_or_default()
 }
 
-/// The file that parts are merged to where no name is given: beside their job, with the name that was planned. A directory of parts
-/// that is in no job gives the file its own name. None for parts that are named one by one and are in no job.
+/// The file that parts are merged to where no name is given: beside their job, with the name that was planned. A
+/// directory of parts that is in no job gives the file its own name. None for parts that are named one by one and are
+/// in no job.
 ///
 /// # Errors
 /// If the job's manifest cannot be read.

@@ -1,5 +1,5 @@
-//! The ground of a job's mesh. It is a file of heights, which the process that plans makes, and which lies in the job's directory until the merge
-//! puts it under the mesh. Parts know nothing of it.
+//! The ground of a job's mesh. It is a file of heights, which the process that plans makes, and which lies in the job's
+//! directory until the merge puts it under the mesh. Parts know nothing of it.
 
 use std::fs::{self, File};
 use std::io::{self, Seek};
@@ -32,7 +32,8 @@ pub fn keep_ground(job: &Path, mut ground: &File) -> Result<(), JobError> {
     })
 }
 
-/// The ground in the job that parts belong to: the directory of a job, or what lies in one. None without a job, or where it has no ground.
+/// The ground in the job that parts belong to: the directory of a job, or what lies in one. None without a job, or
+/// where it has no ground.
 ///
 /// # Errors
 /// If the job's manifest cannot be read, or names a ground that is not there.

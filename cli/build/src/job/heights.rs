@@ -1,8 +1,8 @@
 //! Jobs that make files of heights: the grid is divided among parts, whole units at a time.
 //!
-//! The process that plans reads the rasters once, puts their samples in steps into one file, and finds what all units have in common. A part
-//! reads the samples of its units, and checks them. It hands on their tiles, and what they have seen of the tiles above them, which are made by
-//! the merge.
+//! The process that plans reads the rasters once, puts their samples in steps into one file, and finds what all units
+//! have in common. A part reads the samples of its units, and checks them. It hands on their tiles, and what they have
+//! seen of the tiles above them, which are made by the merge.
 
 use std::collections::HashSet;
 use std::io::Write;
@@ -107,7 +107,8 @@ impl HeightsPlan {
         Ok(plan)
     }
 
-    /// Divides the units into runs of about equally many cells. Some runs are empty where there are fewer units than parts.
+    /// Divides the units into runs of about equally many cells. Some runs are empty where there are fewer units than
+    /// parts.
     fn part_entries(&self, parts: Option<u32>) -> Vec<PartEntry> {
         let units = self.basis.units();
         let cells: Vec<u64> = units.iter().map(|&unit| self.basis.cells_of(unit)).collect();

@@ -24,8 +24,8 @@ pub struct Manifest {
     pub job: String,
     /// The files that were read, in order.
     pub inputs: Vec<InputFile>,
-    /// What the inputs are read together with: headers of rasters, their drape, and, where colours are kept, libraries of materials and
-    /// images.
+    /// What the inputs are read together with: headers of rasters, their drape, and, where colours are kept, libraries
+    /// of materials and images.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub beside: Vec<InputFile>,
     /// What the ground that the mesh stands on was made of. The job's directory has the ground itself.
@@ -55,8 +55,8 @@ pub struct InputFile {
     pub path: PathBuf,
     /// Its size.
     pub bytes: u64,
-    /// The time stamp of its last change in nanoseconds since 1970, where the file system has one. A file with the same stamp need not be
-    /// read again; the stamp has no other meaning.
+    /// The time stamp of its last change in nanoseconds since 1970, where the file system has one. A file with the same
+    /// stamp need not be read again; the stamp has no other meaning.
     pub modified: Option<u64>,
     /// XXH3 hash, 16 hexadecimal digits: of its content; of samples of an input whose job is planned in stages.
     pub xxh3: String,
@@ -221,8 +221,8 @@ impl Manifest {
         })
     }
 
-    /// The inputs whose contents have changed since the job in a directory was begun. An input that is not there, as on another machine, counts
-    /// as unchanged.
+    /// The inputs whose contents have changed since the job in a directory was begun. An input that is not there, as on
+    /// another machine, counts as unchanged.
     pub fn changed_inputs(&self, job: &Path) -> Vec<&Path> {
         let changed = |&(number, file): &(usize, &InputFile)| match fs::metadata(&file.path) {
             Ok(metadata) if metadata.len() == file.bytes => {
@@ -235,7 +235,8 @@ impl Manifest {
         self.files().enumerate().filter(changed).map(|(_, file)| file.path.as_path()).collect()
     }
 
-    /// The first input of `now`, a manifest without [`Self::difference`], whose content is not what the job in a directory has read.
+    /// The first input of `now`, a manifest without [`Self::difference`], whose content is not what the job in a
+    /// directory has read.
     pub(super) fn changed_since<'n>(&self, job: &Path, now: &'n Self) -> Option<&'n Path> {
         let pairs = self.files().zip(now.files()).enumerate();
         let mut changed = pairs.filter(|(number, (then, now))| {

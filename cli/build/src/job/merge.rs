@@ -191,7 +191,8 @@ fn same(a: &Path, b: &Path) -> bool {
     fs::metadata(a).ok().map(|m| m.len()) == fs::metadata(b).ok().map(|m| m.len()) && read(a) == read(b)
 }
 
-/// Joins parts to a file. A few regions are in memory at a time; symbols and pages wait in files in the directory `scratch`.
+/// Joins parts to a file. A few regions are in memory at a time; symbols and pages wait in files in the directory
+/// `scratch`.
 ///
 /// # Errors
 /// If a part can no longer be read, regions disagree, or `out` cannot be written.

@@ -1,6 +1,7 @@
 //! Builds: [`build`] makes a file in memory where the input fits, and otherwise as a job.
 //!
-//! A **job** is a build whose state is on disk, so it can be resumed after a kill and divided among machines. Its directory holds
+//! A **job** is a build whose state is on disk, so it can be resumed after a kill and divided among machines. Its
+//! directory holds
 //!
 //! - `job.json`, the [`Manifest`]: inputs, options and parts,
 //! - while it is planned, the input's positions and triangles, then its regions, stage by stage,
@@ -8,14 +9,18 @@
 //! - the parts, `part-K.lodpart`, each of which can be built without the others,
 //! - for each part a lock while it is built, a small report once it is built, or the reason why it failed.
 //!
-//! A job whose mesh stands on a ground has that in `ground.lodpack`, a file of heights that the merge puts under the mesh.
+//! A job whose mesh stands on a ground has that in `ground.lodpack`, a file of heights that the merge puts under the
+//! mesh.
 //!
-//! A job of heights (`heights`) has the same files; its plan comes with `samples`, the grid in steps, and its regions are units of the grid.
+//! A job of heights (`heights`) has the same files; its plan comes with `samples`, the grid in steps, and its regions
+//! are units of the grid.
 //!
-//! The planning itself can be divided, too ([`StagedJob`]): then the directory `stages` holds for each task of each [`Stage`] a lock, what it
-//! hands on, and a report or the reason why it failed. Any number of processes, each in [`work`], find their tasks there and nowhere else.
+//! The planning itself can be divided, too ([`StagedJob`]): then the directory `stages` holds for each task of each
+//! [`Stage`] a lock, what it hands on, and a report or the reason why it failed. Any number of processes, each in
+//! [`work`], find their tasks there and nowhere else.
 //!
-//! Every file is first written under another name, carries the job's number, and is checked when it is read. Nothing depends on clocks.
+//! Every file is first written under another name, carries the job's number, and is checked when it is read. Nothing
+//! depends on clocks.
 
 mod add;
 mod build;

@@ -22,13 +22,14 @@ pub struct BuildOptions {
     pub inputs: Vec<PathBuf>,
     /// The options that the bytes of the file depend on.
     pub model: ModelOptions,
-    /// Bytes of memory that the build may take. Where it needs more, it uses temporary files; the file does not depend on it.
+    /// Bytes of memory that the build may take. Where it needs more, it uses temporary files; the file does not depend
+    /// on it.
     pub memory: u64,
-    /// The directory that a build works in where the input does not fit in memory. It is made when needed, and removed at the end unless
-    /// the build can be resumed from it.
+    /// The directory that a build works in where the input does not fit in memory. It is made when needed, and removed
+    /// at the end unless the build can be resumed from it.
     pub work: PathBuf,
-    /// What the ground that the mesh stands on is made of. Whoever plans a job makes the ground, and puts it into the directory
-    /// ([`super::keep_ground`]); the job only remembers these.
+    /// What the ground that the mesh stands on is made of. Whoever plans a job makes the ground, and puts it into the
+    /// directory ([`super::keep_ground`]); the job only remembers these.
     pub ground: Vec<PathBuf>,
     /// Keeps the grid of rasters: the job makes a file of heights ([`crate::heights`]).
     pub heights: bool,
@@ -123,7 +124,8 @@ pub fn typed_raster(model: &ModelOptions) -> RasterOptions {
     }
 }
 
-/// What was typed about the place of the coordinates, and beneath it what the inputs say. A CRS that was typed has the origin that was typed.
+/// What was typed about the place of the coordinates, and beneath it what the inputs say. A CRS that was typed has the
+/// origin that was typed.
 fn completed(typed: Option<&Placement>, said: Option<Placement>, unit: Option<Unit>) -> Option<Placement> {
     let (Some(typed), Some(said)) = (typed, &said) else {
         // The file says in which unit it is only beside something else.

@@ -84,7 +84,8 @@ impl PartReader {
         Ok(FoundPart { job, part: number, parts, plan })
     }
 
-    /// What the file as a whole has to know of the next region. Its symbols are skipped, so the file can no longer be checked.
+    /// What the file as a whole has to know of the next region. Its symbols are skipped, so the file can no longer be
+    /// checked.
     pub fn head(&mut self) -> Result<(ProductStats, PieceIndex), WorkError> {
         let head = (self.reader.get()?, self.reader.get()?);
         self.reader.skip()?;

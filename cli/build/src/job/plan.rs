@@ -46,7 +46,8 @@ impl PartOptions {
     }
 }
 
-/// A job that this process plans, or builds as a whole. It holds the directory's lock, so no other process does so meanwhile.
+/// A job that this process plans, or builds as a whole. It holds the directory's lock, so no other process does so
+/// meanwhile.
 #[derive(Debug)]
 pub struct Job {
     pub(super) directory: WorkDirectory,
@@ -88,7 +89,8 @@ impl Job {
     /// Plans a job in a directory of its own until its parts can be built.
     ///
     /// # Errors
-    /// As for builds; with `resume`, also [`JobError::Changed`] if the directory holds a job of other inputs or options.
+    /// As for builds; with `resume`, also [`JobError::Changed`] if the directory holds a job of other inputs or
+    /// options.
     pub fn plan(
         path: &Path,
         parts: PartOptions,
@@ -117,7 +119,8 @@ impl Job {
             true => Self::resume(path, options)?,
             false => Self::begin(WorkDirectory::create(path)?, options)?,
         };
-        // The user named the directory, and the job can be resumed from it, unless no second attempt can mend the error.
+        // The user named the directory, and the job can be resumed from it, unless no second attempt can mend the
+        // error.
         job.directory.keep(true);
         job.earlier = earlier;
         progress.begin("import", 0);
@@ -265,7 +268,8 @@ pub(super) fn read_plan(directory: &Path, job: JobId) -> Result<(Plan, Vec<Regio
     Ok((plan, sizes))
 }
 
-/// Divides the regions into runs of about equally many triangles. Some runs are empty where there are fewer regions than parts.
+/// Divides the regions into runs of about equally many triangles. Some runs are empty where there are fewer regions
+/// than parts.
 pub(super) fn part_entries(sizes: &[RegionSize], parts: u32) -> Vec<PartEntry> {
     let runs = even_runs(sizes.iter().map(|size| size.triangles), parts);
     let entry = |run: Range<u32>| {

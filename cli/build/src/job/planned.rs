@@ -183,8 +183,8 @@ impl PlannedJob {
     }
 }
 
-/// Builds the regions of a part, or takes products that exist already, and writes them to its file one by one. Returns the file's
-/// size, and the processor time by stage.
+/// Builds the regions of a part, or takes products that exist already, and writes them to its file one by one. Returns
+/// the file's size, and the processor time by stage.
 pub(super) fn write_part(
     store: &RegionDirectory,
     job: JobId,

@@ -27,7 +27,8 @@ const MEMORY_FACTOR: f64 = 1.25;
 pub struct SlurmScripts {
     /// The folder for all scripts and for logs.
     pub folder: PathBuf,
-    /// Scripts by the name of their stage, for the stages of planning that are not done yet. Each waits for the one before it.
+    /// Scripts by the name of their stage, for the stages of planning that are not done yet. Each waits for the one
+    /// before it.
     pub stages: Vec<(String, String)>,
     /// Builds the parts that are not done yet; none if all are.
     pub parts: Option<String>,
@@ -115,8 +116,8 @@ impl SlurmScripts {
         })
     }
 
-    /// Writes and submits all scripts. Each waits until all tasks of the one before it have succeeded. What still waits of an earlier
-    /// submission is cancelled; what runs is left alone, and new tasks wait for it.
+    /// Writes and submits all scripts. Each waits until all tasks of the one before it have succeeded. What still waits
+    /// of an earlier submission is cancelled; what runs is left alone, and new tasks wait for it.
     ///
     /// # Errors
     /// If the scripts cannot be written, or Slurm refuses them.

@@ -14,8 +14,8 @@ use lodpack_runtime::storage::STAGES_NAME;
 const PARTS_PER_ENCODER: u32 = 4;
 const MAX_ENCODERS: u32 = 500;
 
-/// A stage of a job. The tasks of a stage can be done in any order, by any number of processes at the same time, once all tasks of the stages
-/// before it are done.
+/// A stage of a job. The tasks of a stage can be done in any order, by any number of processes at the same time, once
+/// all tasks of the stages before it are done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
@@ -134,7 +134,8 @@ impl Stages {
             Stage::Scan | Stage::Count | Stage::Divide => self.ranges,
             Stage::Cut | Stage::Match | Stage::Seams | Stage::Arrange => 1,
             Stage::Repair | Stage::Segment | Stage::Build => self.parts,
-            // Each reads the parts around its own, so more tasks would read more. A merge reads the products of all side by side.
+            // Each reads the parts around its own, so more tasks would read more. A merge reads the products of all
+            // side by side.
             Stage::Encode => self.parts.div_ceil(self.parts.div_ceil(MAX_ENCODERS).max(PARTS_PER_ENCODER)),
         }
     }
@@ -180,8 +181,8 @@ pub(super) fn encoder_file(job: &Path, task: u32) -> PathBuf {
     job.join(STAGES_NAME).join(format!("{}-{task}.encoder", Stage::Arrange))
 }
 
-/// Divides consecutive things into the given number of runs of about equal size. Some runs are empty where there are fewer
-/// things.
+/// Divides consecutive things into the given number of runs of about equal size. Some runs are empty where there are
+/// fewer things.
 pub(super) fn even_runs(sizes: impl Iterator<Item = u64> + Clone, runs: u32) -> Vec<Range<u32>> {
     let total: u64 = sizes.clone().sum();
     let mut ranges = vec![0..0; runs.max(1) as usize];

@@ -50,7 +50,8 @@ pub struct RunningTask {
     pub by: String,
     /// For how long, by the clocks of this machine and of the disk. Only people need it.
     pub seconds: Option<f64>,
-    /// Whether others took much less. Another worker that is told to do it waits for this one; if this one is killed, it does it.
+    /// Whether others took much less. Another worker that is told to do it waits for this one; if this one is killed,
+    /// it does it.
     pub is_late: bool,
 }
 

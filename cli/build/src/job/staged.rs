@@ -1,7 +1,7 @@
 //! Jobs whose planning is divided into tasks, too: their beginning, and one task at a time.
 //!
-//! Processes meet in the job's directory alone. A task takes a lock, hands on a sealed file, and can be done again after any end of the
-//! process that had it.
+//! Processes meet in the job's directory alone. A task takes a lock, hands on a sealed file, and can be done again
+//! after any end of the process that had it.
 
 use std::borrow::Cow;
 use std::cell::{Cell, OnceCell, RefCell};
@@ -55,7 +55,8 @@ pub enum Outcome {
 
 /// Bytes of memory for the largest region that is to be expected.
 fn region_memory(mesh: Option<&RangedMesh>, region_triangles: u64) -> u64 {
-    // Where no triangle shares a vertex, there are three for each. Where most do, regions along the border of a surface have more.
+    // Where no triangle shares a vertex, there are three for each. Where most do, regions along the border of a surface
+    // have more.
     let (vertices, triangles) = mesh.map_or((3, 1), |mesh| (mesh.vertex_count() * 3 / 2, mesh.triangle_count()));
     let largest = if mesh.is_some() { triangles.min(region_triangles) } else { region_triangles };
     let share = (vertices as f64 / triangles.max(1) as f64).min(3.0);
@@ -180,7 +181,8 @@ impl StagedJob {
         TaskFiles::new(self.directory.folder(), stage, task).product.exists()
     }
 
-    /// Rough measures of how long the tasks of a stage take: four steps for each factor of two. Empty where that is not known.
+    /// Rough measures of how long the tasks of a stage take: four steps for each factor of two. Empty where that is not
+    /// known.
     pub(super) fn weights(&self, stage: Stage) -> Vec<u32> {
         let triangles = match stage {
             Stage::Build => {
@@ -211,10 +213,12 @@ impl StagedJob {
         }
     }
 
-    /// Does a task, unless it is done or another process is doing it. The job's directory keeps a report, or the reason of a failure.
+    /// Does a task, unless it is done or another process is doing it. The job's directory keeps a report, or the reason
+    /// of a failure.
     ///
     /// # Errors
-    /// [`JobError::NoTask`], [`JobError::Early`] if an earlier stage is not done, and all that can go wrong with the task itself.
+    /// [`JobError::NoTask`], [`JobError::Early`] if an earlier stage is not done, and all that can go wrong with the
+    /// task itself.
     pub fn run(&self, stage: Stage, task: u32, memory: u64, progress: &dyn Progress) -> Result<Outcome, BuildError> {
         self.check_task(stage, task)?;
         if stage != Stage::Build && self.is_done(stage, task) {

@@ -83,7 +83,8 @@ pub struct JobStatus {
     /// The stages of its planning, where that is divided, and that of its parts.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<StageStatus>,
-    /// About how many more seconds the tasks will take, if as many run as now. None where that cannot be told yet. The merge is not counted.
+    /// About how many more seconds the tasks will take, if as many run as now. None where that cannot be told yet. The
+    /// merge is not counted.
     pub remaining_seconds: Option<f64>,
     /// Its parts.
     pub parts: Vec<PartStatus>,

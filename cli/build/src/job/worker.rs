@@ -7,9 +7,11 @@ use std::time::Duration;
 use super::{BuildError, Outcome, Stage, StagedJob};
 use lodpack_runtime::progress::Progress;
 
-/// How long a worker waits before it looks again for a task that another process has not finished: at least, and at most.
+/// How long a worker waits before it looks again for a task that another process has not finished: at least, and at
+/// most.
 const WAIT: [Duration; 2] = [Duration::from_millis(10), Duration::from_secs(2)];
-/// In between, so large a part of the time that it has waited already: short stages follow each other fast, and long ones cause few looks.
+/// In between, so large a part of the time that it has waited already: short stages follow each other fast, and long
+/// ones cause few looks.
 const WAITED_PART: u32 = 16;
 
 /// Which tasks a worker does.
@@ -21,8 +23,8 @@ pub struct Share {
     pub tasks: Option<[u32; 2]>,
 }
 
-/// Does all tasks that nobody else does, waits until those of the others are done, and goes on with the next stage. When it returns, all
-/// tasks of its share are done. `done` hears of each task that this process does.
+/// Does all tasks that nobody else does, waits until those of the others are done, and goes on with the next stage.
+/// When it returns, all tasks of its share are done. `done` hears of each task that this process does.
 ///
 /// # Errors
 /// The first that a task ends with, which the job's directory keeps, too.
@@ -55,8 +57,8 @@ pub fn work(
                     return true;
                 }
                 match job.run(stage, task, memory, progress) {
-                    // A worker that waits asks for one task only: one that others end last or leave behind. A thousand workers that
-                    // asked for a thousand tasks would keep the file system busy.
+                    // A worker that waits asks for one task only: one that others end last or leave behind. A thousand
+                    // workers that asked for a thousand tasks would keep the file system busy.
                     Ok(Outcome::Taken) => {
                         stops = is_waiting;
                         true

@@ -24,7 +24,8 @@ const CERTIFY_GAP: f64 = 0.05;
 const WORTHWHILE: f64 = 0.8;
 /// Distances below this share of the tolerance need not be resolved in charts of several parts.
 const FLOOR_OF_PARTS: f64 = 0.75;
-/// Share by which the errors of two levels differ at least, and the same of a lattice step. A file rounds them up by less than half of it.
+/// Share by which the errors of two levels differ at least, and the same of a lattice step. A file rounds them up by
+/// less than half of it.
 const APART: f64 = 1.0 / 128.0;
 /// Where a chart is above the tolerance, what exceeds this share of it is too far off: there is always something, then.
 pub(super) const ALMOST: f64 = 0.9;
@@ -119,7 +120,8 @@ impl ChartWork<'_> {
         bound
     }
 
-    /// As [`Self::certify`], tightened as far as needed to prove, where it is true, that the stored error is within the tolerance.
+    /// As [`Self::certify`], tightened as far as needed to prove, where it is true, that the stored error is within the
+    /// tolerance.
     pub fn certify_within(&mut self, compared: &mut Comparison) -> f64 {
         let mut error = self.certify(compared);
         let start = thread_cpu_time();
@@ -135,7 +137,8 @@ impl ChartWork<'_> {
         error
     }
 
-    /// The chart's triangles where the patch is farther from them, or they from the patch, than the given number of tolerances, ascending.
+    /// The chart's triangles where the patch is farther from them, or they from the patch, than the given number of
+    /// tolerances, ascending.
     pub fn exceeding(&mut self, compared: &mut Comparison, tolerances: f64) -> Vec<u32> {
         let start = thread_cpu_time();
         let found = compared.exceeding(self.charted.scale.tolerance * tolerances, u64::MAX);
@@ -165,8 +168,9 @@ impl ChartWork<'_> {
         wishes
     }
 
-    /// Certifies the coarser levels and keeps the blocks that are worth their bytes. The finest level's certified error and
-    /// root mean square distance are known. A nested filling keeps all its levels, because each builds on the coarser ones.
+    /// Certifies the coarser levels and keeps the blocks that are worth their bytes. The finest level's certified error
+    /// and root mean square distance are known. A nested filling keeps all its levels, because each builds on the
+    /// coarser ones.
     pub fn root(
         &mut self,
         cut: &CutChart,
@@ -205,7 +209,8 @@ impl ChartWork<'_> {
                 let mut compared = self.compared(original, cut, level as u8, &coded_level);
                 self.certify(&mut compared)
             };
-            // A flat patch may be as near as it has to be at a coarse level, but lines end at samples of the finest one.
+            // A flat patch may be as near as it has to be at a coarse level, but lines end at samples of the finest
+            // one.
             let has_lines = level == last
                 && self.charted.jumps_inside(self.chart)
                 && blocks.iter().flatten().last().is_some_and(|coarser: &BlockRecord| {
@@ -266,8 +271,9 @@ impl ChartWork<'_> {
     }
 }
 
-/// Gives coarser blocks larger bounds than finer ones, the finest a larger one than that of what lies `below`: then refinement always lowers
-/// the error. A coarser level may happen to be closer than a finer one, above all where the vertices of a nested filling serve all levels.
+/// Gives coarser blocks larger bounds than finer ones, the finest a larger one than that of what lies `below`: then
+/// refinement always lowers the error. A coarser level may happen to be closer than a finer one, above all where the
+/// vertices of a nested filling serve all levels.
 pub(super) fn raise_coarser(blocks: &mut [Option<BlockRecord>], below: Option<f64>, step: f64) {
     let mut finer = below;
     for block in blocks.iter_mut().rev().flatten() {

@@ -1,9 +1,10 @@
 //! Stage **choose**: which charts get another filling than the irregular one.
 //!
-//! All charts are first filled irregularly. Then the other fillings of the table challenge what a chart has: each is planned for the
-//! same root mean square error, built within the same tolerance and certified in the same way. A challenger wins where it costs fewer
-//! bits, including the arc samples that it asks for. With grids that takes three to four times as long, for up to 8 % of the bytes on
-//! smooth surfaces and nothing on others: see [`Fillings::Smaller`].
+//! All charts are first filled irregularly. Then the other fillings of the table challenge what a chart has: each is
+//! planned for the same root mean square error, built within the same tolerance and certified in the same way. A
+//! challenger wins where it costs fewer bits, including the arc samples that it asks for. With grids that takes three
+//! to four times as long, for up to 8 % of the bytes on smooth surfaces and nothing on others: see
+//! [`Fillings::Smaller`].
 
 use super::Fillings;
 use super::chart_work::Root;

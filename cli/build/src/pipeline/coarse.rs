@@ -26,9 +26,9 @@ pub(super) fn coarse_triangles(regions: u64, extensible: bool) -> u64 {
     if extensible { EXTENSIBLE_TRIANGLES } else { (ALL_TRIANGLES / regions.max(1)).max(LEAST_TRIANGLES) }
 }
 
-/// The coarsest levels of a region, the finer one first: it lies nearer to the input, and so does an overview made from it (17 instead
-/// of 21 mean edges on 8 M triangles). None if the file needs no overview. Where there are several regions, each is simplified,
-/// except at its boundary.
+/// The coarsest levels of a region, the finer one first: it lies nearer to the input, and so does an overview made from
+/// it (17 instead of 21 mean edges on 8 M triangles). None if the file needs no overview. Where there are several
+/// regions, each is simplified, except at its boundary.
 ///
 /// # Errors
 /// As [`lodpack::write::write_file`].
@@ -100,7 +100,8 @@ fn coarsest_levels(model: &Model) -> Model {
     }
 }
 
-/// The surface with about the given number of triangles inside its boundary, which stays. None if it cannot be simplified.
+/// The surface with about the given number of triangles inside its boundary, which stays. None if it cannot be
+/// simplified.
 fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
     let chart = surface.chart()?;
     let Mesh { positions, triangles } = collapsed(&chart, triangles)?;

@@ -5,7 +5,8 @@ use std::collections::HashMap;
 use lodpack_mesh::union_find::{find, unite};
 use lodpack_stage::bake::larger;
 
-/// Triangles side by side whose densities differ by less belong together: a photograph that is stretched over a surface is one.
+/// Triangles side by side whose densities differ by less belong together: a photograph that is stretched over a surface
+/// is one.
 const ALIKE: f64 = 1.5;
 /// What has fewer texels of the input has no size of its own.
 const FEW: f64 = 256.0;
@@ -15,7 +16,8 @@ const MOST: f64 = 16.0;
 const SPARE: f64 = 1.19;
 /// An image that has this many times the texels along one direction as it has in the mean of both is stretched.
 const STRETCHED: f64 = 2.0;
-/// Where more than this share of a surface shows stretched images, as walls do in pictures from above, texels may be longer than wide.
+/// Where more than this share of a surface shows stretched images, as walls do in pictures from above, texels may be
+/// longer than wide.
 const MOST_STRETCHED: f64 = 0.05;
 
 /// What images have at a triangle.
@@ -37,14 +39,17 @@ fn sums<'a>(densities: impl Iterator<Item = &'a Density>) -> [f64; 2] {
 /// The texels that images ask for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Asked {
-    /// How much larger those of each triangle may be than the smallest, as a power of the root of two; nothing if all are alike.
+    /// How much larger those of each triangle may be than the smallest, as a power of the root of two; nothing if all
+    /// are alike.
     pub larger: Vec<u8>,
-    /// The texels per unit of length, as a root of the mean of squares, where images are stretched: then texels may be longer than wide.
+    /// The texels per unit of length, as a root of the mean of squares, where images are stretched: then texels may be
+    /// longer than wide.
     pub stretched: Option<f64>,
 }
 
-/// What the images of triangles ask for. Where images are stretched, what has more texels than the mean gets as many as it has, and what has fewer gets as many
-/// as the mean: few texels cost little, and an image that is not in line with them needs more.
+/// What the images of triangles ask for. Where images are stretched, what has more texels than the mean gets as many as
+/// it has, and what has fewer gets as many as the mean: few texels cost little, and an image that is not in line with
+/// them needs more.
 pub(super) fn asked_by_images(triangles: &[[u32; 3]], densities: &[Density]) -> Asked {
     let [sum, area] = sums(densities.iter());
     let mean = sum / area;

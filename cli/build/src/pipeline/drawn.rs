@@ -39,7 +39,8 @@ pub(super) fn drawn_at(model: &Model, level: usize) -> Vec<(u32, usize)> {
     (0..).zip(&model.roots).filter_map(drawn).collect()
 }
 
-/// Adds up a level as a file does (SPEC.md, "Levels"). A root that lacks the level is drawn coarser, perhaps beside a finer neighbour.
+/// Adds up a level as a file does (SPEC.md, "Levels"). A root that lacks the level is drawn coarser, perhaps beside a
+/// finer neighbour.
 pub(super) fn drawn(model: &Model, level: usize) -> lodpack::Result<DrawnLevel> {
     let mut sum = DrawnLevel::default();
     for (root, at) in drawn_at(model, level) {

@@ -47,8 +47,9 @@ pub(super) struct Challenge {
     pub forced_by: Fillings,
     /// Whether a chart is a candidate at all.
     pub may_fill: fn(&ChartWork) -> bool,
-    /// Plans the filling for a chart, where each level may have this root mean square error. None if the chart has no map that
-    /// the filling needs: the summary counts that as an embedding failure. [`Self::may_fill`] leaves out all other charts.
+    /// Plans the filling for a chart, where each level may have this root mean square error. None if the chart has no
+    /// map that the filling needs: the summary counts that as an embedding failure. [`Self::may_fill`] leaves out all
+    /// other charts.
     pub plan: fn(&mut ChartWork, &CutChart, Vec<f64>) -> Option<BoxedFilling>,
     /// Bits of the tables that a file needs for it.
     pub table_bits: f64,

@@ -1,8 +1,8 @@
 //! The fillings that a chart can get, in one table.
 //!
-//! Every chart is filled irregularly first, which always succeeds. The other fillings of the table then challenge what a chart has, one
-//! after the other ([`super::choose`]). A further filling needs a file with a row and a [`ChartFilling`](super::fill::ChartFilling), and a place
-//! in the table.
+//! Every chart is filled irregularly first, which always succeeds. The other fillings of the table then challenge what
+//! a chart has, one after the other ([`super::choose`]). A further filling needs a file with a row and a
+//! [`ChartFilling`](super::fill::ChartFilling), and a place in the table.
 
 use super::fill::FillingRow;
 use super::scale::LevelPlan;

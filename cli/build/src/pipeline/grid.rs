@@ -1,5 +1,5 @@
-//! A grid filling: embed the chart, choose cells, fit and code their vertices, certify every level; then again with more cells where
-//! the bound is above the tolerance.
+//! A grid filling: embed the chart, choose cells, fit and code their vertices, certify every level; then again with
+//! more cells where the bound is above the tolerance.
 
 use super::chart_work::{ALMOST, ChartWork, CodedLevel, Outcome};
 use super::fill::{Challenge, ChartFilling, FillingRow};
@@ -24,12 +24,13 @@ use std::collections::HashMap;
 const MAX_REFINEMENTS: u32 = 3;
 /// An attempt whose error is not below this multiple of the one before is the last: the chart does not lack cells.
 const HOPELESS: f64 = 0.95;
-/// Factor on a cell's squared error where the bound was above the tolerance: one more split leaves a quarter of the distance.
+/// Factor on a cell's squared error where the bound was above the tolerance: one more split leaves a quarter of the
+/// distance.
 const AMPLIFICATION: f64 = 16.0;
 /// A level is left out unless its expected error is below this multiple of the coarser one's.
 const WORTHWHILE: f64 = 0.8;
-/// A vertex slides along the plane that fits the surface around it, unless that plane is steeper than this in the vertex's local frame
-/// (cosine of the angle between the normals).
+/// A vertex slides along the plane that fits the surface around it, unless that plane is steeper than this in the
+/// vertex's local frame (cosine of the angle between the normals).
 const STEEPEST: f64 = 0.3;
 
 /// Bits of the tables that a file with grids needs.
@@ -92,7 +93,8 @@ impl ChartFilling for GridFilling {
 }
 
 impl ChartWork<'_> {
-    /// Whether the chart is a disk with a number of sides that a grid can have, and no colours jump inside, since cells lie across everything.
+    /// Whether the chart is a disk with a number of sides that a grid can have, and no colours jump inside, since cells
+    /// lie across everything.
     fn may_be_grid(&self) -> bool {
         if self.charted.jumps_inside(self.chart) {
             return false;
@@ -157,7 +159,8 @@ impl ChartWork<'_> {
         filling: &mut GridFilling,
     ) -> Outcome {
         loop {
-            // The codec refuses positions beyond the lattice and sides that lack a sample: such a chart cannot be a grid.
+            // The codec refuses positions beyond the lattice and sides that lack a sample: such a chart cannot be a
+            // grid.
             let Some(coded) = self.encode_grid(cut, filling) else { return Outcome::Unfit };
             let Some(finest) = coded.iter().rposition(Option::is_some) else { return Outcome::Unfit };
             let Some(finest_level) = &coded[finest] else { return Outcome::Unfit };

@@ -22,20 +22,20 @@ use std::collections::HashMap;
 
 /// How often a chart is simplified again before its finest level is the input itself.
 pub(super) const MAX_FAILURES: u32 = 8;
-/// Factor on a vertex's quadric where the bound was above the tolerance: five times as near there. After two failures hardly anything is
-/// collapsed there any more.
+/// Factor on a vertex's quadric where the bound was above the tolerance: five times as near there. After two failures
+/// hardly anything is collapsed there any more.
 const IMPORTANCE_STEP: f32 = 32.0;
 /// The number of failures that are answered locally, where the bound was exceeded.
 const LOCAL_FAILURES: u32 = 6;
-/// The number of these that are answered by weights at the triangles in question alone. Only then their neighbourhood, or the step along the
-/// surface, is taken to be the cause.
+/// The number of these that are answered by weights at the triangles in question alone. Only then their neighbourhood,
+/// or the step along the surface, is taken to be the cause.
 const NEAREST_FAILURES: u32 = 3;
 /// Factor on the finest threshold with every failure after those.
 const FINER: f64 = 0.4;
 
-/// In a mesh of at most this many triangles, a chart that is off by more than this share of the tolerance is made again, with more weight where
-/// it is off by more than that. That is a tenth of the charts, so that large meshes would take a tenth longer; in small ones a largest
-/// distance in one place shows.
+/// In a mesh of at most this many triangles, a chart that is off by more than this share of the tolerance is made
+/// again, with more weight where it is off by more than that. That is a tenth of the charts, so that large meshes would
+/// take a tenth longer; in small ones a largest distance in one place shows.
 const SMALL: usize = 250_000;
 const NEAR: f64 = 0.9;
 const FAR: f64 = 0.75;
@@ -52,7 +52,8 @@ pub(super) const ROW: FillingRow =
 /// An irregular filling of a chart.
 #[derive(Debug, Default)]
 pub(super) struct IrregularFilling {
-    /// Weight per chart vertex for the simplifier, as the attempts above the tolerance have raised it; empty while all are 1.
+    /// Weight per chart vertex for the simplifier, as the attempts above the tolerance have raised it; empty while all
+    /// are 1.
     importance: Vec<f32>,
 }
 
@@ -130,7 +131,8 @@ impl ChartWork<'_> {
             }
             *failures += 1;
             let triangles = self.exceeding(&mut attempt.compared, ALMOST);
-            // Triangles may be too far off because of their neighbourhood, so every later failure takes in one more ring.
+            // Triangles may be too far off because of their neighbourhood, so every later failure takes in one more
+            // ring.
             let rings = 1 + failures.saturating_sub(NEAREST_FAILURES);
             let beyond = with_rings(&cut.mesh.triangles, triangles, rings as usize);
             raise(importance, &beyond, cut.original.len());
@@ -234,8 +236,8 @@ impl ChartWork<'_> {
     }
 }
 
-/// How often the tangential step of a patch is halved because colours jump at lines in it: steps along the surface move these across, and
-/// nothing slides back.
+/// How often the tangential step of a patch is halved because colours jump at lines in it: steps along the surface move
+/// these across, and nothing slides back.
 pub(super) fn refinement_of_lines(level_patch: &LevelPatch, jumps: Option<&Jumps>) -> u32 {
     let has_lines = Areas::of(&level_patch.areas, jumps).is_some_and(|areas| areas.have_jumps());
     if has_lines { LINE_REFINEMENT } else { 0 }
@@ -251,7 +253,8 @@ pub(super) struct Coded {
     pub was: Vec<u32>,
 }
 
-/// Codes a simplified patch with the border `loops`, and with a finer tangential step the more often it is to be halved.
+/// Codes a simplified patch with the border `loops`, and with a finer tangential step the more often it is to be
+/// halved.
 pub(super) fn code(
     scale: &Scale,
     level: u8,
@@ -275,7 +278,8 @@ pub(super) fn code(
     Ok(Coded { patch, symbols, areas, was })
 }
 
-/// The areas of a patch's triangles, which are those of a simplified patch in another order. `order` are the interior vertices of that.
+/// The areas of a patch's triangles, which are those of a simplified patch in another order. `order` are the interior
+/// vertices of that.
 fn areas_in_order(level_patch: &LevelPatch, patch: &Patch, order: &[u32]) -> Vec<u32> {
     if level_patch.areas.is_empty() {
         return vec![];
@@ -344,9 +348,9 @@ pub(super) struct QuadricSlide<'a> {
 
 impl Slide for QuadricSlide<'_> {
     fn offset(&self, vertex: u32, point: [f64; 3], normal: [f64; 3]) -> f64 {
-        // Quadrics are functions of the offset from the wanted position. Along directions in which the quadric is nearly flat the
-        // minimum may be far away; a share of the plain squared distance prevents that, and so does the bound. Sliding only has to make
-        // up for the tangential step.
+        // Quadrics are functions of the offset from the wanted position. Along directions in which the quadric is
+        // nearly flat the minimum may be far away; a share of the plain squared distance prevents that, and so does the
+        // bound. Sliding only has to make up for the tangential step.
         const PLAIN_SHARE: f64 = 0.05;
         let quadric = &self.patch.interior_quadrics[vertex as usize];
         let wanted = self.patch.interior[vertex as usize];

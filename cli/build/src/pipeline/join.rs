@@ -51,10 +51,11 @@ impl Products for Vec<RegionProduct> {
     }
 }
 
-/// Makes one file of the products of all regions. `times` is the time that was spent earlier on products that come from files.
+/// Makes one file of the products of all regions. `times` is the time that was spent earlier on products that come from
+/// files.
 ///
-/// Memory holds a few regions at a time, unless `products` itself does, and what has to be known of each root to put them all in
-/// order. Symbols and pages wait in files in the directory `scratch`.
+/// Memory holds a few regions at a time, unless `products` itself does, and what has to be known of each root to put
+/// them all in order. Symbols and pages wait in files in the directory `scratch`.
 pub(crate) fn join(
     plan: &Plan,
     products: &impl Products,
@@ -141,8 +142,8 @@ pub(crate) struct Sums {
 }
 
 impl Sums {
-    /// Triangles, errors and bytes by level, every root drawn at that level. A level without blocks is drawn as the one beside it, and
-    /// is left out; blocks of other levels may take no bytes.
+    /// Triangles, errors and bytes by level, every root drawn at that level. A level without blocks is drawn as the one
+    /// beside it, and is left out; blocks of other levels may take no bytes.
     fn level_summaries(&self, report: &WriteReport) -> Vec<LevelSummary> {
         let is_drawn_beside = |level: usize| {
             let beside = [level.checked_sub(1), Some(level + 1)];

@@ -1,7 +1,7 @@
 //! The pipeline: the order of the stages.
 //!
-//! `build_in_memory` is the whole of it, and `build_region` what happens to one region. A build whose input does not fit in memory
-//! takes the same steps with files in between ([`crate::job`]), so it writes the same bytes.
+//! `build_in_memory` is the whole of it, and `build_region` what happens to one region. A build whose input does not
+//! fit in memory takes the same steps with files in between ([`crate::job`]), so it writes the same bytes.
 //!
 //! | file | step |
 //! |---|---|
@@ -73,7 +73,8 @@ use roots::build_roots;
 use shared_arcs::SharedArcs;
 use summary::{BuildSummary, Fallbacks, Stopwatch, Times};
 
-/// Builds a file from a mesh in memory. The bytes depend on the mesh and the options alone; its images take a share of the memory.
+/// Builds a file from a mesh in memory. The bytes depend on the mesh and the options alone; its images take a share of
+/// the memory.
 pub(crate) fn build_in_memory(
     surface: Surface,
     options: &ModelOptions,
@@ -90,13 +91,13 @@ pub(crate) fn build_in_memory(
     let division = options.division(input_triangles, &surface.appearance);
     let regions = Regions::in_memory(surface, division);
     watch.lap("repair");
-    // Every edge has one or two triangles, consistently wound; every vertex has one fan. Boundary edges at which two regions meet know
-    // each other.
+    // Every edge has one or two triangles, consistently wound; every vertex has one fan. Boundary edges at which two
+    // regions meet know each other.
 
     let Prepared { store, plan, seams, .. } = prepare(regions, input_triangles, options, None, progress)?;
     watch.lap("segment");
-    // Every chart is connected, and each of its loops has at least three arcs. Both sides of a seam end its arcs at the same corners.
-    // No region needs to know more of the others.
+    // Every chart is connected, and each of its loops has at least three arcs. Both sides of a seam end its arcs at the
+    // same corners. No region needs to know more of the others.
 
     progress.begin("roots", plan.charts);
     let RegionStore::Memory(regions) = store else { unreachable!("nothing has been written") };
@@ -105,8 +106,8 @@ pub(crate) fn build_in_memory(
     let studio = Studio::new(&plan.appearance, None, scratch, memory, &note);
     let products = regions.map(|(region, seams)| build_region(&region, seams, &plan, &studio, progress));
     let products = products.collect::<Result<Vec<_>, PipelineError>>()?;
-    // Neighbouring roots share their arcs bit for bit, and the stored error of every root's finest block is within the tolerance,
-    // unless even the input's own triangles are farther off once they are quantised.
+    // Neighbouring roots share their arcs bit for bit, and the stored error of every root's finest block is within the
+    // tolerance, unless even the input's own triangles are farther off once they are quantised.
 
     join(&plan, &products, scratch, out, progress, watch, Times::default())
 }

@@ -73,8 +73,8 @@ impl ColourQuality {
         }
     }
 
-    /// The step for what looks like this. Materials without images make pieces of a few colours, which take fewer bytes without loss than they do at
-    /// the usual quality: a model of an engine 182 kB in place of 189.
+    /// The step for what looks like this. Materials without images make pieces of a few colours, which take fewer bytes
+    /// without loss than they do at the usual quality: a model of an engine 182 kB in place of 189.
     pub(crate) fn step_of(self, appearance: &Appearance) -> u8 {
         let step = self.step();
         if appearance.is_even() && step <= Self::default().step() { 0 } else { step }
@@ -217,14 +217,14 @@ pub struct ModelOptions {
     pub fillings: Fillings,
     /// Levels to make.
     pub levels: LevelChoice,
-    /// Input triangles per chart to aim for at tolerances up to the automatic one; coarser tolerances get larger charts. By default
-    /// the effort and the smoothness of the surface decide. Smaller charts cost bytes for their borders, larger ones stream in
-    /// coarser steps.
+    /// Input triangles per chart to aim for at tolerances up to the automatic one; coarser tolerances get larger
+    /// charts. By default the effort and the smoothness of the surface decide. Smaller charts cost bytes for their
+    /// borders, larger ones stream in coarser steps.
     pub chart_triangles: Option<u32>,
     /// The most triangles in a region; see [`crate::region`].
     pub region_triangles: u64,
-    /// Whether regions, lattice and charts should stay as they are when more is added to the input later. This takes a tolerance that
-    /// does not depend on the input.
+    /// Whether regions, lattice and charts should stay as they are when more is added to the input later. This takes a
+    /// tolerance that does not depend on the input.
     pub extensible: bool,
     /// Channels of the input to keep beside its shape.
     pub channels: Channels,
@@ -259,8 +259,8 @@ impl Default for ModelOptions {
 }
 
 impl ModelOptions {
-    /// How an input is divided into regions, given its number of triangles: those of textured inputs have fewer triangles where these have many
-    /// texels.
+    /// How an input is divided into regions, given its number of triangles: those of textured inputs have fewer
+    /// triangles where these have many texels.
     pub(crate) fn division(&self, triangles: u64, appearance: &Appearance) -> Division {
         let texels = appearance.texels_each(triangles);
         let most = REGION_TEXELS.checked_div(texels).map_or(u64::MAX, |most| most.max(FEWEST_TEXTURED));

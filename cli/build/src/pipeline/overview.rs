@@ -13,10 +13,11 @@ use lodpack::{
 use lodpack_mesh::Mesh;
 use lodpack_stage::repair::sew;
 
-/// A file gets an overview where its header, index and coarsest level together are larger: smaller ones arrive as fast as an overview
-/// would.
+/// A file gets an overview where its header, index and coarsest level together are larger: smaller ones arrive as fast
+/// as an overview would.
 pub const OVERVIEW_FROM_BYTES: u64 = 16 << 10;
-/// A file gets an overview only where it has at least this many roots: the index and coarsest level of fewer are small enough.
+/// A file gets an overview only where it has at least this many roots: the index and coarsest level of fewer are small
+/// enough.
 pub const OVERVIEW_FROM_ROOTS: u64 = 32;
 /// The most triangles of an overview, which take less than a kilobyte.
 pub const OVERVIEW_TRIANGLES: usize = 500;

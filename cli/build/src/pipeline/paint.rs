@@ -26,8 +26,9 @@ use lodpack_stage::shade::Shader;
 
 /// Texels of a map for each that the surface covers, about: pieces do not fill their image.
 const SPREAD: f64 = 1.5;
-/// How much finer texels of the finest block are where colours jump and triangles have few texels, as a power of the root of two. What is blurred
-/// over a texel beside each line costs more there than twice as many texels, which lines cut up or leave alike.
+/// How much finer texels of the finest block are where colours jump and triangles have few texels, as a power of the
+/// root of two. What is blurred over a texel beside each line costs more there than twice as many texels, which lines
+/// cut up or leave alike.
 const FINER_WITH_JUMPS: u32 = 1;
 /// Texels of the input for each of its triangles that are few in this sense.
 const FEW_TEXELS: f64 = 100.0;
@@ -94,8 +95,9 @@ struct Painting<'a> {
 }
 
 impl PaintedRegion<'_> {
-    /// Gives the blocks of all records texels; the first records are those of charts, in order. `drawn` is what their blocks decode to.
-    /// Returns the processor time that it takes, and how many charts have fewer texels than the input's images, because a map holds no more.
+    /// Gives the blocks of all records texels; the first records are those of charts, in order. `drawn` is what their
+    /// blocks decode to. Returns the processor time that it takes, and how many charts have fewer texels than the
+    /// input's images, because a map holds no more.
     pub fn paint(&self, records: &mut [RootRecord], drawn: &[DrawnBlocks], colour_step: u8) -> (Duration, u64) {
         let start = thread_cpu_time();
         let around = TrianglesAround::new(&self.charted.mesh.triangles, self.charted.mesh.positions.len());
@@ -135,7 +137,8 @@ impl PaintedRegion<'_> {
         (prepared + Duration::from_nanos(nanoseconds.into_inner()), coarser.into_inner())
     }
 
-    /// The triangles of a chart, and those that touch it: where images are read beside a patch, they show what lies there.
+    /// The triangles of a chart, and those that touch it: where images are read beside a patch, they show what lies
+    /// there.
     fn triangles(&self, chart: u32, around: &TrianglesAround) -> Vec<u32> {
         let ChartedMesh { atlas, labels, .. } = *self.charted;
         let this = &atlas.charts[chart as usize];

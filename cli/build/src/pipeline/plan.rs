@@ -1,4 +1,5 @@
-//! From repaired regions to charts, and to everything that has to be known of all regions before one of them can be built.
+//! From repaired regions to charts, and to everything that has to be known of all regions before one of them can be
+//! built.
 
 use lodpack::index::Placement;
 use lodpack::index::SourceInfo;
@@ -22,7 +23,8 @@ use lodpack_stage::repair::RepairReport;
 use lodpack_stage::segment::{SegmentOptions, halve_heavy, keep_charts, segment_charts};
 use lodpack_stage::subdivide::texel_shares;
 
-/// The tops of regions to which more may be added bring along what those of this many regions do. A merge of more leaves some of it out.
+/// The tops of regions to which more may be added bring along what those of this many regions do. A merge of more
+/// leaves some of it out.
 const REGIONS_OF_EXTENSIBLE: u32 = 4;
 
 /// Where images repeat, as those of bricks do, a file shows the surface with at most this many times their texels.
@@ -60,7 +62,8 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    /// Whether two extensible jobs build the same product from a region that both have, but for the levels above regions.
+    /// Whether two extensible jobs build the same product from a region that both have, but for the levels above
+    /// regions.
     pub fn builds_like(&self, other: &Self) -> bool {
         let of = |plan: &Self| {
             let scale = plan.scale.of_regions();
@@ -70,8 +73,8 @@ impl Plan {
         self.extensible && of(self) == of(other) && other.appearance.continues(&self.appearance)
     }
 
-    /// How many regions share what tops may bring along when they are built: where more may come, that must not depend on how many there
-    /// are now.
+    /// How many regions share what tops may bring along when they are built: where more may come, that must not depend
+    /// on how many there are now.
     pub fn sharing_regions(&self) -> u32 {
         if self.extensible { REGIONS_OF_EXTENSIBLE } else { self.regions }
     }
@@ -303,8 +306,8 @@ pub(crate) struct ChartCutter<'a> {
 }
 
 impl ChartCutter<'_> {
-    /// Cuts a region into charts unless it has `labels` already, or the input has brought charts, which stay as they are. Returns the labels,
-    /// the charts and, where there are other regions, what these do at the region's boundary.
+    /// Cuts a region into charts unless it has `labels` already, or the input has brought charts, which stay as they
+    /// are. Returns the labels, the charts and, where there are other regions, what these do at the region's boundary.
     pub fn cut(
         &self,
         Region { mesh, adjacency, attributes, .. }: &Region,

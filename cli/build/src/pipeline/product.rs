@@ -49,8 +49,8 @@ impl RegionProduct {
         Ok(())
     }
 
-    /// Gives the product the levels of a later plan that builds like the one from which it was built: only the number of levels above
-    /// regions, and their steps, may differ.
+    /// Gives the product the levels of a later plan that builds like the one from which it was built: only the number
+    /// of levels above regions, and their steps, may differ.
     ///
     /// # Errors
     /// [`lodpack::Error::Model`] if the region has something at these levels.
@@ -155,8 +155,8 @@ fn stats(model: &Model, shares: &Shares, interior_vertices: u64) -> lodpack::Res
     })
 }
 
-/// A hash of everything that both sides of a seam have to agree on. Levels are counted from the finest one, but for the coarsest, so that it
-/// stays where these move ([`RegionProduct::move_levels`]).
+/// A hash of everything that both sides of a seam have to agree on. Levels are counted from the finest one, but for the
+/// coarsest, so that it stays where these move ([`RegionProduct::move_levels`]).
 fn hash(model: &Model, arc: &ArcRecord) -> u64 {
     let mut hash = Xxh3::new();
     let mut point = |position: LatticePoint| position.iter().for_each(|x| hash.update(&x.to_le_bytes()));

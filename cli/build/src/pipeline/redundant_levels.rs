@@ -1,10 +1,10 @@
-//! Levels that a file does not need. The lengths of a build decide how many levels there may be; only its roots show whether each of
-//! them adds anything.
+//! Levels that a file does not need. The lengths of a build decide how many levels there may be; only its roots show
+//! whether each of them adds anything.
 
 use lodpack::write::Model;
 
-/// Removes every level that adds nothing to the coarser one, and every level whose blocks each have as many triangles as at the next
-/// finer level, since it would only be less exact. The levels that stay draw the same as before.
+/// Removes every level that adds nothing to the coarser one, and every level whose blocks each have as many triangles
+/// as at the next finer level, since it would only be less exact. The levels that stay draw the same as before.
 pub(super) fn remove_redundant_levels(model: &mut Model) {
     for finer in (1..model.levels.len()).rev() {
         // Samples are coded against those of coarser levels, so two levels that both have samples cannot become one.
@@ -65,7 +65,8 @@ mod tests {
         write::{ArcRecord, BlockRecord, LevelInfo, RootRecord, WantedSample, quantise_arc},
     };
 
-    /// Two roots with `triangles` by level (0 for no block), and an arc with a sample at each of the levels in `samples`.
+    /// Two roots with `triangles` by level (0 for no block), and an arc with a sample at each of the levels in
+    /// `samples`.
     fn model(triangles: [[u32; 4]; 2], samples: &[u8]) -> Model {
         let root = |counts: [u32; 4]| RootRecord {
             blocks: counts

@@ -53,8 +53,8 @@ pub(super) struct RootBuilder<'a> {
 }
 
 impl RootBuilder<'_> {
-    /// Builds the roots of `pending` charts. A chart that needs more samples on its arcs is built again together with those of its
-    /// neighbours that are among `charts`, until no chart does. Returns how many arc samples were added.
+    /// Builds the roots of `pending` charts. A chart that needs more samples on its arcs is built again together with
+    /// those of its neighbours that are among `charts`, until no chart does. Returns how many arc samples were added.
     pub fn build(
         &self,
         arcs: &mut SharedArcs,

@@ -12,7 +12,8 @@ use lodpack_runtime::progress::Progress;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 
-/// Builds all roots of a region. Returns them with the number of their interior vertices and the processor time by stage.
+/// Builds all roots of a region. Returns them with the number of their interior vertices and the processor time by
+/// stage.
 pub(super) fn build_roots(
     charted: &ChartedMesh,
     fillings: Fillings,

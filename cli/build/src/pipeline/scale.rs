@@ -1,4 +1,5 @@
-//! The lengths of a build: tolerance, levels and lattice, all derived from the extent of the input and the tolerance asked for.
+//! The lengths of a build: tolerance, levels and lattice, all derived from the extent of the input and the tolerance
+//! asked for.
 
 use glam::DVec3;
 use lodpack::{Lattice, write::Quantisation};
@@ -13,20 +14,22 @@ use lodpack_mesh::exact::{floor_log2, power_of_two, power_of_two_near};
 const AUTO_EDGES: f64 = 0.5;
 /// `auto` is at most this fraction of the diagonal, which limits it for parts of few large triangles.
 const AUTO_DIAGONAL: f64 = 0.002;
-/// `auto` is at most this share of the thickness below which [`THIN_AREA`] of the surface lies: parts of long triangles would vanish.
+/// `auto` is at most this share of the thickness below which [`THIN_AREA`] of the surface lies: parts of long triangles
+/// would vanish.
 const AUTO_THICKNESS: f64 = 0.05;
 const THIN_AREA: f64 = 0.05;
 /// `auto` for grids of heights is at least this share of the mean edge length, however flat they are.
 const FLATTEST: f64 = 1e-4;
-/// Triangles of the finest level per input triangle at the automatic tolerance, over the mean bend. With charts of 8,192 triangles this
-/// was 1.29 on the dragon, 1.34 on 1 M and 1.39 on 8 M generated triangles.
+/// Triangles of the finest level per input triangle at the automatic tolerance, over the mean bend. With charts of
+/// 8,192 triangles this was 1.29 on the dragon, 1.34 on 1 M and 1.39 on 8 M generated triangles.
 const SHARE_PER_BEND: f64 = 1.35;
 /// The fewest input triangles to aim for in a chart: those of a rough surface, which stays fine.
 const CHART_TRIANGLES: f64 = 4096.0;
-/// Charts grow with the power of 1.5 of the tolerance beyond the automatic one, up to this factor. Coarser charts have fewer triangles, more of
-/// which lie at borders, whose vertices are not placed as freely as the others. With charts of the same input triangles at all
-/// tolerances, a bunny of 2,000 triangles had an RMS error of 1.36 times meshoptimizer's; with growing charts it has 0.96. On the
-/// dragon, at 2.1 mean edge lengths, the power of 1.5 needs 17,390 triangles where 1 needs 18,408, for as many bytes.
+/// Charts grow with the power of 1.5 of the tolerance beyond the automatic one, up to this factor. Coarser charts have
+/// fewer triangles, more of which lie at borders, whose vertices are not placed as freely as the others. With charts of
+/// the same input triangles at all tolerances, a bunny of 2,000 triangles had an RMS error of 1.36 times
+/// meshoptimizer's; with growing charts it has 0.96. On the dragon, at 2.1 mean edge lengths, the power of 1.5 needs
+/// 17,390 triangles where 1 needs 18,408, for as many bytes.
 const CHART_GROWTH: f64 = 16.0;
 /// Charts grow by this factor where the finest level is the only one: nobody reads less than all of such a file.
 const FINEST_GROWTH: f64 = 2.0;
@@ -34,8 +37,9 @@ const FINEST_GROWTH: f64 = 2.0;
 const THRESHOLD_PER_TOLERANCE: f64 = 0.18;
 /// How far an arc may leave its chords, over the threshold.
 const ARC_PER_THRESHOLD: f64 = 3.0;
-/// Tolerance of a level over that of the next finer one. The error is inversely proportional to the number of triangles, so a factor of
-/// four leaves a quarter of the triangles, and all levels together cost a third more than the finest. As a power of two.
+/// Tolerance of a level over that of the next finer one. The error is inversely proportional to the number of
+/// triangles, so a factor of four leaves a quarter of the triangles, and all levels together cost a third more than the
+/// finest. As a power of two.
 const LEVEL_RATIO_LOG2: i32 = 2;
 /// The lattice step is at most this multiple of the finest threshold.
 const STEP_PER_THRESHOLD: f64 = 1.4;
@@ -43,23 +47,26 @@ const STEP_PER_THRESHOLD: f64 = 1.4;
 const STEPS_PER_TEXEL: f64 = 64.0;
 /// But the lattice's step is halved at most this often for that.
 const MOST_FINER: i32 = 3;
-/// Sizes of models that can be built, in input units. Solving quadrics takes products of up to six lengths, which have to stay within
-/// the range of f64.
+/// Sizes of models that can be built, in input units. Solving quadrics takes products of up to six lengths, which have
+/// to stay within the range of f64.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-40..=1e40;
-/// The most lattice steps along the diagonal of a model, as a power of two: the range of the format's coordinates, less some margin.
+/// The most lattice steps along the diagonal of a model, as a power of two: the range of the format's coordinates, less
+/// some margin.
 const MAX_EXTENT_LOG2: i32 = 39;
-/// In extensible builds the lattice's origin is a multiple of this many steps, as a power of two: then it seldom moves, and
-/// coordinates still fit.
+/// In extensible builds the lattice's origin is a multiple of this many steps, as a power of two: then it seldom moves,
+/// and coordinates still fit.
 const ORIGIN_STEPS_LOG2: i32 = 30;
 /// Threshold of the coarsest level over the size of what it draws: of a chart, or of everything.
 const TOP_SHARE: f64 = 0.02;
-/// The largest step along the normal in a file with groups, over the diagonal. However far the threshold of a coarse level would let
-/// them be, surfaces of a few hundred triangles are .002 of the diagonal off on average.
+/// The largest step along the normal in a file with groups, over the diagonal. However far the threshold of a coarse
+/// level would let them be, surfaces of a few hundred triangles are .002 of the diagonal off on average.
 const LARGEST_STEP: f64 = 0.0032;
-/// Where more may be added, the diagonal of a region is taken to have as many edges as the root of its triangles, each this many tolerances long,
-/// as at the automatic tolerance. With a finer one, levels above are a little finer than they need to be.
+/// Where more may be added, the diagonal of a region is taken to have as many edges as the root of its triangles, each
+/// this many tolerances long, as at the automatic tolerance. With a finer one, levels above are a little finer than
+/// they need to be.
 const TOLERANCES_PER_EDGE: f64 = 2.0;
-/// The most texels of images in a chart, about: the map of a chart is baked at once, and takes some 100 bytes of memory for each.
+/// The most texels of images in a chart, about: the map of a chart is baked at once, and takes some 100 bytes of memory
+/// for each.
 const CHART_TEXELS: u64 = 1 << 19;
 /// A chart gets no fewer triangles for that.
 const FEWEST_TEXTURED: u64 = 512;
@@ -68,8 +75,8 @@ const CHART_LEVELS: usize = 1;
 /// The most levels: more would only repeat patches that cannot get any coarser.
 const MAX_LEVELS: usize = 16;
 
-/// The most triangles of a chart that the input brings, given the texels of its images for each triangle: twice those of the largest
-/// that are made here, as a chart may have that is made here.
+/// The most triangles of a chart that the input brings, given the texels of its images for each triangle: twice those
+/// of the largest that are made here, as a chart may have that is made here.
 pub(super) fn largest_chart(texels_each: u64) -> u32 {
     let [_, most] = Effort::Best.chart_size();
     2 * textured_chart(texels_each).unwrap_or(u64::MAX).min(most as u64) as u32
@@ -81,9 +88,10 @@ fn textured_chart(texels_each: u64) -> Option<u64> {
 }
 
 impl Effort {
-    /// The triangles that the finest level of a chart should have, and the most input triangles that a chart gets to reach them. With
-    /// groups above them, charts of 2,800 triangles instead of 1,400 save 6 % of the bytes of the dragon and of 8 M generated triangles.
-    /// A smooth surface (32 M generated triangles) takes half the bytes in the same time with charts that grow up to the most.
+    /// The triangles that the finest level of a chart should have, and the most input triangles that a chart gets to
+    /// reach them. With groups above them, charts of 2,800 triangles instead of 1,400 save 6 % of the bytes of the
+    /// dragon and of 8 M generated triangles. A smooth surface (32 M generated triangles) takes half the bytes in the
+    /// same time with charts that grow up to the most.
     fn chart_size(self) -> [f64; 2] {
         match self {
             Self::Default => [2800.0, 131_072.0],
@@ -91,8 +99,8 @@ impl Effort {
         }
     }
 
-    /// Input triangles per chart of a surface with this mean bend at the automatic tolerance: a power of two, so that a slightly
-    /// different mesh gets charts of the same size.
+    /// Input triangles per chart of a surface with this mean bend at the automatic tolerance: a power of two, so that a
+    /// slightly different mesh gets charts of the same size.
     fn chart_triangles(self, mean_bend: f64) -> f64 {
         let [finest, most] = self.chart_size();
         // A plane wants infinitely many.
@@ -119,7 +127,8 @@ pub struct LevelPlan {
 pub struct Scale {
     /// Largest certified error of the finest level.
     pub tolerance: f64,
-    /// The largest storable error within the tolerance. An error up to here is still within the tolerance when the file rounds it up.
+    /// The largest storable error within the tolerance. An error up to here is still within the tolerance when the file
+    /// rounds it up.
     pub error_limit: f64,
     /// Mean edge length of the input.
     pub mean_edge_length: f64,
@@ -146,10 +155,11 @@ pub(super) struct Heights {
     pub in_regions: u32,
     /// Above regions.
     pub above: u32,
-    /// How many of them there are because of texels, of which charts have more than of triangles: their shape need not be coarser.
+    /// How many of them there are because of texels, of which charts have more than of triangles: their shape need not
+    /// be coarser.
     pub of_texels: u32,
-    /// The most triangles in a region, if nothing in it may depend on the levels above, whose number and steps may change when more is
-    /// added.
+    /// The most triangles in a region, if nothing in it may depend on the levels above, whose number and steps may
+    /// change when more is added.
     pub may_grow: Option<u64>,
 }
 
@@ -167,8 +177,8 @@ impl LevelPlan {
     }
 }
 
-/// How often the step of the lattice is halved for images: where colours jump at lines between triangles, lines that are off by a share of a texel
-/// show that share of it in the wrong colour.
+/// How often the step of the lattice is halved for images: where colours jump at lines between triangles, lines that
+/// are off by a share of a texel show that share of it in the wrong colour.
 fn image_fineness(extent: &Extent, texels_each: u64, step: f64) -> u8 {
     let texels = extent.undivided_triangles() as f64 * texels_each as f64;
     let texel = (extent.area / texels).sqrt();
@@ -219,8 +229,9 @@ impl Scale {
         }
     }
 
-    /// How far the boundary of the surface may be from straight lines between corners: what groups of the second height allow, since samples
-    /// of arcs take fewer bytes than corners, or where there are no such groups, the coarsest level. Infinite where there is one level alone.
+    /// How far the boundary of the surface may be from straight lines between corners: what groups of the second height
+    /// allow, since samples of arcs take fewer bytes than corners, or where there are no such groups, the coarsest
+    /// level. Infinite where there is one level alone.
     pub(super) fn straight_boundary(&self) -> f64 {
         let level = usize::from(self.coarsest_of_charts).saturating_sub(2);
         self.levels[..usize::from(self.finest())].get(level).map_or(f64::INFINITY, |level| level.arc_tolerance)
@@ -303,7 +314,8 @@ impl Scale {
         if !has_room(usual_log2) {
             return Err(too_fine());
         }
-        // Lattice points must be world positions that f64 represents exactly: rounding would add an error that no certificate covers.
+        // Lattice points must be world positions that f64 represents exactly: rounding would add an error that no
+        // certificate covers.
         let reach = low.abs().max(high.abs()).max_element();
         let spacing = reach.next_up() - reach;
         let wanted = image_fineness(extent, texels_each, power_of_two(usual_log2));
@@ -326,7 +338,8 @@ impl Scale {
         let coarser = tolerance / automatic;
         let alone = if levels == LevelChoice::Finest { FINEST_GROWTH } else { 1.0 };
         let growth = (alone * coarser * coarser.sqrt()).clamp(1.0, CHART_GROWTH);
-        // The finer the tolerance, the more triangles stay. Grids of heights are often built much finer than half an edge.
+        // The finer the tolerance, the more triangles stay. Grids of heights are often built much finer than half an
+        // edge.
         let finer = if options.raster.is_used { (automatic / tolerance).max(1.0) } else { 1.0 };
         let by_bend = || effort.chart_triangles(extent.mean_bend() * finer);
         let at_automatic = chart_triangles.map_or_else(by_bend, f64::from);

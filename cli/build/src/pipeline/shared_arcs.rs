@@ -1,4 +1,5 @@
-//! The arcs as the file will hold them: sampled and quantised once for the charts on both sides, and refined where a chart asks for it.
+//! The arcs as the file will hold them: sampled and quantised once for the charts on both sides, and refined where a
+//! chart asks for it.
 
 use std::collections::HashSet;
 
@@ -14,7 +15,8 @@ use lodpack_stage::arcs::{ARC_UNITS, HalfArc, cut_chart};
 use lodpack_stage::chart::{BorderVertex, ChartMesh, NEVER};
 use rayon::prelude::*;
 
-/// Tangential step of arc samples over the lattice step, as a power of two. It is coarse because a sample may slide along its arc.
+/// Tangential step of arc samples over the lattice step, as a power of two. It is coarse because a sample may slide
+/// along its arc.
 pub(super) const ARC_TANGENT_SHIFT: u8 = 2;
 
 /// All arcs of a region, sampled and quantised. The charts on both sides take their borders from here.
@@ -47,8 +49,8 @@ pub(super) struct CutChart {
     pub lattice: Vec<Vec<Option<LatticePoint>>>,
 }
 
-/// Makes samples of the vertices where lines at which colours jump meet an arc, at the finest level: more levels gained nothing. Seams have
-/// all vertices as samples there.
+/// Makes samples of the vertices where lines at which colours jump meet an arc, at the finest level: more levels gained
+/// nothing. Seams have all vertices as samples there.
 fn raise_ends_of_lines(charted: &ChartedMesh, sampled: &mut [SampledArc]) {
     let Some(areas) = charted.areas.map(|areas| areas.all()) else { return };
     let mesh = charted.mesh;
@@ -109,8 +111,8 @@ impl SharedArcs {
         quantise_arc(path.ends.map(|end| self.corners[end as usize]), &wanted, ARC_TANGENT_SHIFT)
     }
 
-    /// Fulfils wishes, except on seams, whose samples both regions have fixed already. Returns how many samples were added and which
-    /// charts have to be built again, ascending.
+    /// Fulfils wishes, except on seams, whose samples both regions have fixed already. Returns how many samples were
+    /// added and which charts have to be built again, ascending.
     pub fn fulfil(&mut self, charted: &ChartedMesh, mut wishes: Vec<SampleWish>) -> lodpack::Result<(u64, Vec<u32>)> {
         wishes.sort_unstable();
         wishes.dedup();

@@ -30,8 +30,8 @@ pub(super) struct Sharpness {
 }
 
 impl Sharpness {
-    /// Looks at points of a triangle, whose images have `density` texels per unit of length: how far the colour of each is from the middle between those of
-    /// a texel before and after it.
+    /// Looks at points of a triangle, whose images have `density` texels per unit of length: how far the colour of each
+    /// is from the middle between those of a texel before and after it.
     pub fn look(&mut self, face: &Face<'_>, corners: [DVec3; 3], density: f64) {
         let sides = [corners[1] - corners[0], corners[2] - corners[0]];
         let normal = sides[0].cross(sides[1]);

@@ -24,8 +24,8 @@ pub struct LevelSummary {
     pub level: u8,
     /// Triangles when every root is drawn at this level.
     pub triangles: u64,
-    /// The largest certified error of the level, as the file stores it and `info` prints it: rounded up, and including what finer
-    /// neighbours move at the borders of roots that lack the level.
+    /// The largest certified error of the level, as the file stores it and `info` prints it: rounded up, and including
+    /// what finer neighbours move at the borders of roots that lack the level.
     pub certified_error: f64,
     /// Bytes that this level adds.
     pub bytes: u64,
@@ -85,7 +85,8 @@ pub struct BuildSummary {
     pub bits_per_input_vertex: f64,
     /// The tolerance that was asked for, in input units.
     pub tolerance: f64,
-    /// The largest certified error of the finest level, in input units, as the file stores it; never above the tolerance.
+    /// The largest certified error of the finest level, in input units, as the file stores it; never above the
+    /// tolerance.
     pub certified_error: f64,
     /// The levels, coarsest first.
     pub levels: Vec<LevelSummary>,

@@ -16,12 +16,13 @@ use lodpack_mesh::appearance::{
 use lodpack_stage::bake::{Points, Source, Storage, Stored, area_of_texel};
 use lodpack_stage::shade::Painter;
 
-/// Steps between the least and the largest value of a scalar that is not whole: 12 bits, of which neighbours predict most.
+/// Steps between the least and the largest value of a scalar that is not whole: 12 bits, of which neighbours predict
+/// most.
 const SCALAR_STEPS: f64 = 4095.0;
 /// A share of a step that is too small to matter.
 const NEGLIGIBLE: f64 = 0.01;
-/// Texels for each texel or vertex of the input, along each direction. Texels lie askew to those of the input: with as many, a bunny with a photograph
-/// had 36 dB at any quality.
+/// Texels for each texel or vertex of the input, along each direction. Texels lie askew to those of the input: with as
+/// many, a bunny with a photograph had 36 dB at any quality.
 pub(super) const DENSITY: f64 = 1.4;
 /// How much finer texels are where images are even but for a few sharp edges, which each texel that lies across blurs.
 const FINER_IF_SHARP: f64 = 2.0;
@@ -29,7 +30,8 @@ const FINER_IF_SHARP: f64 = 2.0;
 const SMALL: usize = 1000;
 /// Charts of a small mesh that do not look alike everywhere have this many texels.
 const SMALL_TEXELS: f64 = 4096.0;
-/// Or they have at most this many times as many along each direction: these take next to no bytes, and what few texels blur is all that there is.
+/// Or they have at most this many times as many along each direction: these take next to no bytes, and what few texels
+/// blur is all that there is.
 const SMALL_FINER: f64 = 16.0;
 
 /// The channels of a file whose input looks like this, and of whose colours nothing is lost if they are exact.
@@ -44,7 +46,8 @@ pub(super) fn channels(appearance: &Appearance, is_exact: bool) -> Vec<ChannelIn
         bound,
     };
     let maps = &appearance.maps;
-    // All that exact ones are off by is rounding. Of normals that holds for those alone that are on the near side of a piece.
+    // All that exact ones are off by is rounding. Of normals that holds for those alone that are on the near side of a
+    // piece.
     let rounding = if is_exact { 0.5 } else { 0.0 };
     let factor = |name: &str| of(name, ChannelKind::Factor, 1, 0.0, 1.0 / 255.0, rounding / 255.0);
     let colour = |name: &str, components: u8| of(name, ChannelKind::Colour, components, 0.0, 1.0, rounding);
@@ -161,7 +164,8 @@ pub(super) struct InputSource<'a> {
     pub own_count: usize,
     /// How much larger the texels of each of those should be than the smallest; empty if all are alike.
     pub larger: Vec<u8>,
-    /// How fast texels of images grow over each, per size of such texels; empty if there are about as many in all directions.
+    /// How fast texels of images grow over each, per size of such texels; empty if there are about as many in all
+    /// directions.
     pub growths: Vec<Option<[DVec3; 2]>>,
     /// Points from which the chart's border runs on along the boundary of the mesh.
     pub along_boundary: HashSet<LatticePoint>,

@@ -1,5 +1,5 @@
-//! What a patch would show of a surface whose colours are known, without images of it: each point of the surface is seen at the closest one of the
-//! patch, and a cell of the patch shows the mean of all points that are seen there.
+//! What a patch would show of a surface whose colours are known, without images of it: each point of the surface is
+//! seen at the closest one of the patch, and a cell of the patch shows the mean of all points that are seen there.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -49,13 +49,14 @@ impl Seen {
         (self.area > 0.0).then(|| self.sum / self.area)
     }
 
-    /// How far surface and patch are from each other, in the root mean square both ways: points of the surface do not see what a patch has too much.
+    /// How far surface and patch are from each other, in the root mean square both ways: points of the surface do not
+    /// see what a patch has too much.
     pub fn distance(&self) -> f64 {
         (0.5 * (self.distances / self.area + self.of_patch)).sqrt()
     }
 
-    /// How bad all of it is: the mean square of colours times the distance; infinite if nothing is seen. What is twice as far off in the mean must show
-    /// 3 dB more: the largest distance says little of outlines.
+    /// How bad all of it is: the mean square of colours times the distance; infinite if nothing is seen. What is twice
+    /// as far off in the mean must show 3 dB more: the largest distance says little of outlines.
     pub fn value(&self) -> f64 {
         self.mean().map_or(f64::INFINITY, |mean| mean * self.distance().max(f64::MIN_POSITIVE))
     }
@@ -75,8 +76,8 @@ impl Seen {
 }
 
 impl Sampled {
-    /// Samples the triangles of a surface with about the given number of cells, none smaller than `least`. `colour` says what a triangle shows where its
-    /// corners have some weights.
+    /// Samples the triangles of a surface with about the given number of cells, none smaller than `least`. `colour`
+    /// says what a triangle shows where its corners have some weights.
     pub fn new(
         triangles: Vec<[DVec3; 3]>,
         cells: f64,

@@ -8,14 +8,14 @@ use lodpack_stage::simplify::{SimplifyOptions, simplify_chart};
 /// See [`SimplifyOptions::stops`].
 pub(super) const STOPS: [f64; 3] = [16.0, 8.0, 4.0];
 
-/// A surface simplified to the given number of triangles with its topology and the border that it has to keep; more triangles where these need
-/// more.
+/// A surface simplified to the given number of triangles with its topology and the border that it has to keep; more
+/// triangles where these need more.
 pub(crate) fn collapsed(chart: &ChartMesh, triangles: usize) -> Option<Mesh> {
     collapsed_in_areas(chart, None, triangles, &STOPS, None).map(|(mesh, _)| mesh)
 }
 
-/// As [`collapsed`], with lines between areas that stay as near as the surface; and the area of each triangle, if some are given. `stops` are
-/// as in [`SimplifyOptions::stops`].
+/// As [`collapsed`], with lines between areas that stay as near as the surface; and the area of each triangle, if some
+/// are given. `stops` are as in [`SimplifyOptions::stops`].
 pub(super) fn collapsed_in_areas(
     chart: &ChartMesh,
     areas: Option<Areas<'_>>,

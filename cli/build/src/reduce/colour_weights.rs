@@ -1,8 +1,8 @@
 //! Another collapse of a cut, with more weight where the last one shows wrong colours.
 //!
-//! Nearly all that a reduced cut shows wrongly is in few places: a thousandth of the points have half of it. There two parts of the surface lie
-//! close together, or a corner is gone, and the closest point belongs to what looks otherwise. A few triangles more in these places cost the others next
-//! to nothing.
+//! Nearly all that a reduced cut shows wrongly is in few places: a thousandth of the points have half of it. There two
+//! parts of the surface lie close together, or a corner is gone, and the closest point belongs to what looks otherwise.
+//! A few triangles more in these places cost the others next to nothing.
 
 use std::collections::BTreeSet;
 
@@ -35,17 +35,20 @@ const PATIENCE: usize = 4;
 const WORST: f64 = 0.3;
 /// Factors on the quadrics of vertices around these. Each round goes on with the best result.
 const STEPS: [f32; 2] = [30.0, 5.0];
-/// The best of all is collapsed again beside these in each round, with this factor around points that have one of these shares of the squared
-/// difference, another one each time that it has not become better.
+/// The best of all is collapsed again beside these in each round, with this factor around points that have one of these
+/// shares of the squared difference, another one each time that it has not become better.
 const STEP_AT_TOP: f32 = 5.0;
 const SHARES_AT_TOP: [f64; 4] = [0.15, 0.08, 0.04, 0.5];
 /// The number of the best of all that are moved nearer, which takes as long as to collapse and to compare them.
 const MOVED: usize = 4;
-/// Of a cut with more triangles one way is collapsed again, with one factor, and nothing is moved nearer, which takes long.
+/// Of a cut with more triangles one way is collapsed again, with one factor, and nothing is moved nearer, which takes
+/// long.
 const LARGE: usize = 20_000;
-/// Vertices of a cut that has at most this many triangles are moved one at a time at last. With more, little is gained for the time that it takes.
+/// Vertices of a cut that has at most this many triangles are moved one at a time at last. With more, little is gained
+/// for the time that it takes.
 const FEW: usize = 200;
-/// With at most this many, those of more than the best cut are, and at last those of the best one [again](moved_again). With more, that gains nothing.
+/// With at most this many, those of more than the best cut are, and at last those of the best one [again](moved_again).
+/// With more, that gains nothing.
 const VERY_FEW: usize = 100;
 /// The number of these cuts.
 const MOVED_SINGLY: usize = 2;
@@ -133,8 +136,9 @@ impl<'a> Recollapse<'a> {
         })
     }
 
-    /// The best of some reduced cuts, which come with the best first, of those that are made in the same ways with other weights, and of
-    /// the best of these moved nearer: again with the best first. `compare` says what colours are seen on a cut.
+    /// The best of some reduced cuts, which come with the best first, of those that are made in the same ways with
+    /// other weights, and of the best of these moved nearer: again with the best first. `compare` says what colours are
+    /// seen on a cut.
     pub fn best(&self, firsts: Vec<Compared>, compare: &(impl Fn(Finished) -> Compared + Sync)) -> Vec<Compared> {
         let (ways, steps) = if self.is_large() { (1, &STEPS[..1]) } else { (WAYS, &STEPS[..]) };
         let most = firsts.first().map_or(0.0, |first| WORSE * first.value);
@@ -233,7 +237,8 @@ impl<'a> Recollapse<'a> {
         self.or_moved(first, moved, compare)
     }
 
-    /// The best of some cuts that come with the best first, and if that one has few triangles, of the first of them with their vertices
+    /// The best of some cuts that come with the best first, and if that one has few triangles, of the first of them
+    /// with their vertices
     /// [moved one at a time](moved_singly).
     pub fn best_singly(
         &self,

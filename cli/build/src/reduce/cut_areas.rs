@@ -1,4 +1,5 @@
-//! The areas of a cut between which its colours jump, found in its images: a builder knows them from the input, and no file says what they were.
+//! The areas of a cut between which its colours jump, found in its images: a builder knows them from the input, and no
+//! file says what they were.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,13 +11,15 @@ use lodpack_mesh::union_find::{find, unite};
 use lodpack_mesh::{Adjacency, NONE, next_half_edge};
 use lodpack_stage::areas::{ColourAreas, Differences, INWARDS, MOST_INWARDS, OF_DRAWINGS};
 
-/// Differences of less than this, of 255, are no jump: builders keep lines from 28 on at the usual quality, and images are off by some of it.
+/// Differences of less than this, of 255, are no jump: builders keep lines from 28 on at the usual quality, and images
+/// are off by some of it.
 const LEAST: f64 = 20.0;
 /// Places along an edge at which colours are compared.
 const PLACES: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 
-/// The areas of the triangles of a cut, and where colours jump between them; none if they do nowhere. Pieces of maps never lie on both sides of a
-/// line at which they do, so areas are pieces that are taken together as far as no line is between them.
+/// The areas of the triangles of a cut, and where colours jump between them; none if they do nowhere. Pieces of maps
+/// never lie on both sides of a line at which they do, so areas are pieces that are taken together as far as no line is
+/// between them.
 pub(super) fn areas_of_cut(cut: &TexturedMesh, channels: &[&ChannelInfo]) -> Option<ColourAreas> {
     let colour = channels.iter().position(|channel| channel.kind == ChannelKind::Colour);
     let drawings = channels.iter().position(|channel| channel.kind == ChannelKind::Drawing);
@@ -48,7 +51,8 @@ pub(super) fn areas_of_cut(cut: &TexturedMesh, channels: &[&ChannelInfo]) -> Opt
     if lines.is_empty() {
         return None;
     }
-    // Pieces without a line between them are one area, those that are most alike first, unless a line would lie within it.
+    // Pieces without a line between them are one area, those that are most alike first, unless a line would lie within
+    // it.
     let mut enemies: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
     for &[a, b] in &lines {
         enemies.entry(a).or_default().insert(b);

@@ -1,7 +1,7 @@
 //! Weights for another collapse of a surface: more where the last one was farthest off.
 //!
-//! Quadrics keep the mean low. The largest distance is often in one place, such as a hole that is drawn too large, and a few
-//! triangles more there cost the others next to nothing.
+//! Quadrics keep the mean low. The largest distance is often in one place, such as a hole that is drawn too large, and
+//! a few triangles more there cost the others next to nothing.
 
 use std::collections::BTreeSet;
 
@@ -49,7 +49,8 @@ impl<'a> FarWeights<'a> {
         self.weights.clear();
     }
 
-    /// Raises the weights where a drawn surface, which is at most `bound` off, is farthest. Returns false if that is in too many places.
+    /// Raises the weights where a drawn surface, which is at most `bound` off, is farthest. Returns false if that is in
+    /// too many places.
     pub fn raise(&mut self, drawn: &Mesh, bound: f64) -> bool {
         let Self { chart, surface, weights } = self;
         let surface = surface.get_or_insert_with(|| TriangleBvh::new(&chart.positions, &chart.triangles));

@@ -1,8 +1,9 @@
 //! A mesh with a stated number of triangles, made from a finer cut of a file.
 //!
-//! The levels of a file are a factor of four apart, so a cut for a number in between mixes two of them, and its mean error is
-//! nearer to the coarser one's. A finer cut, [reduced](super::ways) as a whole, has neither levels nor borders in it: its RMS error is
-//! about half of the mixture's. Its certified error is the cut's and that of the reduction together.
+//! The levels of a file are a factor of four apart, so a cut for a number in between mixes two of them, and its mean
+//! error is nearer to the coarser one's. A finer cut, [reduced](super::ways) as a whole, has neither levels nor borders
+//! in it: its RMS error is about half of the mixture's. Its certified error is the cut's and that of the reduction
+//! together.
 
 use glam::DVec3;
 use lodpack::source::ReadAt;
@@ -11,7 +12,8 @@ use lodpack::{Cut, File, Lattice, Limiter, Query};
 use super::surface::CoarseSurface;
 use super::ways::{Reduced, Topology, Ways, reductions};
 
-/// A cut has this many times the triangles that are asked for, so that its error hardly counts beside that of the reduction.
+/// A cut has this many times the triangles that are asked for, so that its error hardly counts beside that of the
+/// reduction.
 const CUT_PER_TRIANGLE: u64 = 8;
 /// The fewest triangles of a cut: coarse levels have lost more by their borders than a new topology can.
 const SMALL_CUT: u64 = 20_000;
@@ -41,7 +43,8 @@ fn cut_triangles(triangles: u64) -> u64 {
     several.max((triangles as f64 * LARGE_CUT_PER_TRIANGLE) as u64)
 }
 
-/// The cut of a query from which `triangles` triangles are to be made, and the finest one that has no more as it is, if there is one.
+/// The cut of a query from which `triangles` triangles are to be made, and the finest one that has no more as it is, if
+/// there is one.
 ///
 /// # Errors
 /// Those of [`File::select`].
@@ -71,8 +74,8 @@ pub fn is_nearer(cut: &Cut, error: f64) -> bool {
     cut.error_everywhere() < error
 }
 
-/// Reduces the mesh of a cut to at most `triangles` triangles. `positions` are world coordinates of points of the lattice; `error` bounds
-/// their distance to the input. None if there is no surface of so few triangles.
+/// Reduces the mesh of a cut to at most `triangles` triangles. `positions` are world coordinates of points of the
+/// lattice; `error` bounds their distance to the input. None if there is no surface of so few triangles.
 pub fn finish(
     positions: &[[f64; 3]],
     triangles: &[[u32; 3]],
@@ -83,7 +86,8 @@ pub fn finish(
     finished_ways(positions, triangles, error, Ways::Nearest, lattice, most_triangles).into_iter().next()
 }
 
-/// As [`finish`], made in several ways, the one that is taken first. The areas of [`Ways::Each`] are those of the cut between which its colours jump.
+/// As [`finish`], made in several ways, the one that is taken first. The areas of [`Ways::Each`] are those of the cut
+/// between which its colours jump.
 pub(super) fn finished_ways(
     positions: &[[f64; 3]],
     triangles: &[[u32; 3]],

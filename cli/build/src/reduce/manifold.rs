@@ -7,9 +7,9 @@ use lodpack_stage::chart::BorderVertex;
 use lodpack_stage::repair::{pair_edges, sew};
 use std::collections::HashMap;
 
-/// The same surface as a manifold. Roots of few triangles may meet along one edge more than once, where only the ends are left of the
-/// arcs between them, or lie back to back. All but one of such edges and triangles get a vertex in between, and sheets that meet in a
-/// vertex get one each. None if that would open the surface.
+/// The same surface as a manifold. Roots of few triangles may meet along one edge more than once, where only the ends
+/// are left of the arcs between them, or lie back to back. All but one of such edges and triangles get a vertex in
+/// between, and sheets that meet in a vertex get one each. None if that would open the surface.
 pub(crate) fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
     let directed = sorted_edges(&triangles);
     if directed.windows(2).all(|pair| pair[0] != pair[1]) {
@@ -17,7 +17,8 @@ pub(crate) fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) 
     }
     let mut open = open_edges(&triangles).len();
 
-    // Of two triangles back to back one becomes three. New vertices are means of two or four lattice points, which are exact.
+    // Of two triangles back to back one becomes three. New vertices are means of two or four lattice points, which are
+    // exact.
     for t in pair_edges(&triangles, &positions).duplicates {
         let corners @ [a, b, c] = triangles[t as usize];
         let [p, q, r] = corners.map(|v| positions[v as usize]);

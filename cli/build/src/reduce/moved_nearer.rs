@@ -1,8 +1,9 @@
 //! Vertices of a reduced surface, moved so that it is nearer to what it was made from.
 //!
-//! Quadrics know the planes that were merged into a vertex, not the surface that is drawn. Here points of both surfaces are compared with
-//! the other one, and all vertices are moved to the least squares of what lies between them, a few times over. With few triangles that
-//! takes off a tenth to a third of the mean distance. Points that are far off weigh more, so that the largest distance falls, too.
+//! Quadrics know the planes that were merged into a vertex, not the surface that is drawn. Here points of both surfaces
+//! are compared with the other one, and all vertices are moved to the least squares of what lies between them, a few
+//! times over. With few triangles that takes off a tenth to a third of the mean distance. Points that are far off weigh
+//! more, so that the largest distance falls, too.
 
 use glam::DVec3;
 
@@ -27,7 +28,8 @@ const STAYS: f64 = 0.01;
 const STEPS: usize = 40;
 /// The cosine of the largest angle by which a triangle may turn.
 const TURNS: f64 = 0.5;
-/// Closest-point queries and cuts that finding what is far may take in each direction, after one pass over all triangles.
+/// Closest-point queries and cuts that finding what is far may take in each direction, after one pass over all
+/// triangles.
 const WORK: u64 = 30_000;
 
 /// A surface, and what a reduced one has to be near to.
@@ -75,8 +77,8 @@ pub(super) fn moved_nearer(reduced: &Mesh, whole: Whole<'_>) -> Mesh {
     moved
 }
 
-/// Takes vertices back to where they were before the surface was moved, near which it is farther off than `bound` now. Returns whether
-/// there are some.
+/// Takes vertices back to where they were before the surface was moved, near which it is farther off than `bound` now.
+/// Returns whether there are some.
 pub(super) fn take_back(moved: &mut Mesh, before: &Mesh, whole: Whole<'_>, bound: f64) -> bool {
     let drawn = TriangleBvh::new(&moved.positions, &moved.triangles);
     let mut far = exceeding(&drawn, whole.bvh, bound, WORK);

@@ -1,7 +1,8 @@
 //! Vertices of a reduced cut of few triangles, moved one at a time so that it shows more.
 //!
-//! Where tens of triangles are left, collapsing edges has few places to choose from, and what colours a surface can show depends on where its few
-//! edges run. So each vertex goes where the whole is better then: a search along axes with steps that become smaller (Hooke and Jeeves 1961).
+//! Where tens of triangles are left, collapsing edges has few places to choose from, and what colours a surface can
+//! show depends on where its few edges run. So each vertex goes where the whole is better then: a search along axes
+//! with steps that become smaller (Hooke and Jeeves 1961).
 
 use glam::DVec3;
 
@@ -25,7 +26,8 @@ const WORST: usize = 4;
 /// The new vertex is moved this often before the results are compared.
 const ROUNDS_OF_NEW: usize = 6;
 
-/// A reduced cut with its vertices moved to where it shows most of a surface for its distance from that. None if nothing is seen of it.
+/// A reduced cut with its vertices moved to where it shows most of a surface for its distance from that. None if
+/// nothing is seen of it.
 pub(super) fn moved_singly(surface: &Sampled, reduced: &Mesh) -> Option<Mesh> {
     let points = Grouped::new(surface);
     let mut watched = Watched::new(&points, reduced.positions.clone(), reduced.triangles.clone())?;
@@ -33,8 +35,8 @@ pub(super) fn moved_singly(surface: &Sampled, reduced: &Mesh) -> Option<Mesh> {
     Some(Mesh { positions: watched.positions().to_vec(), triangles: reduced.triangles.clone() })
 }
 
-/// Moves the vertices once more, by a finer surface, and divides an edge where that is better and leaves at most `most` triangles. Also returns for each
-/// triangle the number of the one that it was or was a part of.
+/// Moves the vertices once more, by a finer surface, and divides an edge where that is better and leaves at most `most`
+/// triangles. Also returns for each triangle the number of the one that it was or was a part of.
 pub(super) fn moved_again(surface: &Sampled, reduced: &Mesh, most: usize) -> Option<(Mesh, Vec<u32>)> {
     let points = Grouped::new(surface);
     let mut watched = Watched::new(&points, reduced.positions.clone(), reduced.triangles.clone())?;

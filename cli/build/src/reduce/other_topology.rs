@@ -1,4 +1,5 @@
-//! Surfaces of another topology: closed ones [resampled](lodpack_stage::resample), any with [clustered vertices](lodpack_stage::cluster_vertices).
+//! Surfaces of another topology: closed ones [resampled](lodpack_stage::resample), any with [clustered
+//! vertices](lodpack_stage::cluster_vertices).
 
 use super::collapsed::collapsed;
 use super::surface::filled;
@@ -13,7 +14,8 @@ const TRIANGLES_A_HANDLE: usize = 60;
 const TRIANGLES_A_PART: usize = 12;
 /// The fewest triangles to which parts are resampled where nothing else is possible.
 const LEAST_A_PART: usize = 4;
-/// A surface that may have fewer than this many times the triangles that its topology needs is also tried with another topology.
+/// A surface that may have fewer than this many times the triangles that its topology needs is also tried with another
+/// topology.
 pub(crate) const CROWDED: usize = 3;
 /// Lattices that are tried for a new topology, the finest first: cells along the longest side.
 const LATTICES: [usize; 9] = [192, 128, 96, 64, 48, 32, 24, 16, 8];
@@ -77,8 +79,8 @@ pub(crate) fn resampled(whole: &Mesh, triangles: usize) -> Vec<Mesh> {
     drawn.collect()
 }
 
-/// Vertices clustered on the smallest cells that leave few enough triangles, as far as halving finds them. `mended` makes of the clusters
-/// what is needed, perhaps with more triangles.
+/// Vertices clustered on the smallest cells that leave few enough triangles, as far as halving finds them. `mended`
+/// makes of the clusters what is needed, perhaps with more triangles.
 pub(crate) fn clustered(whole: &Mesh, triangles: usize, mended: impl Fn(Mesh) -> Option<Mesh>) -> Option<Mesh> {
     let [low, high] = whole.bounds();
     let longest = (high - low).max_element();

@@ -1,7 +1,7 @@
 //! What a cut looks like, given to a mesh that was made from it.
 //!
-//! A reduced cut has no texels of its own. It is a patch like any other, so it gets a map and images: not from the input, which is not at
-//! hand, but from the images of the cut.
+//! A reduced cut has no texels of its own. It is a patch like any other, so it gets a map and images: not from the
+//! input, which is not at hand, but from the images of the cut.
 
 use glam::DVec3;
 use lodpack::decode::texels::Map;
@@ -97,8 +97,8 @@ impl<'a> CutPainter<'a> {
         exponent_of((area(positions, triangles) / texels).sqrt() / self.lattice.step())
     }
 
-    /// The size of texels that a reduced cut gets. A reduced cut that is much larger than the cut, as where parts that lie far apart have merged, has no more
-    /// of them than the cut would have, since it has no more to show.
+    /// The size of texels that a reduced cut gets. A reduced cut that is much larger than the cut, as where parts that
+    /// lie far apart have merged, has no more of them than the cut would have, since it has no more to show.
     fn exponent_on(&self, finished: &Finished) -> u32 {
         let (shown, cut) = (self.shown_exponent(), &self.cut.mesh);
         let spread = area(&finished.positions, &finished.triangles) / area(&cut.positions, &cut.triangles);
@@ -124,9 +124,10 @@ impl<'a> CutPainter<'a> {
         }
     }
 
-    /// The cut reduced to at most `triangles` triangles, and the same with images of the channels, if anything can be projected. Of all ways that come
-    /// near enough, with lines between colours and without, it is the one that shows most of what the cut does. `error` bounds the distance of the cut
-    /// from the input. None if there is no surface of so few triangles.
+    /// The cut reduced to at most `triangles` triangles, and the same with images of the channels, if anything can be
+    /// projected. Of all ways that come near enough, with lines between colours and without, it is the one that shows
+    /// most of what the cut does. `error` bounds the distance of the cut from the input. None if there is no surface of
+    /// so few triangles.
     pub fn finished(&self, error: f64, triangles: usize) -> Option<(Finished, Option<TexturedMesh>)> {
         let Mesh { positions, triangles: whole, .. } = &self.cut.mesh;
         let areas = self.areas.as_ref().map(ColourAreas::all);
@@ -138,7 +139,8 @@ impl<'a> CutPainter<'a> {
         Some((best, painted))
     }
 
-    /// Of reduced cuts, and what they become where they are collapsed again, the one that shows most of what the cut does.
+    /// Of reduced cuts, and what they become where they are collapsed again, the one that shows most of what the cut
+    /// does.
     fn best(&self, mut ways: Vec<Finished>, recollapse: Option<Recollapse<'_>>) -> Option<Finished> {
         let least = ways.iter().map(|way| way.error).fold(f64::INFINITY, f64::min);
         ways.retain(|way| way.error <= FARTHER * least);
@@ -228,7 +230,8 @@ fn storage(channels: &[&ChannelInfo]) -> Option<Storage> {
     Some(Storage::new(channels.iter().map(of).collect::<Option<_>>()?))
 }
 
-/// The images of a node, the size of its smallest texels in lattice units, and the middle of the first and the last texel.
+/// The images of a node, the size of its smallest texels in lattice units, and the middle of the first and the last
+/// texel.
 struct PaintedNode<'a> {
     images: Images<&'a ChannelImage>,
     size: f64,
@@ -287,7 +290,8 @@ impl<'a> CutSource<'a> {
 }
 
 impl CutSource<'_> {
-    /// The size of the texels of a triangle. Sizes of a node differ by powers of two, and a piece leans away from its axis by less than that.
+    /// The size of the texels of a triangle. Sizes of a node differ by powers of two, and a piece leans away from its
+    /// axis by less than that.
     fn texel_size(&self, triangle: usize) -> f64 {
         let number = self.own[triangle] as usize;
         let Some(Some(node)) = self.nodes.get(self.cut.mesh.triangle_nodes[number] as usize) else { return 1.0 };

@@ -15,7 +15,8 @@ pub(super) fn colour_at(cut: &TexturedMesh, channel: usize, triangle: usize, wei
     Some([red, green, blue])
 }
 
-/// A cut with points of its colours, relative to an origin, for about the given number of cells, which are no smaller than its texels.
+/// A cut with points of its colours, relative to an origin, for about the given number of cells, which are no smaller
+/// than its texels.
 pub(super) fn sampled(cut: &TexturedMesh, channel: usize, origin: DVec3, [texel, cells]: [f64; 2]) -> Sampled {
     let corner = |&vertex: &u32| DVec3::from(cut.mesh.positions[vertex as usize]) - origin;
     let corners = cut.mesh.triangles.iter().map(|corners| [0, 1, 2].map(|k| corner(&corners[k]))).collect();

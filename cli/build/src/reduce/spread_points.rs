@@ -1,7 +1,7 @@
 //! Points spread over a surface by area, at which surfaces are compared.
 
-/// Calls a function for about `count` points, with the number of the triangle and the weights of its corners. `areas` are those of the
-/// triangles, or any multiple of them.
+/// Calls a function for about `count` points, with the number of the triangle and the weights of its corners. `areas`
+/// are those of the triangles, or any multiple of them.
 pub(crate) fn for_each_point(areas: &[f64], count: usize, mut visit: impl FnMut(usize, [f64; 3])) {
     let step = areas.iter().sum::<f64>() / count as f64;
     let (mut passed, mut next, mut number) = (0.0, 0.5 * step, 0_u32);
@@ -15,7 +15,8 @@ pub(crate) fn for_each_point(areas: &[f64], count: usize, mut visit: impl FnMut(
     }
 }
 
-/// The weights of a triangle's corners at a point of a sequence that fills it evenly (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences").
+/// The weights of a triangle's corners at a point of a sequence that fills it evenly (Roberts, "The Unreasonable
+/// Effectiveness of Quasirandom Sequences").
 pub(crate) fn weights_of(number: u32) -> [f64; 3] {
     let (u, v) = (f64::from(number) * 0.754_877_666, f64::from(number) * 0.569_840_291);
     let (u, v) = (u.fract(), v.fract());

@@ -78,8 +78,8 @@ impl CoarseSurface {
         all
     }
 
-    /// Closes holes that are no wider than the error. Seams have such holes where the roots on both sides are drawn at different levels,
-    /// because the regions do not know of each other's levels.
+    /// Closes holes that are no wider than the error. Seams have such holes where the roots on both sides are drawn at
+    /// different levels, because the regions do not know of each other's levels.
     fn close_cracks(&mut self) {
         if open_edges(&self.triangles).is_empty() {
             return;
@@ -120,8 +120,8 @@ pub(crate) fn error_sum(error: f64, distance: f64) -> f64 {
     (error + distance) * (1.0 + 2.0 * f64::EPSILON)
 }
 
-/// Triangles that close a loop of edges, wound to match its outside, and how far they reach from it. The three consecutive vertices
-/// whose triangle stays nearest to one of its edges are cut off first.
+/// Triangles that close a loop of edges, wound to match its outside, and how far they reach from it. The three
+/// consecutive vertices whose triangle stays nearest to one of its edges are cut off first.
 pub(crate) fn filled(border: &[u32], positions: &[DVec3]) -> (Vec<[u32; 3]>, f64) {
     let distance = |p: u32, a: u32, b: u32| {
         // Differences between points of the lattice are exact.

@@ -1,12 +1,13 @@
 //! A whole surface with a stated number of triangles, whatever its topology is.
 //!
-//! Edge collapse keeps the topology, and is nearest to the surface until it needs some sixty triangles a handle and a dozen a part. It is
-//! tried in several ways, which renew their planes more or less often, and again with more weight where the result is farthest off.
-//! Where fewer than three times as many are asked for, closed surfaces are also [resampled](lodpack_stage::resample) on cells so large
-//! that few handles are left, and [vertices are clustered](lodpack_stage::cluster_vertices), which suits scenes of many parts. Vertices
-//! are also clustered where nothing else reaches the number. The vertices of the nearest results are [moved nearer](super::moved_nearer), too. Of the results that reach it, the one with the least mean squared
-//! distance is taken, unless its largest distance is much more than another's. The error is certified against the surface that came in,
-//! both ways.
+//! Edge collapse keeps the topology, and is nearest to the surface until it needs some sixty triangles a handle and a
+//! dozen a part. It is tried in several ways, which renew their planes more or less often, and again with more weight
+//! where the result is farthest off. Where fewer than three times as many are asked for, closed surfaces are also
+//! [resampled](lodpack_stage::resample) on cells so large that few handles are left, and [vertices are
+//! clustered](lodpack_stage::cluster_vertices), which suits scenes of many parts. Vertices are also clustered where
+//! nothing else reaches the number. The vertices of the nearest results are [moved nearer](super::moved_nearer), too.
+//! Of the results that reach it, the one with the least mean squared distance is taken, unless its largest distance is
+//! much more than another's. The error is certified against the surface that came in, both ways.
 
 use std::collections::BTreeSet;
 use std::iter;
@@ -28,16 +29,18 @@ use lodpack_stage::chart::ChartMesh;
 
 /// Of the candidates whose bound is at most this many times the least one, the one with the least mean is taken.
 const FARTHER: f64 = 1.2;
-/// Ways to collapse edges, as [`SimplifyOptions::stops`](lodpack_stage::simplify::SimplifyOptions): all are tried, since which is nearest differs
-/// from surface to surface.
+/// Ways to collapse edges, as [`SimplifyOptions::stops`](lodpack_stage::simplify::SimplifyOptions): all are tried,
+/// since which is nearest differs from surface to surface.
 pub(crate) const ALL_STOPS: [&[f64]; 3] = [&[], &STOPS, &[4.0, 2.0, 1.4]];
-/// Input triangles that are collapsed again, in all ways together, with more weight where the surface was farthest off; the same where
-/// there is something of that size already; what measuring a surface costs beside its triangles; and the most rounds of each way.
+/// Input triangles that are collapsed again, in all ways together, with more weight where the surface was farthest off;
+/// the same where there is something of that size already; what measuring a surface costs beside its triangles; and the
+/// most rounds of each way.
 const COLLAPSED_AGAIN: usize = 900_000;
 const COLLAPSED_QUICKLY: usize = 30_000;
 const MEASURING: usize = 8000;
 const MOST_ROUNDS: usize = 16;
-/// The most rounds in which vertices of a surface that was moved nearer are taken back where it is farther off than before.
+/// The most rounds in which vertices of a surface that was moved nearer are taken back where it is farther off than
+/// before.
 const TAKEN_BACK: usize = 2;
 /// Points at which the candidates are compared, of each surface.
 const COMPARED_POINTS: usize = 4000;
@@ -54,7 +57,8 @@ pub enum Topology {
     Clustered,
 }
 
-/// A surface with at most `triangles` triangles, after `mended` has made of it what is needed; none if even clustering cannot make one.
+/// A surface with at most `triangles` triangles, after `mended` has made of it what is needed; none if even clustering
+/// cannot make one.
 pub(crate) fn reduce(
     surface: &CoarseSurface,
     ways: Ways<'_>,
@@ -78,7 +82,8 @@ pub(crate) struct Reduced {
 pub(crate) enum Ways<'a> {
     /// All that bring it near, also again with more weight where it is farthest off.
     Nearest,
-    /// Edge collapse in one way alone, and again only as often as it takes next to no time: for a surface that has something as small already.
+    /// Edge collapse in one way alone, and again only as often as it takes next to no time: for a surface that has
+    /// something as small already.
     Quick,
     /// A few, for the caller to choose from. If areas are given, lines between them stay, too, in as many ways more.
     Each(Option<Areas<'a>>),
@@ -223,7 +228,8 @@ impl Reducing<'_> {
         }
     }
 
-    /// Repeats this `rounds` times, with ever more weight where the last one was farthest off. `last` is the number of the first one.
+    /// Repeats this `rounds` times, with ever more weight where the last one was farthest off. `last` is the number of
+    /// the first one.
     fn collapse_again(&mut self, way: Way<'_>, mut last: usize, rounds: usize, weights: &mut FarWeights<'_>) {
         weights.reset();
         for _ in 0..rounds {
@@ -250,7 +256,8 @@ pub(crate) fn differing_stops(tried: &[&[f64]], of: usize, triangles: usize) -> 
     all
 }
 
-/// The areas of a chart's triangles, which are those of the surface that it was made from, but for a few that were divided.
+/// The areas of a chart's triangles, which are those of the surface that it was made from, but for a few that were
+/// divided.
 pub(crate) fn areas_of_chart(whole: &Mesh, areas: Areas<'_>, chart: &ChartMesh) -> Vec<u32> {
     if chart.triangles == whole.triangles {
         return areas.of_triangles.to_vec();

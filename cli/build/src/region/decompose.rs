@@ -13,13 +13,14 @@ const MAX_PASSES: u32 = 6;
 pub struct Division {
     /// The most triangles in a region.
     pub triangles: u64,
-    /// Whether boxes are cut in their middle, beginning with a cube about the origin whose size is a power of two. Such cuts do not depend
-    /// on the input, so most of them stay when more is added. Otherwise boxes are cut where that halves their triangles, which makes
-    /// fewer regions of more equal size.
+    /// Whether boxes are cut in their middle, beginning with a cube about the origin whose size is a power of two. Such
+    /// cuts do not depend on the input, so most of them stay when more is added. Otherwise boxes are cut where that
+    /// halves their triangles, which makes fewer regions of more equal size.
     pub is_fixed: bool,
 }
 
-/// A k-d tree whose leaves are regions. It depends on the set of centroids and on the division, not on the order of the centroids.
+/// A k-d tree whose leaves are regions. It depends on the set of centroids and on the division, not on the order of the
+/// centroids.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Decomposition {
     nodes: Vec<Node>,
@@ -49,8 +50,8 @@ struct Open {
     high: DVec3,
 }
 
-/// A decomposition that is being made. It alternates between counting the triangles in open boxes, which can be done in shares whose
-/// counts are added, and cutting these boxes.
+/// A decomposition that is being made. It alternates between counting the triangles in open boxes, which can be done in
+/// shares whose counts are added, and cutting these boxes.
 #[derive(Clone, Debug)]
 pub struct Cutting {
     tree: Decomposition,
@@ -145,8 +146,8 @@ impl Decomposition {
         Self { nodes: vec![Node::Region(0)], region_count: 1 }
     }
 
-    /// Divides the box until no region has too many triangles. Where very many centroids coincide, a region may keep more. Regions are
-    /// numbered along the tree, so regions with neighbouring numbers lie near each other.
+    /// Divides the box until no region has too many triangles. Where very many centroids coincide, a region may keep
+    /// more. Regions are numbered along the tree, so regions with neighbouring numbers lie near each other.
     ///
     /// # Errors
     /// Those of `for_each_centroid`, which is called a few times.
@@ -290,7 +291,8 @@ impl Grid {
         self.layers(cells, 0).iter().sum()
     }
 
-    /// The part of some cells that is worth dividing: the smallest box that holds all their triangles, unless cuts are fixed.
+    /// The part of some cells that is worth dividing: the smallest box that holds all their triangles, unless cuts are
+    /// fixed.
     fn within(&self, mut cells: Cells, division: Division) -> Cells {
         if division.is_fixed {
             return cells;
@@ -305,8 +307,8 @@ impl Grid {
         cells
     }
 
-    /// The plane across the longest side that halves the triangles best, or the middle one where cuts are fixed. None if there is only
-    /// one cell.
+    /// The plane across the longest side that halves the triangles best, or the middle one where cuts are fixed. None
+    /// if there is only one cell.
     fn plane(&self, cells: Cells, division: Division) -> Option<(usize, usize)> {
         let [first, end] = cells;
         let extent = |axis: usize| (end[axis] - first[axis]) as f64 * self.size[axis];

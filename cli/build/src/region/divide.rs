@@ -202,8 +202,8 @@ impl DividedMesh {
             + attribute_bytes(share(self.values.count()), triangles)
     }
 
-    /// The mesh of a region: its triangles in the order of the input, its vertices in the order in which these first use them. A single
-    /// region has the input's vertices.
+    /// The mesh of a region: its triangles in the order of the input, its vertices in the order in which these first
+    /// use them. A single region has the input's vertices.
     ///
     /// # Errors
     /// If files cannot be read, or the input has changed since it was divided.

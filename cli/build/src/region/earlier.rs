@@ -14,8 +14,8 @@ pub struct Earlier {
 }
 
 impl Earlier {
-    /// Takes all regions of the job that exist and are undamaged. A single region is left out, because it was not prepared for
-    /// neighbours.
+    /// Takes all regions of the job that exist and are undamaged. A single region is left out, because it was not
+    /// prepared for neighbours.
     pub fn new(store: RegionDirectory, chart_triangles: u32) -> Self {
         let several = if store.count() > 1 { 0..store.count() } else { 0..0 };
         let by_input = several.filter_map(|region| Some((store.stats(region)?.input, region))).collect();

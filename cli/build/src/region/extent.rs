@@ -16,7 +16,8 @@ pub struct Extent {
     pub triangles: u64,
     /// Vertices. Those on seams count once for each region.
     pub vertices: u64,
-    /// How many of these triangles there are because others were divided, which had too many texels. What follows is of those before.
+    /// How many of these triangles there are because others were divided, which had too many texels. What follows is of
+    /// those before.
     pub added_triangles: u64,
     /// And how many of the vertices.
     pub added_vertices: u64,
@@ -28,7 +29,8 @@ pub struct Extent {
     pub area: f64,
     /// Edges with two triangles. Those on seams count for no region.
     pub inner_edges: u64,
-    /// Sum over these edges of the distance between the unit normals of the two triangles: twice the sine of half their angle.
+    /// Sum over these edges of the distance between the unit normals of the two triangles: twice the sine of half their
+    /// angle.
     pub bends: f64,
     /// How thick the closed components are. Those that several regions share are large, and do not count.
     pub thickness: Thickness,

@@ -1,4 +1,5 @@
-//! Which boundary edges of different regions are the same edge, and which components have to be reversed so that windings agree.
+//! Which boundary edges of different regions are the same edge, and which components have to be reversed so that
+//! windings agree.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -24,8 +25,8 @@ pub struct Matching {
     pub components: u64,
 }
 
-/// Joins boundary edges of different regions that have the same two ends. Where there are more than two, pairs of opposite direction come
-/// first, and among these the flattest, as in repair.
+/// Joins boundary edges of different regions that have the same two ends. Where there are more than two, pairs of
+/// opposite direction come first, and among these the flattest, as in repair.
 pub fn match_boundaries(boundaries: &[&RegionBoundary]) -> Matching {
     let mut entries: Vec<([PositionKey; 2], EdgeId)> = vec![];
     for (region, boundary) in (0..).zip(boundaries) {
@@ -84,8 +85,8 @@ fn is_opposite(a: &BoundaryEdge, b: &BoundaryEdge) -> bool {
 }
 
 impl Matching {
-    /// How many vertices of regions the whole surface does not have, because joined edges share their ends. It has to be called before
-    /// components are reversed.
+    /// How many vertices of regions the whole surface does not have, because joined edges share their ends. It has to
+    /// be called before components are reversed.
     pub fn doubled_vertices(&self, boundaries: &[&RegionBoundary]) -> u64 {
         // Every boundary vertex is the first vertex of exactly one edge, which stands for it.
         let first_edge = firsts(boundaries, |boundary| boundary.edges.len());
@@ -117,8 +118,8 @@ impl Matching {
         repairs.nonmanifold_edges_cut += self.nonmanifold_edges;
     }
 
-    /// Joins pairs of edges and decides which components to reverse. The winding with more area wins; a pair that contradicts earlier ones
-    /// stays open.
+    /// Joins pairs of edges and decides which components to reverse. The winding with more area wins; a pair that
+    /// contradicts earlier ones stays open.
     fn orient(&mut self, boundaries: &[&RegionBoundary], mut pairs: Vec<[EdgeId; 2]>) {
         pairs.sort_unstable();
         let first_component = firsts(boundaries, |boundary| boundary.component_areas.len());

@@ -1,10 +1,11 @@
-//! Regions: an input is divided into them and worked on region by region, so memory depends on the size of a region, not of the input.
+//! Regions: an input is divided into them and worked on region by region, so memory depends on the size of a region,
+//! not of the input.
 //!
-//! The surface is divided by the positions of its triangles ([`Decomposition`]). The result depends on the input and the limit alone, not
-//! on the memory or on the number of machines. Each region is repaired by itself; then boundary edges at the same position are joined
-//! again ([`match_boundaries`]). The arcs along them, the **seams**, get their corners from the charts of both sides and their samples
-//! from their path alone ([`find_seams`]), so neither side has to see the inside of the other. Between the stages regions are in memory
-//! or on disk ([`RegionStore`]).
+//! The surface is divided by the positions of its triangles ([`Decomposition`]). The result depends on the input and
+//! the limit alone, not on the memory or on the number of machines. Each region is repaired by itself; then boundary
+//! edges at the same position are joined again ([`match_boundaries`]). The arcs along them, the **seams**, get their
+//! corners from the charts of both sides and their samples from their path alone ([`find_seams`]), so neither side has
+//! to see the inside of the other. Between the stages regions are in memory or on disk ([`RegionStore`]).
 
 mod boundary;
 mod decompose;
@@ -110,8 +111,9 @@ impl Regions {
         Self::matched(RegionStore::Memory(regions), stats, appearance)
     }
 
-    /// Repairs and matches a divided mesh, as many regions at a time as fit in `memory`. Regions that are already repaired, here or in an
-    /// earlier job, are not repaired again. `for_later` adds the hashes by which a later job finds regions. Progress is in triangles.
+    /// Repairs and matches a divided mesh, as many regions at a time as fit in `memory`. Regions that are already
+    /// repaired, here or in an earlier job, are not repaired again. `for_later` adds the hashes by which a later job
+    /// finds regions. Progress is in triangles.
     ///
     /// # Errors
     /// [`RegionError`].
@@ -184,8 +186,9 @@ pub fn at_once(largest: u64, memory: u64) -> Result<usize, RegionError> {
     Ok(rayon::current_num_threads().min(more.saturating_add(1)))
 }
 
-/// Repairs a range of regions, as many at a time as the store allows. Those that are already repaired, here or in an earlier job, are not
-/// repaired again. `for_later` adds the hashes by which a later job finds regions. Progress is in triangles.
+/// Repairs a range of regions, as many at a time as the store allows. Those that are already repaired, here or in an
+/// earlier job, are not repaired again. `for_later` adds the hashes by which a later job finds regions. Progress is in
+/// triangles.
 ///
 /// # Errors
 /// If files cannot be read or written.

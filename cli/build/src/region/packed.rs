@@ -1,8 +1,10 @@
-//! Meshes in few bytes, for files that every worker writes and reads: differences of numbers, each in as many bytes as it takes.
+//! Meshes in few bytes, for files that every worker writes and reads: differences of numbers, each in as many bytes as
+//! it takes.
 //!
-//! Numbers are written in groups of seven bits, the lowest first; the high bit says that another group follows. Signed numbers alternate: 0,
-//! -1, 1, -2 and so on. Neighbours in an input usually have near numbers, so a triangle takes about four bytes and its neighbours two to
-//! three. A general compressor makes hardly less of this, and takes more time than everything else that a stage does with a file.
+//! Numbers are written in groups of seven bits, the lowest first; the high bit says that another group follows. Signed
+//! numbers alternate: 0, -1, 1, -2 and so on. Neighbours in an input usually have near numbers, so a triangle takes
+//! about four bytes and its neighbours two to three. A general compressor makes hardly less of this, and takes more
+//! time than everything else that a stage does with a file.
 
 use glam::DVec3;
 
@@ -54,7 +56,8 @@ pub(super) fn get_ascending(bytes: &mut &[u8], count: usize) -> Option<Vec<u32>>
     (0..count).map(next).collect()
 }
 
-/// Appends which half-edges are opposite each other: for each whose partner is not known yet, how far on that lies, or 0.
+/// Appends which half-edges are opposite each other: for each whose partner is not known yet, how far on that lies,
+/// or 0.
 pub(super) fn put_opposites(bytes: &mut Vec<u8>, opposites: &[u32]) {
     for (half_edge, &opposite) in (0..).zip(opposites) {
         if opposite == NONE {

@@ -53,8 +53,8 @@ impl RunList {
         })
     }
 
-    /// Sends a range of an input's triangles to their regions, through a file that gets its name once it is complete and on the disk.
-    /// Returns its size, too.
+    /// Sends a range of an input's triangles to their regions, through a file that gets its name once it is complete
+    /// and on the disk. Returns its size, too.
     ///
     /// # Errors
     /// If the input cannot be read, or the file cannot be written.

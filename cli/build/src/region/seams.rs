@@ -120,8 +120,8 @@ impl<'a> Tracer<'a> {
         self.partner(id).is_some_and(|partner| id.0 < partner.0)
     }
 
-    /// Closed seams without a corner get three; those that end at the corner where they begin get one more; long ones get as many as they
-    /// need.
+    /// Closed seams without a corner get three; those that end at the corner where they begin get one more; long ones
+    /// get as many as they need.
     fn mark_closed(&mut self) {
         let mut seen = vec![false; self.parent.len()];
         for from_corner in [true, false] {

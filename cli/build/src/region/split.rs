@@ -6,7 +6,8 @@ use super::decompose::{Decomposition, Division};
 use lodpack_mesh::attributes::{RegionAttributes, Surface};
 use lodpack_mesh::{Mesh, NONE};
 
-/// The regions of a mesh, each with its triangles in the order of the input and its vertices in the order in which these first use them.
+/// The regions of a mesh, each with its triangles in the order of the input and its vertices in the order in which
+/// these first use them.
 pub fn split_mesh(surface: Surface, division: Division) -> Vec<(Mesh, RegionAttributes)> {
     let Surface { mesh, attributes, appearance } = surface;
     if mesh.triangles.len() as u64 <= division.triangles {

@@ -69,8 +69,8 @@ pub enum RegionStore {
     Directory(RegionDirectory),
 }
 
-/// Regions in a work directory. Each stage reads the files of the one before it and writes its own, so it can be resumed after any
-/// region: regions whose files exist are not worked on again.
+/// Regions in a work directory. Each stage reads the files of the one before it and writes its own, so it can be
+/// resumed after any region: regions whose files exist are not worked on again.
 #[derive(Debug)]
 pub struct RegionDirectory {
     directory: WorkDirectory,
@@ -105,7 +105,8 @@ impl RegionStore {
         }
     }
 
-    /// Cuts all regions into charts with a function that also returns what has to be known of the charts. Progress is in triangles.
+    /// Cuts all regions into charts with a function that also returns what has to be known of the charts. Progress is
+    /// in triangles.
     ///
     /// # Errors
     /// If regions on disk cannot be read or written.
@@ -160,8 +161,8 @@ impl RegionDirectory {
         Self::new(directory, job, count, 1)
     }
 
-    /// Repairs those regions of a range that are not repaired yet, as many at a time as memory allows. `take` reads a region, and `discard`
-    /// removes it when it is no longer needed.
+    /// Repairs those regions of a range that are not repaired yet, as many at a time as memory allows. `take` reads a
+    /// region, and `discard` removes it when it is no longer needed.
     pub(super) fn repair(
         &self,
         range: Range<usize>,
@@ -211,9 +212,9 @@ impl RegionDirectory {
         self.in_turn(KNOWN, all.clone(), work, |_| {})
     }
 
-    /// Runs a stage on those regions of a range for which it is not done yet, some at a time. `work` writes files of its own and returns what has to be
-    /// known of each region; that is stored last and so marks the region as done. `done` is then told that the region no longer needs the
-    /// files of the stage before.
+    /// Runs a stage on those regions of a range for which it is not done yet, some at a time. `work` writes files of
+    /// its own and returns what has to be known of each region; that is stored last and so marks the region as done.
+    /// `done` is then told that the region no longer needs the files of the stage before.
     fn in_turn<T: Serialize + DeserializeOwned>(
         &self,
         kind: (&str, [u8; 4]),
@@ -270,7 +271,8 @@ impl RegionDirectory {
         self.directory.folder()
     }
 
-    /// What is known of a region since its repair, before any component was reversed. None if the file is missing or damaged.
+    /// What is known of a region since its repair, before any component was reversed. None if the file is missing or
+    /// damaged.
     pub fn stats(&self, region: usize) -> Option<RegionStats> {
         self.get(region, STATS)
     }
@@ -291,7 +293,8 @@ impl RegionDirectory {
         regions.map(|region| self.need(region, KNOWN)).collect()
     }
 
-    /// Sets for each region which of its components are to be reversed before it is cut into charts, for [`Self::set_labels`].
+    /// Sets for each region which of its components are to be reversed before it is cut into charts, for
+    /// [`Self::set_labels`].
     pub fn set_reversed(&mut self, reversed: Vec<Reversed>) {
         self.reversed = reversed;
     }

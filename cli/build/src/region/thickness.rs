@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use lodpack_mesh::{Adjacency, Mesh, NONE};
 
-/// A component thinner than this share of the square root of its area bounds no volume worth keeping: its sides lie on each other.
+/// A component thinner than this share of the square root of its area bounds no volume worth keeping: its sides lie on
+/// each other.
 const FLAT: f64 = 1e-4;
 /// Bits of a thickness that are kept, beside its exponent: bins are at most a quarter wide.
 const BIN_BITS: u32 = 2;
@@ -20,8 +21,8 @@ pub struct Thickness {
 }
 
 impl Thickness {
-    /// Measures all closed components of a mesh. Its thickness is twice its volume over its area: that of a plate, or the radius of
-    /// a long pipe.
+    /// Measures all closed components of a mesh. Its thickness is twice its volume over its area: that of a plate, or
+    /// the radius of a long pipe.
     pub fn of(mesh: &Mesh, adjacency: &Adjacency, component_count: u64) -> Self {
         let mut this = Self::default();
         let opposite = adjacency.opposite.as_chunks::<3>().0;
@@ -66,8 +67,8 @@ impl Thickness {
         self
     }
 
-    /// The thickness below which this share of `area` lies, rounded down to the beginning of its bin; infinity if less than that is
-    /// closed.
+    /// The thickness below which this share of `area` lies, rounded down to the beginning of its bin; infinity if less
+    /// than that is closed.
     pub fn quantile(&self, share: f64, area: f64) -> f64 {
         let mut below = 0.0;
         for (&bin, &of_bin) in &self.areas {

@@ -29,7 +29,8 @@ impl Folders {
         found.is_file().then_some(found)
     }
 
-    /// The files in whose names a number of four digits stands where this path has a zero byte, in the order of their numbers.
+    /// The files in whose names a number of four digits stands where this path has a zero byte, in the order of their
+    /// numbers.
     pub fn numbered(&self, path: &Path) -> Vec<(u32, PathBuf)> {
         let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else { return vec![] };
         let name = small(&name.to_string_lossy());

@@ -159,7 +159,8 @@ pub(super) fn read_colours<'b>(
     read_items(source, array, data_type, [0.0; 4], colour)
 }
 
-/// The directions of a `NORMAL` accessor. Whole numbers are shares of the largest one, whether the accessor says so or not.
+/// The directions of a `NORMAL` accessor. Whole numbers are shares of the largest one, whether the accessor says so or
+/// not.
 pub(super) fn read_normals<'b>(
     source: &Source,
     array: &Array<'b>,
@@ -196,7 +197,8 @@ pub(super) fn read_indices<'b>(
     read_items(source, array, data_type, 0, move |bytes| component(bytes, data_type, false) as u32)
 }
 
-/// The vectors of an accessor of instances or skins: floats, or integers that are shares of the largest one where the accessor says so.
+/// The vectors of an accessor of instances or skins: floats, or integers that are shares of the largest one where the
+/// accessor says so.
 pub(super) fn read_vectors<'b, const N: usize>(
     source: &Source,
     array: &Array<'b>,
@@ -349,7 +351,8 @@ struct Slices<'b> {
 }
 
 impl<'b> Slices<'b> {
-    /// `count` slices of `size` bytes, spaced by the view's stride; `None` if the last one ends outside the view. Errors are those of the view.
+    /// `count` slices of `size` bytes, spaced by the view's stride; `None` if the last one ends outside the view.
+    /// Errors are those of the view.
     fn find(buffers: &'b Buffers<'b>, view: Index, offset: usize, size: usize, count: usize) -> Parsed<Option<Self>> {
         let Some((bytes, stride)) = buffers.view(view.into())? else { return Ok(None) };
         let stride = stride.unwrap_or(size).max(1);

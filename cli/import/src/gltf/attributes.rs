@@ -103,8 +103,8 @@ impl SceneAttributes {
         self.materials.number_of(primitive.material)
     }
 
-    /// The records of a primitive's vertices; none if the document has no records. Attributes that cannot be read are left out with a
-    /// note, because the surface is there without them.
+    /// The records of a primitive's vertices; none if the document has no records. Attributes that cannot be read are
+    /// left out with a note, because the surface is there without them.
     pub(super) fn of_primitive<'b>(&self, source: &Source, arrays: &'b Arrays) -> Option<PrimitiveRecords<'b>> {
         if self.layout.stride == 0 {
             return None;

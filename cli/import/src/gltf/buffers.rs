@@ -134,7 +134,8 @@ impl<'a> Buffers<'a> {
         }
     }
 
-    /// Where the bytes of an image are that lies in a view; none if they are outside the buffer. `name` is for messages.
+    /// Where the bytes of an image are that lies in a view; none if they are outside the buffer. `name` is for
+    /// messages.
     pub(super) fn image(&self, number: usize, name: &str) -> Option<ImageSource> {
         let view = self.views.get(number)?;
         let (bytes, _) = self.view(number).ok()??;

@@ -1,4 +1,5 @@
-//! Compressed files: each value comes in as it was encoded, and damage anywhere is an error or another mesh, never more.
+//! Compressed files: each value comes in as it was encoded, and damage anywhere is an error or another mesh, never
+//! more.
 
 use meshopt::{
     EncodeExpMode, encode_filter_color, encode_filter_exp, encode_filter_oct, encode_filter_quat, encode_index_buffer,
@@ -202,9 +203,9 @@ fn damage_everywhere(bytes: &[u8]) {
     }
 }
 
-/// 3 x 3 vertices at (column, row, column * row / 4), with normals up, coordinates of (column, row) / 2 and colours of (40 column, 40 row,
-/// 200, 255) of bytes; positions have 14 bits, normals 8, coordinates 10. Encoded by npm's draco3d 1.5.7, `Encoder.EncodeMeshToDracoBuffer`:
-/// with edges at speed 0 (valences) and 7, and in sequence.
+/// 3 x 3 vertices at (column, row, column * row / 4), with normals up, coordinates of (column, row) / 2 and colours of
+/// (40 column, 40 row, 200, 255) of bytes; positions have 14 bits, normals 8, coordinates 10. Encoded by npm's draco3d
+/// 1.5.7, `Encoder.EncodeMeshToDracoBuffer`: with edges at speed 0 (valences) and 7, and in sequence.
 const GRIDS: [(&str, &str); 3] = [
     (
         "edgebreaker with valences",

@@ -1,7 +1,7 @@
 //! Primitives that are compressed by Draco (`KHR_draco_mesh_compression`), decoded by the crate `draco-core`.
 //!
-//! The crate bounds what a stream can claim by its bytes, and takes limits beside. Whatever it does, a stream that it cannot decode is an
-//! error of the file: a panic within it is caught.
+//! The crate bounds what a stream can claim by its bytes, and takes limits beside. Whatever it does, a stream that it
+//! cannot decode is an error of the file: a panic within it is caught.
 
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
@@ -129,7 +129,8 @@ fn lacks_values(document: &Document, primitive: &Primitive) -> bool {
     primitive.accessors().any(|number| document.accessors.get(number).is_some_and(is_empty))
 }
 
-/// The values of an attribute at all points; what is wrong if it has none for one of them, or if they take more bytes than are left.
+/// The values of an attribute at all points; what is wrong if it has none for one of them, or if they take more bytes
+/// than are left.
 fn values_of(name: &str, attribute: &PointAttribute, count: usize, left: &mut u64) -> Result<Decoded, String> {
     let data_type = match attribute.data_type() {
         draco_core::DataType::Int8 => DataType::I8,

@@ -20,7 +20,8 @@ const READ: [&str; 11] = [
     "KHR_texture_transform",
 ];
 
-/// Kinds of extensions that say how a surface looks, moves or is used, but not where it is, by their names behind the prefix.
+/// Kinds of extensions that say how a surface looks, moves or is used, but not where it is, by their names behind the
+/// prefix.
 const HARMLESS_KINDS: [&str; 5] = ["animation_", "audio", "lights_", "materials_", "texture_"];
 
 /// The same of single extensions.
@@ -46,8 +47,8 @@ const HARMLESS: [&str; 19] = [
     "xmp_json_ld",
 ];
 
-/// Refuses documents that require an extension by which the surface may be another; those that require others lose something, which a note
-/// says.
+/// Refuses documents that require an extension by which the surface may be another; those that require others lose
+/// something, which a note says.
 pub(super) fn check_required(source: &Source, document: &Document) -> Parsed<()> {
     for name in &document.extensions_required {
         let name = name.as_str();

@@ -193,7 +193,8 @@ impl MaterialReader<'_> {
         Some(TextureUse { image, uv_set: set as u8, wrap, transform: info.transform().map(rows) })
     }
 
-    /// The number of a texture's image: that of the WebP extension where there is one. None, with a note, where it cannot be read.
+    /// The number of a texture's image: that of the WebP extension where there is one. None, with a note, where it
+    /// cannot be read.
     fn image_of(&mut self, texture_number: usize, texture: Option<&Texture>) -> Option<u32> {
         let webp = texture.and_then(|texture| *texture.extensions.get(WEBP)?);
         let named = [webp, texture.and_then(|texture| texture.source)].into_iter().flatten().map(usize::from);

@@ -7,10 +7,11 @@ use meshopt::{
 
 use super::document::Compressed;
 
-/// The most bytes that one byte of encoded vertices can stand for. A block has up to 256 vertices, and of each four of their bytes at least
-/// one byte of control, whatever they are.
+/// The most bytes that one byte of encoded vertices can stand for. A block has up to 256 vertices, and of each four of
+/// their bytes at least one byte of control, whatever they are.
 const MOST_BYTES_PER_BYTE: u64 = 4 * 256;
-/// The most bytes that one byte of encoded indices can stand for: each triangle has a code, and each index of a sequence.
+/// The most bytes that one byte of encoded indices can stand for: each triangle has a code, and each index of a
+/// sequence.
 const MOST_INDEX_BYTES_PER_BYTE: u64 = 3 * 4;
 /// The longest vertex of the codec.
 const MOST_STRIDE: u64 = 256;

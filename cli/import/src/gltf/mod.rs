@@ -1,8 +1,10 @@
-//! glTF 2.0 and GLB: reads every triangle primitive of the default scene, expands instances, and applies node transforms in f64.
+//! glTF 2.0 and GLB: reads every triangle primitive of the default scene, expands instances, and applies node
+//! transforms in f64.
 //!
-//! [`document`] is the part of the JSON that is needed, and [`extensions`] says which others a document may require. Buffers are mapped
-//! ([`buffers`]) or decompressed ([`meshopt`], [`draco`]), and every offset and count is checked when an [`accessor`] is read. [`scene`] says
-//! where meshes are, [`skin`] where their joints put them, and [`primitive`] hands vertices and triangles on. Images are not opened yet.
+//! [`document`] is the part of the JSON that is needed, and [`extensions`] says which others a document may require.
+//! Buffers are mapped ([`buffers`]) or decompressed ([`meshopt`], [`draco`]), and every offset and count is checked
+//! when an [`accessor`] is read. [`scene`] says where meshes are, [`skin`] where their joints put them, and
+//! [`primitive`] hands vertices and triangles on. Images are not opened yet.
 
 mod accessor;
 mod arrays;

@@ -60,7 +60,8 @@ impl PrimitiveReader<'_> {
         Ok(())
     }
 
-    /// How many vertices a mesh has, and triangles if they are no strips, by its accessors: what is more is refused as it is read.
+    /// How many vertices a mesh has, and triangles if they are no strips, by its accessors: what is more is refused as
+    /// it is read.
     pub(super) fn size_of_mesh(&self, number: usize) -> [u64; 2] {
         let primitives = self.document.meshes.get(number).map_or(&[][..], |mesh| &mesh.primitives);
         let count = |accessor: Option<usize>| {
@@ -106,7 +107,8 @@ impl PrimitiveReader<'_> {
         };
         let identity = pose.world == DMat4::IDENTITY && skinning.is_none();
         let (mut matrix, mut turn) = (pose.world, Turn::of(pose.world));
-        // A mirrored instance turns its triangles inside out; a renderer would turn them back (glTF 2.0, section 3.7.4).
+        // A mirrored instance turns its triangles inside out; a renderer would turn them back (glTF 2.0, section
+        // 3.7.4).
         let mut mirrored = turn.is_mirrored();
         let mut records = self.attributes.of_primitive(source, arrays);
         for (vertex, position) in positions.enumerate() {

@@ -15,7 +15,8 @@ use crate::source::Source;
 /// The number of instances of a primitive that are drawn before the next one is read.
 const INSTANCES_AT_ONCE: usize = 1 << 14;
 
-/// Walks the default scene; without one, the first scene; without any scene, all root nodes; without nodes, the meshes as they are.
+/// Walks the default scene; without one, the first scene; without any scene, all root nodes; without nodes, the meshes
+/// as they are.
 pub(super) fn read_scene<'a>(
     source: &Source,
     document: &'a Document,
@@ -90,8 +91,8 @@ pub(super) fn read_scene<'a>(
     Ok(())
 }
 
-/// Where the scene is: elsewhere only with `CESIUM_RTC`, whose centre has z up, as tiles have it. What has y up in glTF is turned before it
-/// is moved there, so that the centre is turned back here.
+/// Where the scene is: elsewhere only with `CESIUM_RTC`, whose centre has z up, as tiles have it. What has y up in glTF
+/// is turned before it is moved there, so that the centre is turned back here.
 fn world_from_scene(source: &Source, document: &Document) -> DMat4 {
     let Some(relative) = document.extensions.as_ref().and_then(|extensions| extensions.relative_to_centre.as_ref())
     else {

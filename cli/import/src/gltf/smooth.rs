@@ -7,15 +7,16 @@ use super::arrays::Arrays;
 use super::document::Semantic;
 use crate::source::Source;
 
-/// From this mean angle on, in degrees, normals are worth their bytes. Scans have a few degrees of noise, and triangles so small that
-/// nobody sees it.
+/// From this mean angle on, in degrees, normals are worth their bytes. Scans have a few degrees of noise, and triangles
+/// so small that nobody sees it.
 const LEAST_ANGLE: f64 = 8.0;
 /// Primitives of more vertices are dense. This many are read before anything else is, too.
 const MOST_VERTICES: usize = 1 << 16;
 const MOST_VERTICES_IN_ALL: usize = 1 << 20;
 
-/// Whether the normals of lit primitives of few vertices are far from those of their triangles, on average over their area. Of each
-/// primitive: how many vertices it says to have, and what reads it, which those of too many are not asked for.
+/// Whether the normals of lit primitives of few vertices are far from those of their triangles, on average over their
+/// area. Of each primitive: how many vertices it says to have, and what reads it, which those of too many are not asked
+/// for.
 pub(super) fn are_smooth<'a, R: FnOnce() -> Option<Arrays<'a>>>(
     source: &Source,
     primitives: impl Iterator<Item = (usize, R)>,
@@ -39,8 +40,8 @@ pub(super) fn are_smooth<'a, R: FnOnce() -> Option<Arrays<'a>>>(
     area > 0.0 && sum / area > LEAST_ANGLE.to_radians()
 }
 
-/// The angles between the normals of corners and of triangles times the areas of these, and the areas; none where anything cannot be read,
-/// which the import itself will say.
+/// The angles between the normals of corners and of triangles times the areas of these, and the areas; none where
+/// anything cannot be read, which the import itself will say.
 fn angles_of(source: &Source, arrays: &Arrays) -> Option<[f64; 2]> {
     let normals = read_normals(source, &arrays.get(Semantic::Normal)?).ok()?;
     let normals: Vec<DVec3> = normals.map(|normal| DVec3::from_array(normal.map(f64::from))).collect();

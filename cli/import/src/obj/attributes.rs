@@ -148,7 +148,8 @@ impl ObjAttributes {
         Ok(())
     }
 
-    /// Looks for a material before it is used. Some files name its library after its use, so all that follow offset `at` are read then.
+    /// Looks for a material before it is used. Some files name its library after its use, so all that follow offset
+    /// `at` are read then.
     pub(super) fn find_material(&mut self, name: &[u8], at: usize, source: &Source, sink: &mut MeshSink) -> Parsed<()> {
         if !self.is_on || without_remark(name).is_empty() || self.place_of(name).is_some() {
             return Ok(());
@@ -186,7 +187,8 @@ impl ObjAttributes {
         }
     }
 
-    /// Sets the material of a face, with its textures or without them, given the texture coordinates of its corners if it has some.
+    /// Sets the material of a face, with its textures or without them, given the texture coordinates of its corners if
+    /// it has some.
     fn choose_textured(&mut self, uvs: Option<&[[f32; 2]]>, sink: &mut MeshSink) -> Parsed<()> {
         let Some(material) = self.textured.map(|place| &mut self.materials[place]) else { return Ok(()) };
         self.untextured_faces += u64::from(uvs.is_none());
@@ -266,8 +268,8 @@ impl ObjAttributes {
         }
     }
 
-    /// Adds the record of a vertex, given what follows its position: three numbers or more are a colour. `all` looks at this one and those
-    /// that follow.
+    /// Adds the record of a vertex, given what follows its position: three numbers or more are a colour. `all` looks at
+    /// this one and those that follow.
     pub(super) fn push_colour(
         &mut self,
         rest: &[f64],

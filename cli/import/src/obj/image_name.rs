@@ -75,8 +75,8 @@ impl<'a> NamedImage<'a> {
     }
 }
 
-/// How many values an option has that is not known: as many as stand before the name of a file that is there, or before the next option.
-/// None if nothing follows that could be a name.
+/// How many values an option has that is not known: as many as stand before the name of a file that is there, or before
+/// the next option. None if nothing follows that could be a name.
 fn count_values(words: Scanner, is_there: &dyn Fn(&[u8]) -> bool) -> Option<usize> {
     let behind = |count: usize| {
         let mut words = words.clone();

@@ -1,8 +1,9 @@
 //! Wavefront OBJ: vertices and faces in one pass with constant memory, positions in f64.
 //!
-//! Only `v` and `f` statements are geometry. Colours, texture coordinates and materials are read where channels are wanted
-//! ([`attributes`]); these take memory. Normals, groups, lines and points are skipped, whatever they contain. Faces may name vertices that come later. A triangle does not need their positions,
-//! but a polygon does, so a file with such polygons is read a second time.
+//! Only `v` and `f` statements are geometry. Colours, texture coordinates and materials are read where channels are
+//! wanted ([`attributes`]); these take memory. Normals, groups, lines and points are skipped, whatever they contain.
+//! Faces may name vertices that come later. A triangle does not need their positions, but a polygon does, so a file
+//! with such polygons is read a second time.
 
 mod attributes;
 mod image_name;
@@ -241,9 +242,9 @@ enum FaceProblem {
     Index,
 }
 
-/// Reads the corners of a face into `polygon`, counted from 0, and the numbers of their texture coordinates and normals into
-/// `beside`, [`NONE`] where there are none. Negative numbers count back from the latest of `counts`. Returns the number of
-/// vertices that must exist.
+/// Reads the corners of a face into `polygon`, counted from 0, and the numbers of their texture coordinates and normals
+/// into `beside`, [`NONE`] where there are none. Negative numbers count back from the latest of `counts`. Returns the
+/// number of vertices that must exist.
 fn read_face(
     words: &mut Scanner,
     counts: [u64; 3],
@@ -293,7 +294,8 @@ fn words_left<'a>(words: &mut Scanner<'a>) -> impl Iterator<Item = &'a [u8]> {
     std::iter::from_fn(|| Some(words.word()).filter(|word| !word.is_empty()))
 }
 
-/// The vertex, the texture coordinates and the normal of a corner like 7, 7/2, 7//3 or 7/2/3, as written; 0 where one is missing.
+/// The vertex, the texture coordinates and the normal of a corner like 7, 7/2, 7//3 or 7/2/3, as written; 0 where one
+/// is missing.
 fn parse_corner(word: &[u8]) -> Option<[i64; 3]> {
     let mut parts = word.split(|&b| b == b'/');
     let vertex = parts.next().filter(|part| !part.is_empty()).map_or(Some(0), parse_integer)?;
@@ -390,7 +392,8 @@ impl<'a> Statements<'a> {
     }
 }
 
-/// A line without its comment. Names may contain the sign of comments, so statements that are names are left as they are.
+/// A line without its comment. Names may contain the sign of comments, so statements that are names are left as they
+/// are.
 fn statement(line: &[u8]) -> &[u8] {
     let is_name = || NAMING_WORDS.contains(&Scanner::new(line, 0).word());
     if matches!(line, [b'u' | b'm', ..]) && is_name() { line } else { without_comment(line) }

@@ -1,5 +1,5 @@
-//! MTL, the materials of OBJ files: `Kd`, `d`, `Tr`, `map_Kd` and `map_d` with their options, `Ke` and `map_Ke`, `norm`, `Pm`, `Pr`,
-//! `map_Pm` and `map_Pr`; `map_Bump` where it holds normals. An image may be one in tiles.
+//! MTL, the materials of OBJ files: `Kd`, `d`, `Tr`, `map_Kd` and `map_d` with their options, `Ke` and `map_Ke`,
+//! `norm`, `Pm`, `Pr`, `map_Pm` and `map_Pr`; `map_Bump` where it holds normals. An image may be one in tiles.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -383,7 +383,8 @@ fn join(material: &mut Material, plain: &Material, has_pm: bool) {
         material.metallic = 1.0;
     }
     if material.base_texture.is_some() {
-        // Programs that write a texture often write an arbitrary Kd beside it, and those that read both show the texture alone.
+        // Programs that write a texture often write an arbitrary Kd beside it, and those that read both show the
+        // texture alone.
         material.base_colour[..3].fill(1.0);
         material.hides_vertex_colour = true;
     }

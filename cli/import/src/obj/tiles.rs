@@ -1,5 +1,5 @@
-//! Images in tiles, as films and museums have them (UDIM): the tile of a point is that of its texture coordinates, 1001 from 0 to 1, 1002 to
-//! the right of it, 1011 above it, and each tile is a file with its number in the name.
+//! Images in tiles, as films and museums have them (UDIM): the tile of a point is that of its texture coordinates, 1001
+//! from 0 to 1, 1002 to the right of it, 1011 above it, and each tile is a file with its number in the name.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -16,7 +16,8 @@ const PLACEHOLDER: &[u8] = b"<udim>";
 const FIRST: u32 = 1001;
 const COLUMNS: u32 = 10;
 
-/// Where the number is in a name, and how long it is there: a placeholder, or that of the first tile between other signs.
+/// Where the number is in a name, and how long it is there: a placeholder, or that of the first tile between other
+/// signs.
 fn number_in(name: &[u8]) -> Option<(usize, usize)> {
     let lower = name.to_ascii_lowercase();
     let find = |what: &[u8]| lower.windows(what.len()).rposition(|part| part == what);
@@ -27,8 +28,8 @@ fn number_in(name: &[u8]) -> Option<(usize, usize)> {
     dotted.or(underlined).map(|at| (at + 1, 4))
 }
 
-/// The tiles of an image that are there; none where its name does not stand for tiles. `others` are all names of the library: whoever names
-/// each tile by itself does not mean the first one to stand for all.
+/// The tiles of an image that are there; none where its name does not stand for tiles. `others` are all names of the
+/// library: whoever names each tile by itself does not mean the first one to stand for all.
 pub(super) fn find_tiles(name: &[u8], others: &BTreeSet<Vec<u8>>, beside: &Beside) -> Vec<(Tile, PathBuf)> {
     let Some((at, length)) = number_in(name) else { return vec![] };
     let (before, after) = (&name[..at], &name[at + length..]);
@@ -59,8 +60,8 @@ pub(super) fn place(texture: &mut TextureUse, [column, row]: Tile) {
     }
 }
 
-/// The tile of a face, given the texture coordinates of its corners with rows from above, and whether it reaches beyond it. None if it is on
-/// no tile.
+/// The tile of a face, given the texture coordinates of its corners with rows from above, and whether it reaches beyond
+/// it. None if it is on no tile.
 pub(super) fn tile_of(uvs: impl Iterator<Item = [f32; 2]> + Clone) -> Option<(Tile, bool)> {
     let (sum, count) = uvs
         .clone()

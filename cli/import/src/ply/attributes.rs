@@ -201,7 +201,8 @@ impl Columns {
         Ok(())
     }
 
-    /// A colour as a number from 0 to 1. Whole numbers go up to the largest of their type, but not beyond 255 in those of 32 bits.
+    /// A colour as a number from 0 to 1. Whole numbers go up to the largest of their type, but not beyond 255 in those
+    /// of 32 bits.
     fn share(&mut self, value: f64, scalar: Scalar) -> f32 {
         let largest = match scalar {
             Scalar::F32 | Scalar::F64 => self.of_floats.colour,
@@ -223,8 +224,8 @@ impl Columns {
         &self.record
     }
 
-    /// Looks through an element whose colours have 16 bits or are floats: some programs write numbers of 8 bits there, which would all be
-    /// black, or white.
+    /// Looks through an element whose colours have 16 bits or are floats: some programs write numbers of 8 bits there,
+    /// which would all be black, or white.
     pub(super) fn look_at_colours<V: Values>(
         &mut self,
         element: &Element,

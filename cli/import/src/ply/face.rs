@@ -1,4 +1,5 @@
-//! What PLY faces say of their corners: texture coordinates and the number of a texture, as MeshLab writes them, and face colours.
+//! What PLY faces say of their corners: texture coordinates and the number of a texture, as MeshLab writes them, and
+//! face colours.
 
 use std::ops::Range;
 

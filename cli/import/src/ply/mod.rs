@@ -1,7 +1,7 @@
 //! PLY (Turk 1994; <http://paulbourke.net/dataformats/ply/>): ASCII, and binary in both byte orders, with any scalar
 //! types and any order of properties and elements. It reads `vertex` (x, y, z), `face` (`vertex_indices` or
-//! `vertex_index`) and `tristrips`; colours, texture coordinates and other numbers of vertices and faces where channels are wanted
-//! ([`attributes`]); and skips everything else.
+//! `vertex_index`) and `tristrips`; colours, texture coordinates and other numbers of vertices and faces where channels
+//! are wanted ([`attributes`]); and skips everything else.
 
 mod attributes;
 mod face;

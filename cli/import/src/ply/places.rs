@@ -37,8 +37,9 @@ pub struct PlyPlaces {
 }
 
 impl PlyPlaces {
-    /// None where the places do not follow from the header: for text, for faces that say more than their corners, and where the length of
-    /// the file does not fit triangles. None as well where vertices carry something that `sink` wants, for that is not read here.
+    /// None where the places do not follow from the header: for text, for faces that say more than their corners, and
+    /// where the length of the file does not fit triangles. None as well where vertices carry something that `sink`
+    /// wants, for that is not read here.
     pub fn of(source: &Source, sink: &mut AttributeSink) -> Option<Self> {
         let header = parse_header(source).ok()?;
         if header.encoding == Encoding::Ascii || !header.textures.is_empty() {

@@ -20,7 +20,8 @@ pub(super) struct Affine {
     pub row: [f64; 2],
 }
 
-/// Where the samples of a grid of a size are, and whether the file has its columns from the east and its rows from the south.
+/// Where the samples of a grid of a size are, and whether the file has its columns from the east and its rows from the
+/// south.
 pub(super) fn placed(affine: Option<Affine>, path: &Path, size: [u32; 2]) -> Parsed<(Option<Georeference>, [bool; 2])> {
     let Some(Affine { mut first, column, row }) = affine else { return Ok((None, [false; 2])) };
     let [columns, rows] = size.map(|count| f64::from(count.saturating_sub(1)));
@@ -39,7 +40,8 @@ pub(super) fn placed(affine: Option<Affine>, path: &Path, size: [u32; 2]) -> Par
     Ok((Some(Georeference { first, spacing }), turned))
 }
 
-/// The world file of a raster or image, under any of the names that are in use: `a.tfw`, `a.tifw` and `a.wld` for `a.tif`.
+/// The world file of a raster or image, under any of the names that are in use: `a.tfw`, `a.tifw` and `a.wld` for
+/// `a.tif`.
 pub(super) fn world_file(path: &Path) -> Option<PathBuf> {
     let extension = path.extension()?.to_str()?.to_ascii_lowercase();
     let short = extension.chars().next().zip(extension.chars().last());

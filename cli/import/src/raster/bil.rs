@@ -41,7 +41,8 @@ pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
     Ok((header, Box::new(rows)))
 }
 
-/// How the header says that samples are stored: ESRI's PIXELTYPE, or the DATATYPE of others, as `INT2S`, `FLT4S` or `U16`.
+/// How the header says that samples are stored: ESRI's PIXELTYPE, or the DATATYPE of others, as `INT2S`, `FLT4S` or
+/// `U16`.
 fn number_of(lines: &Lines, is_flt: bool) -> Parsed<Number> {
     let said = lines.text("PIXELTYPE").or(lines.text("DATATYPE")).unwrap_or_default().to_ascii_uppercase();
     let digits: String = said.chars().filter(char::is_ascii_digit).collect();

@@ -1,7 +1,8 @@
-//! Coordinate reference systems, as far as a grid needs them: whether they are in degrees, their units, and whose globe they are on.
+//! Coordinate reference systems, as far as a grid needs them: whether they are in degrees, their units, and whose globe
+//! they are on.
 //!
-//! What a code of EPSG means stands in the EPSG dataset, which the crate `epsg-utils` has as WKT 2. Codes of other planets follow a rule of
-//! the IAU. Everything else is WKT.
+//! What a code of EPSG means stands in the EPSG dataset, which the crate `epsg-utils` has as WKT 2. Codes of other
+//! planets follow a rule of the IAU. Everything else is WKT.
 
 use std::path::Path;
 
@@ -80,7 +81,8 @@ const BODIES: std::ops::Range<f64> = 1.0..1e9;
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 const SAME_ANGLE: f64 = 1e-6;
 
-/// Bodies with the numbers that NAIF gives them, half axis at the equator, and the inverse flattening of their ellipsoid (IAU, 2015).
+/// Bodies with the numbers that NAIF gives them, half axis at the equator, and the inverse flattening of their
+/// ellipsoid (IAU, 2015).
 const IAU_BODIES: [(u32, &str, f64, f64); 5] = [
     (199, "Mercury", 2_440_530.0, 1_075.123_348_017_621),
     (299, "Venus", 6_051_800.0, 0.0),
@@ -139,8 +141,8 @@ impl Crs {
         Self { name: "EPSG:4326".into(), code: Some(4326), kind: CrsKind::Geographic, ..Self::default() }
     }
 
-    /// The system that somebody has typed, or that a file has kept: `EPSG:` and a number, two of them joined by `+` (the second one is that
-    /// of heights), the number of a body by the IAU, or WKT.
+    /// The system that somebody has typed, or that a file has kept: `EPSG:` and a number, two of them joined by `+`
+    /// (the second one is that of heights), the number of a body by the IAU, or WKT.
     ///
     /// # Errors
     /// What is wrong with it, and what to do.

@@ -1,4 +1,5 @@
-//! Colours of a raster's surface: an image over it, through coordinates of corners, or a ramp over its heights, through colours of vertices.
+//! Colours of a raster's surface: an image over it, through coordinates of corners, or a ramp over its heights, through
+//! colours of vertices.
 
 use std::path::Path;
 
@@ -102,7 +103,8 @@ fn colour(ramp: &Ramp, height: f64) -> [f32; 4] {
 /// What to do about an image that cannot be shown.
 const REMEDY: &str = "convert it first, with `gdal_translate -of PNG`, and `-expand rgb` if it has a palette";
 
-/// The map from columns and rows to an image: by its own georeference, or over the whole grid, whose edges are half a sample outside.
+/// The map from columns and rows to an image: by its own georeference, or over the whole grid, whose edges are half a
+/// sample outside.
 fn map_of(mosaic: &Mosaic, drape: &Path, image: &ImageSource, progress: &dyn Progress) -> Parsed<[[f64; 2]; 2]> {
     // Somebody asked for it, so a surface without it would not be what was asked for.
     let refuse = |problem: String| grid_error(drape, &format!("cannot be shown: {problem}; {REMEDY}"));

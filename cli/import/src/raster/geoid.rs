@@ -10,7 +10,8 @@ use super::mosaic::{Mosaic, clean};
 use super::options::RasterOptions;
 use super::{ImportError, Parsed, grid_error, open};
 
-/// Heights may lie this far outside of the grid's outermost samples, in samples: half of one is what pixels that are areas leave out at a pole.
+/// Heights may lie this far outside of the grid's outermost samples, in samples: half of one is what pixels that are
+/// areas leave out at a pole.
 const OUTSIDE: f64 = 0.501;
 
 /// A grid of the geoid, and where heights lie in it.

@@ -1,4 +1,5 @@
-//! `.gtx`, in which grids of geoids are handed around: a header of 40 bytes, and big-endian 32-bit heights in metres, rows from the south.
+//! `.gtx`, in which grids of geoids are handed around: a header of 40 bytes, and big-endian 32-bit heights in metres,
+//! rows from the south.
 
 use std::fs::File;
 use std::io::Read;

@@ -6,7 +6,8 @@ use super::crs::{Crs, CrsKind};
 use super::options::{Nodata, RasterOptions, SurfaceKind};
 use super::{Parsed, grid_error};
 
-/// The most columns of a grid: a row of them and what is made from it take 270 MB. The earth at a second of arc has 1,296,000.
+/// The most columns of a grid: a row of them and what is made from it take 270 MB. The earth at a second of arc has
+/// 1,296,000.
 pub(super) const MAX_COLUMNS: u64 = 1 << 22;
 
 /// A grid, as its file describes it.

@@ -91,8 +91,8 @@ impl HeightSource {
         self.mosaic.path()
     }
 
-    /// Hands on all rows from north to south, less the height of the origin, with NaN where there are no heights; poles have one height. Returns how many samples no file
-    /// covers, and how many have no data.
+    /// Hands on all rows from north to south, less the height of the origin, with NaN where there are no heights; poles
+    /// have one height. Returns how many samples no file covers, and how many have no data.
     ///
     /// # Errors
     /// If a file cannot be read, or what `with` returns.

@@ -1,5 +1,5 @@
-//! LERC, which bounds how far each height was moved: files of one band, and the strips and tiles of a TIFF, through the crate `lerc-reader`.
-//! A file's place comes from `--spacing` or `--bounds`.
+//! LERC, which bounds how far each height was moved: files of one band, and the strips and tiles of a TIFF, through the
+//! crate `lerc-reader`. A file's place comes from `--spacing` or `--bounds`.
 //!
 //! A file is one blob, which is decoded as a whole.
 

@@ -1,10 +1,10 @@
-//! Rasters: grids of heights become triangles. Rows are read from north to south and handed on, so memory holds a few of them whatever
-//! the size of the grid.
+//! Rasters: grids of heights become triangles. Rows are read from north to south and handed on, so memory holds a few
+//! of them whatever the size of the grid.
 //!
-//! `header` says what a file tells about its grid; a file a format (`tiff`, `hgt`, `asc`, `bil`, `envi`, `png`, `exr`, `lerc`, `gtx`) reads
-//! headers and rows. `mosaic` joins files whose grids agree, `surface` knows where a sample is on a plane, a sphere or the ellipsoid, and
-//! `triangulate` makes vertices and triangles. `drape` adds colours,
-//! and `geoid` the height of the geoid.
+//! `header` says what a file tells about its grid; a file a format (`tiff`, `hgt`, `asc`, `bil`, `envi`, `png`, `exr`,
+//! `lerc`, `gtx`) reads headers and rows. `mosaic` joins files whose grids agree, `surface` knows where a sample is on
+//! a plane, a sphere or the ellipsoid, and `triangulate` makes vertices and triangles. `drape` adds colours, and
+//! `geoid` the height of the geoid.
 
 mod affine;
 mod asc;

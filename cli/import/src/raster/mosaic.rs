@@ -1,5 +1,5 @@
-//! Files whose grids agree, as one grid. Tiles may continue each other or share rows and columns, where their heights must agree; what no
-//! tile covers has no data.
+//! Files whose grids agree, as one grid. Tiles may continue each other or share rows and columns, where their heights
+//! must agree; what no tile covers has no data.
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -10,8 +10,8 @@ use super::header::{Georeference, Header, HeightRows, MAX_COLUMNS};
 use super::options::{RasterOptions, SurfaceKind};
 use super::{ImportError, Parsed, grid_error, open};
 
-/// How far grids may be off from each other, in samples: files round their corners, and half a sample is the seam of files that do not
-/// agree on whether a pixel is an area or a point.
+/// How far grids may be off from each other, in samples: files round their corners, and half a sample is the seam of
+/// files that do not agree on whether a pixel is an area or a point.
 const ALIGNED: f64 = 0.05;
 /// How far heights of two tiles may differ where both have the same sample, as a share.
 const AGREE: f64 = 1e-6;
@@ -160,8 +160,8 @@ impl Mosaic {
         self.geoid.is_none() && self.tiles.iter().all(|tile| tile.header.is_integer && tile.header.scale == [1.0, 0.0])
     }
 
-    /// Hands on the rows from north to south, with NaN where there are no heights. Runs of rows without a file are handed on as one row of
-    /// NaN, with the row's number.
+    /// Hands on the rows from north to south, with NaN where there are no heights. Runs of rows without a file are
+    /// handed on as one row of NaN, with the row's number.
     pub fn for_each_row(
         &self,
         options: &RasterOptions,
@@ -227,7 +227,8 @@ impl Mosaic {
         at[1] + u64::from(header.size[1])
     }
 
-    /// Puts a row of a tile where it belongs. What another tile or, around the globe, the same one has put there already must agree.
+    /// Puts a row of a tile where it belongs. What another tile or, around the globe, the same one has put there
+    /// already must agree.
     fn put(&self, tile: usize, row: u64, own: &[f64], all: &mut [f64], covered: &mut [bool]) -> Parsed<()> {
         let first = self.tiles[tile].at[0] as usize;
         let here = first..first + own.len();
@@ -362,8 +363,8 @@ fn check_alike([path, other]: [&Path; 2], [first, header]: [&Header; 2]) -> Pars
     Ok(())
 }
 
-/// Heights as far from zero as this are no heights of anything: they are the largest numbers of their kind, which programs write where they
-/// have no data.
+/// Heights as far from zero as this are no heights of anything: they are the largest numbers of their kind, which
+/// programs write where they have no data.
 const NO_HEIGHT: f64 = 1e30;
 
 /// Puts NaN where there is no height, and scales the others.

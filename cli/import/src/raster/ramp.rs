@@ -52,8 +52,8 @@ const VIRIDIS: [(f64, [u8; 3]); 6] = [
 ];
 
 impl Ramp {
-    /// The known ramps: earth is blue, green, brown and white, with the shore at height 0; grey goes from black at the lowest to white at
-    /// the highest height; viridis from violet to yellow, even in lightness.
+    /// The known ramps: earth is blue, green, brown and white, with the shore at height 0; grey goes from black at the
+    /// lowest to white at the highest height; viridis from violet to yellow, even in lightness.
     pub const NAMES: [&str; 3] = ["earth", "grey", "viridis"];
 
     /// A known ramp.
@@ -69,8 +69,8 @@ impl Ramp {
         Some(Self { name: name.to_owned(), stops })
     }
 
-    /// A ramp from a file of colours as `gdaldem color-relief` takes it: lines of a height, or a share of the range as 25%, and of red, green
-    /// and blue from 0 to 255.
+    /// A ramp from a file of colours as `gdaldem color-relief` takes it: lines of a height, or a share of the range as
+    /// 25%, and of red, green and blue from 0 to 255.
     ///
     /// # Errors
     /// What is wrong with the file, and where.
@@ -112,7 +112,8 @@ impl Ramp {
         self.stops.iter().any(|(at, _)| matches!(at, At::Share(_)))
     }
 
-    /// The ramp of heights between the lowest and the highest one; `metres` are in a unit of heights, where that is known.
+    /// The ramp of heights between the lowest and the highest one; `metres` are in a unit of heights, where that is
+    /// known.
     ///
     /// # Errors
     /// [`lodpack::Error::Model`] if it has no stops or too many, or heights that are not finite.

@@ -27,8 +27,8 @@ fn spellings(extension: &str) -> [String; 3] {
     [extension.to_owned(), extension.to_ascii_uppercase(), format!("{}{rest}", first.to_ascii_uppercase())]
 }
 
-/// The file with an extension whose name is the same but for capitals. All names of the folder are looked at: it is for a file without which
-/// there is no raster.
+/// The file with an extension whose name is the same but for capitals. All names of the folder are looked at: it is for
+/// a file without which there is no raster.
 pub(super) fn with_extension_in_any_case(path: &Path, extension: &str) -> Option<PathBuf> {
     with_extension(path, extension).or_else(|| {
         let wanted = path.with_extension(extension);

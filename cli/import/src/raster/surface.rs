@@ -1,7 +1,7 @@
 //! Where a sample is in space: on a plane, on a sphere or on the ellipsoid of WGS 84.
 //!
-//! Sines and cosines are those of the crate `libm`, which computes them by the same additions and multiplications on every machine, so
-//! that files have the same bytes everywhere.
+//! Sines and cosines are those of the crate `libm`, which computes them by the same additions and multiplications on
+//! every machine, so that files have the same bytes everywhere.
 
 use glam::DVec3;
 use lodpack::heights;
@@ -145,7 +145,8 @@ impl Surface {
         })
     }
 
-    /// A plane of metres to the east and to the north of the middle. Lengths are right along the parallel and the meridian of the middle.
+    /// A plane of metres to the east and to the north of the middle. Lengths are right along the parallel and the
+    /// meridian of the middle.
     fn of_degrees(mosaic: &Mosaic, options: &RasterOptions, note: impl Fn(&str)) -> Parsed<Self> {
         let Georeference { first, spacing } = mosaic.place;
         let [columns, rows] = mosaic.size.map(|count| (count - 1) as f64);
@@ -251,7 +252,8 @@ impl Surface {
         (crs, self.origin)
     }
 
-    /// The surface as files of heights describe it, and what is added to heights. Rows begin at the northern cap, if there is one.
+    /// The surface as files of heights describe it, and what is added to heights. Rows begin at the northern cap, if
+    /// there is one.
     pub fn of_heights(&self, mosaic: &Mosaic) -> (heights::Surface, f64) {
         let [mut first, mut step] = self.rows;
         let (base, columns) = match &self.shape {

@@ -1,5 +1,5 @@
-//! TIFF, GeoTIFF and cloud-optimised GeoTIFF, in strips or tiles, through the crate `tiff`. The first image counts; the others are
-//! overviews and masks.
+//! TIFF, GeoTIFF and cloud-optimised GeoTIFF, in strips or tiles, through the crate `tiff`. The first image counts; the
+//! others are overviews and masks.
 
 mod rows;
 
@@ -117,8 +117,8 @@ fn mask_rows(path: &Path, image: &Directory, sample: usize, size: [u32; 2]) -> P
     Ok(Box::new(rows))
 }
 
-/// What the tags of an image say about its place and its system, if it is a TIFF, and whether it has a mask of its own. Its kind of pixels does
-/// not matter.
+/// What the tags of an image say about its place and its system, if it is a TIFF, and whether it has a mask of its own.
+/// Its kind of pixels does not matter.
 pub(super) fn place_of_image(path: &Path) -> Parsed<Option<(Option<Affine>, Crs, bool)>> {
     let io = |source| ImportError::Io { path: path.to_owned(), source };
     let mut file = File::open(path).map_err(io)?;

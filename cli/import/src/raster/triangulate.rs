@@ -1,7 +1,7 @@
 //! Rows of heights become vertices and triangles. Two rows are held at a time.
 //!
-//! A cell whose four corners have heights becomes two triangles along its shorter diagonal; one with three becomes one triangle. A vertex is
-//! made when the first triangle needs it, so samples that no triangle touches cost nothing.
+//! A cell whose four corners have heights becomes two triangles along its shorter diagonal; one with three becomes one
+//! triangle. A vertex is made when the first triangle needs it, so samples that no triangle touches cost nothing.
 
 use super::drape::Painter;
 use super::mosaic::Mosaic;

@@ -1,4 +1,5 @@
-//! Well-known text of coordinate reference systems, as a tree: WKT 1 of GDAL and of ESRI, and WKT 2. What the words mean stands in `crs`.
+//! Well-known text of coordinate reference systems, as a tree: WKT 1 of GDAL and of ESRI, and WKT 2. What the words
+//! mean stands in `crs`.
 
 /// The longest text: what a file may keep of it (SPEC.md, 6.5).
 pub(super) const MAX_BYTES: usize = 1 << 16;

@@ -1,4 +1,5 @@
-//! Which compression an EXR or a TIFF has, where that is the reason that it cannot be read: their decoders name it by its number, or not at all.
+//! Which compression an EXR or a TIFF has, where that is the reason that it cannot be read: their decoders name it by
+//! its number, or not at all.
 
 use std::io::{self, BufRead, Read, Seek};
 

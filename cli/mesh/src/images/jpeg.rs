@@ -9,8 +9,8 @@ const SCAN: u8 = 0xDA;
 /// That of the end.
 const END: u8 = 0xD9;
 
-/// Reads the markers before the first scan and what stands behind them, until `is_wanted` says that one of them is enough: returns that one. None of
-/// what is no JPEG.
+/// Reads the markers before the first scan and what stands behind them, until `is_wanted` says that one of them is
+/// enough: returns that one. None of what is no JPEG.
 fn find_marker(encoded: &mut impl EncodedImage, is_wanted: impl Fn(u8) -> bool) -> io::Result<Option<u8>> {
     let mut two = [0; 2];
     encoded.read_exact(&mut two)?;
@@ -50,7 +50,8 @@ pub(super) fn frame_size(encoded: &mut impl EncodedImage) -> io::Result<Option<[
     Ok(Some([u16::from_be_bytes([c, d]), u16::from_be_bytes([a, b])].map(u32::from)))
 }
 
-/// Whether something is a JPEG without the marker of its end: its decoder fills what is missing with grey, and says nothing.
+/// Whether something is a JPEG without the marker of its end: its decoder fills what is missing with grey, and says
+/// nothing.
 pub(super) fn is_cut(encoded: &mut impl EncodedImage) -> io::Result<bool> {
     if find_marker(encoded, |marker| marker == SCAN)?.is_none() {
         return Ok(false);

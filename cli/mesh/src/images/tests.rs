@@ -190,7 +190,8 @@ fn progressive_images_are_told_by_their_frame() {
     assert_eq!(is_progressive(b"\xFF\xD8\xFF"), None);
 }
 
-/// A TIFF whose tiles of 64 x 64 texels are JPEG of luma and chroma, in the order of the machine that it is for, with its tables apart or not.
+/// A TIFF whose tiles of 64 x 64 texels are JPEG of luma and chroma, in the order of the machine that it is for, with
+/// its tables apart or not.
 fn ycbcr(image: &image::RgbImage, has_tables: bool, is_big_endian: bool) -> Vec<u8> {
     use lodpack_tests::tiff::{Image, Values, file};
     let (columns, rows) = image.dimensions();

@@ -1,7 +1,8 @@
 //! The directories of a TIFF, and the file as it would be if some of their entries said something else.
 //!
-//! The crate `tiff` decodes every compression, but as pictures: it turns shades over where white is zero, and refuses masks and samples of
-//! unusual widths. Entries that call such numbers shades of grey in bytes give them as they are stored.
+//! The crate `tiff` decodes every compression, but as pictures: it turns shades over where white is zero, and refuses
+//! masks and samples of unusual widths. Entries that call such numbers shades of grey in bytes give them as they are
+//! stored.
 
 use std::collections::BTreeSet;
 use std::io::{self, Read, Seek, SeekFrom};

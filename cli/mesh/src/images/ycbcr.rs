@@ -1,4 +1,5 @@
-//! TIFF whose colours are luma and chroma, which the crate `image` does not decode: most orthophotos are such, packed as JPEG.
+//! TIFF whose colours are luma and chroma, which the crate `image` does not decode: most orthophotos are such, packed
+//! as JPEG.
 
 use std::io::{self, BufReader, SeekFrom};
 
@@ -26,8 +27,8 @@ pub(super) fn is_ycbcr(mut encoded: impl EncodedImage) -> io::Result<bool> {
     Ok(is_tiff && matches!(colours(encoded), Ok(TiffColours::YCbCr(8))))
 }
 
-/// Refuses pieces of JPEG in a TIFF that are not there, or that have more texels than their place or their bytes: their decoder fills what is
-/// missing with grey, and allocates what each declares. Nothing is wrong with other images.
+/// Refuses pieces of JPEG in a TIFF that are not there, or that have more texels than their place or their bytes: their
+/// decoder fills what is missing with grey, and allocates what each declares. Nothing is wrong with other images.
 ///
 /// # Errors
 /// That it is damaged.

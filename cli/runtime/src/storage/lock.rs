@@ -6,8 +6,8 @@ use std::path::Path;
 
 use super::WorkError;
 
-/// A file that this process has locked. The system releases the lock when the process ends in any way: nothing has to be cleaned up after
-/// a kill, and no clock decides whether the process is still alive.
+/// A file that this process has locked. The system releases the lock when the process ends in any way: nothing has to
+/// be cleaned up after a kill, and no clock decides whether the process is still alive.
 #[derive(Debug)]
 pub struct Lock(#[expect(dead_code, reason = "the lock lasts as long as the file is open")] File);
 
@@ -34,8 +34,8 @@ impl Lock {
         Ok(Self(file))
     }
 
-    /// Takes a shared lock on an existing file, beside other processes that only read. None if the file system has no locks for it,
-    /// as on read-only disks.
+    /// Takes a shared lock on an existing file, beside other processes that only read. None if the file system has no
+    /// locks for it, as on read-only disks.
     ///
     /// # Errors
     /// [`io::ErrorKind::WouldBlock`] if another process holds the lock for itself.

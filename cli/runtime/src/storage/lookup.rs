@@ -9,13 +9,14 @@ use memmap2::{Mmap, UncheckedAdvice};
 
 use super::{Record, WorkError};
 
-/// Bytes that become resident with each page that is touched, because the system maps its surroundings too (Linux: fault-around).
+/// Bytes that become resident with each page that is touched, because the system maps its surroundings too (Linux:
+/// fault-around).
 const WINDOW_BYTES: usize = 1 << 16;
 /// The most windows that may be resident: 32 MiB. Dropped pages come back from the system's cache.
 const MAX_RESIDENT_WINDOWS: usize = 512;
 
-/// Which parts of a memory-mapped file were touched since its pages were last dropped, so that the file's share of the process's memory is
-/// bounded, whatever is looked up.
+/// Which parts of a memory-mapped file were touched since its pages were last dropped, so that the file's share of the
+/// process's memory is bounded, whatever is looked up.
 #[derive(Debug, Default)]
 pub struct Windows {
     touched: RefCell<Vec<bool>>,
@@ -106,7 +107,8 @@ impl Lookup {
         values.iter_mut().zip(from.chunks_exact(f32::BYTES)).for_each(|(value, bytes)| *value = f32::get(bytes));
     }
 
-    /// Reads a list of 32-bit numbers that stands behind its length in a file of such numbers. None where the file does not have it.
+    /// Reads a list of 32-bit numbers that stands behind its length in a file of such numbers. None where the file does
+    /// not have it.
     pub fn list(&self, place: u64, values: &mut Vec<u32>) -> Option<()> {
         let bytes: &[u8] = self.map.as_deref().unwrap_or_default();
         let at = usize::try_from(place).ok()?.checked_mul(u32::BYTES)?;

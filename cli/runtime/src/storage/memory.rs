@@ -11,11 +11,14 @@ pub const REGION_TEXELS: u64 = 1 << 26;
 /// Bytes of a mesh in memory: positions for each vertex; corners, neighbours and a chart label for each triangle.
 const VERTEX_BYTES: u64 = 24;
 const TRIANGLE_BYTES: u64 = 28;
-/// Further bytes for each triangle of a region while it is repaired, which is the peak: 96 to 122 bytes in all were measured.
+/// Further bytes for each triangle of a region while it is repaired, which is the peak: 96 to 122 bytes in all were
+/// measured.
 const REPAIR_BYTES: u64 = 82;
-/// Bytes of the attributes of a triangle in a region: the records of its corners, its material, and which triangle it was before repair.
+/// Bytes of the attributes of a triangle in a region: the records of its corners, its material, and which triangle it
+/// was before repair.
 const CORNER_BYTES: u64 = 22;
-/// Bytes for each value of a vertex or corner: it is there as it was read and, in the worst case, once more in the records of regions.
+/// Bytes for each value of a vertex or corner: it is there as it was read and, in the worst case, once more in the
+/// records of regions.
 const VALUE_BYTES: u64 = 8;
 /// Bytes for everything else: the program, buffers, and pages of mapped files.
 const BASE_BYTES: u64 = 24 << 20;
@@ -37,7 +40,8 @@ pub fn attribute_bytes(values: u64, triangle_count: u64) -> u64 {
     VALUE_BYTES.saturating_mul(values).saturating_add(corners)
 }
 
-/// Bytes of each texel of images until a file that was built in memory is written: what the file will have of it, twice.
+/// Bytes of each texel of images until a file that was built in memory is written: what the file will have of it,
+/// twice.
 const KEPT_BYTES: f64 = 1.5;
 /// Bytes of each while maps are baked, at most.
 const BAKED_BYTES: u64 = 100;
@@ -65,7 +69,8 @@ pub fn least_bytes(largest_region_bytes: u64) -> u64 {
     BASE_BYTES + largest_region_bytes
 }
 
-/// The memory of this machine, or the limit of this process if that is less; [`u64::MAX`] where the system reports neither.
+/// The memory of this machine, or the limit of this process if that is less; [`u64::MAX`] where the system reports
+/// neither.
 #[expect(unsafe_code, reason = "the standard library does not report memory")]
 pub fn machine_bytes() -> u64 {
     // SAFETY: sysconf has no conditions; it returns -1 for what it does not know.
@@ -90,8 +95,8 @@ impl Pool {
         Self { limit, held: Mutex::default(), freed: Condvar::new() }
     }
 
-    /// Waits until the given number of bytes is free, or nobody else holds any: what needs more than there is has to be done, too. Whoever holds some
-    /// must not wait for others who may be waiting here.
+    /// Waits until the given number of bytes is free, or nobody else holds any: what needs more than there is has to be
+    /// done, too. Whoever holds some must not wait for others who may be waiting here.
     pub fn hold(&self, bytes: u64) -> Held<'_> {
         let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
         while *held > 0 && held.saturating_add(bytes) > self.limit {

@@ -1,8 +1,9 @@
-//! Work directories: what a build keeps on disk because it does not fit in memory, or because other processes continue from it.
+//! Work directories: what a build keeps on disk because it does not fit in memory, or because other processes continue
+//! from it.
 //!
-//! There are two kinds of files. Arrays of little-endian [`Record`]s grow while an input is read; they count only once another file says
-//! that they are complete. A [`SealedWriter`] makes a file that exists completely or not at all, names the job that it belongs to, and
-//! is checked when it is read: a build can be resumed from such files.
+//! There are two kinds of files. Arrays of little-endian [`Record`]s grow while an input is read; they count only once
+//! another file says that they are complete. A [`SealedWriter`] makes a file that exists completely or not at all,
+//! names the job that it belongs to, and is checked when it is read: a build can be resumed from such files.
 
 mod lock;
 mod lookup;
@@ -36,7 +37,8 @@ pub struct WorkError {
 }
 
 impl WorkError {
-    /// What to do about it, and whether using another directory would help as well. None if the system's message is enough.
+    /// What to do about it, and whether using another directory would help as well. None if the system's message is
+    /// enough.
     pub fn advice(&self) -> Option<(&'static str, bool)> {
         match (self.action, self.source.kind()) {
             ("read", io::ErrorKind::PermissionDenied) => Some(("check its permissions", false)),
@@ -63,8 +65,8 @@ impl WorkError {
     }
 }
 
-/// A directory for one build, held by one process at a time. When the last clone of this value is dropped, the directory is removed with
-/// everything in it, unless it is to be kept.
+/// A directory for one build, held by one process at a time. When the last clone of this value is dropped, the
+/// directory is removed with everything in it, unless it is to be kept.
 #[derive(Clone, Debug)]
 pub struct WorkDirectory(Arc<Directory>);
 
@@ -182,8 +184,8 @@ impl Drop for Directory {
     }
 }
 
-/// Removes what killed processes have left: unfinished files, and all files of regions and stages where there is no manifest. Such a
-/// directory was being removed, so what one of its files says of another need no longer be true.
+/// Removes what killed processes have left: unfinished files, and all files of regions and stages where there is no
+/// manifest. Such a directory was being removed, so what one of its files says of another need no longer be true.
 fn remove_left(folder: &Path) {
     let has_manifest = folder.join(MANIFEST_NAME).exists();
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {

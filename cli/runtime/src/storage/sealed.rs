@@ -1,8 +1,9 @@
 //! Files that exist completely or not at all.
 //!
-//! A file holds: a magic number, the version of all such files, its kind, the job's number; then values (length, then the value as
-//! `postcard` writes it), bytes (length, then these) and arrays of [`Record`]s (length in bytes, then the records); then the XXH3 hash of everything before. It
-//! is written under a temporary name and renamed when it is complete.
+//! A file holds: a magic number, the version of all such files, its kind, the job's number; then values (length, then
+//! the value as `postcard` writes it), bytes (length, then these) and arrays of [`Record`]s (length in bytes, then the
+//! records); then the XXH3 hash of everything before. It is written under a temporary name and renamed when it is
+//! complete.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Read, Seek, Write};
@@ -15,8 +16,8 @@ use xxhash_rust::xxh3::Xxh3;
 use super::{Record, WorkDirectory, WorkError};
 
 const MAGIC: [u8; 8] = *b"\x8fLODWRK\n";
-/// Increases when the content of any kind of file changes: with each further filling, since parts hold the steps of all of them, with what
-/// pieces, regions and tasks hold, and with what plans say.
+/// Increases when the content of any kind of file changes: with each further filling, since parts hold the steps of all
+/// of them, with what pieces, regions and tasks hold, and with what plans say.
 const VERSION: u32 = 40;
 /// The message for files that cannot be what was written.
 pub const DAMAGED: &str = "it is damaged or truncated";
@@ -44,8 +45,8 @@ pub struct SealedWriter {
 }
 
 impl SealedWriter {
-    /// Begins a file of a kind, which [`SealedReader::open`] has to ask for. The caller holds a lock, so that no one else writes the same
-    /// file meanwhile.
+    /// Begins a file of a kind, which [`SealedReader::open`] has to ask for. The caller holds a lock, so that no one
+    /// else writes the same file meanwhile.
     ///
     /// # Errors
     /// If the file cannot be made.
@@ -154,7 +155,8 @@ impl Drop for SealedWriter {
     }
 }
 
-/// Reads a sealed file in the order in which it was written. What was read is to be trusted only after [`Self::finish`].
+/// Reads a sealed file in the order in which it was written. What was read is to be trusted only after
+/// [`Self::finish`].
 pub struct SealedReader {
     path: PathBuf,
     file: File,

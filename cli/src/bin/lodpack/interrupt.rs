@@ -14,7 +14,8 @@ static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(vec![]);
 /// Whether the program is being stopped.
 static IS_STOPPING: AtomicBool = AtomicBool::new(false);
 
-/// Blocks for ever if the program is being stopped: an error at that time is only a consequence, and not worth a message.
+/// Blocks for ever if the program is being stopped: an error at that time is only a consequence, and not worth a
+/// message.
 pub fn wait_if_stopping() {
     while IS_STOPPING.load(Ordering::SeqCst) {
         std::thread::park();
@@ -24,7 +25,8 @@ pub fn wait_if_stopping() {
 /// Exit status after Ctrl-C: 128 + SIGINT, as shells report it.
 pub const STOPPED: i32 = 130;
 
-/// Sets what happens when the program is stopped from now on: unfinished files go, and `advice` is shown if `state` exists.
+/// Sets what happens when the program is stopped from now on: unfinished files go, and `advice` is shown if `state`
+/// exists.
 pub fn on_stop(state: &Path, advice: &'static str) {
     on_stop_after(|| (), state, advice);
 }

@@ -1,4 +1,5 @@
-//! Messages on stderr: lines of text or, with `--progress json`, one JSON object per line, so that a program can read all of them.
+//! Messages on stderr: lines of text or, with `--progress json`, one JSON object per line, so that a program can read
+//! all of them.
 
 use std::ffi::OsString;
 use std::fmt;
@@ -7,7 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 static JSON: AtomicBool = AtomicBool::new(false);
 
-/// Looks for `--progress json` among the words that were typed, before they are parsed: a parser's error is JSON then, too.
+/// Looks for `--progress json` among the words that were typed, before they are parsed: a parser's error is JSON then,
+/// too.
 pub fn choose_style(words: &[OsString]) {
     let is_json = words.iter().any(|word| word == "--progress=json")
         || words.windows(2).any(|pair| pair[0] == "--progress" && pair[1] == "json");

@@ -8,8 +8,8 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// An output under a temporary name beside its final one; removed if it is dropped unfinished. A device or a pipe is written
-/// directly, since a file renamed over it would replace it.
+/// An output under a temporary name beside its final one; removed if it is dropped unfinished. A device or a pipe is
+/// written directly, since a file renamed over it would replace it.
 pub struct PendingFile {
     /// None once the file has its final name, and for devices.
     temporary: Option<PathBuf>,
@@ -17,7 +17,8 @@ pub struct PendingFile {
 }
 
 impl PendingFile {
-    /// Checks that `path` may be written, and creates a file under a temporary name beside it. `path` must not be one of `inputs`.
+    /// Checks that `path` may be written, and creates a file under a temporary name beside it. `path` must not be one
+    /// of `inputs`.
     pub fn create<'a>(path: &Path, force: bool, inputs: impl IntoIterator<Item = &'a Path>) -> Result<(Self, File)> {
         if path.is_dir() {
             bail!("{} is a directory; name a file", path.display());
@@ -104,8 +105,9 @@ pub struct PendingFolder {
 }
 
 impl PendingFolder {
-    /// Checks that `path` may be written, and creates a folder under a temporary name beside it. Only a new or empty folder may be, or with
-    /// `force` one in which every name `is_own`: the products of an earlier run, and nothing that anybody could miss.
+    /// Checks that `path` may be written, and creates a folder under a temporary name beside it. Only a new or empty
+    /// folder may be, or with `force` one in which every name `is_own`: the products of an earlier run, and nothing
+    /// that anybody could miss.
     pub fn create(path: &Path, force: bool, is_own: impl Fn(&str) -> bool) -> Result<Self> {
         let shown = path.display();
         // Its last part may be a dot or a slash.
@@ -132,8 +134,9 @@ impl PendingFolder {
         Self::begin(path.with_file_name(temporary_name(name)), path)
     }
 
-    /// Creates a folder whose files go among those of `path`, which may have any others: within it, so that they can be moved there even if
-    /// it is a file system of its own, or beside it if it is not there yet. [`Self::finish_by`] says how.
+    /// Creates a folder whose files go among those of `path`, which may have any others: within it, so that they can be
+    /// moved there even if it is a file system of its own, or beside it if it is not there yet. [`Self::finish_by`]
+    /// says how.
     pub fn merging(path: &Path) -> Result<Self> {
         let path = std::path::absolute(path).with_context(|| format!("cannot write {}", path.display()))?;
         let temporary = match path.file_name() {

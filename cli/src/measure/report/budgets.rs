@@ -1,9 +1,11 @@
-//! How far budgets of nodes and triangles go, with one, two and three resolutions a node (Niski 2007, figures 4.5 to 4.9).
+//! How far budgets of nodes and triangles go, with one, two and three resolutions a node (Niski 2007, figures 4.5 to
+//! 4.9).
 //!
-//! A node of a file is drawn in one way, and is finer where its children are drawn. The thesis's nodes have several resolutions: each may be
-//! refined as it is, or split. Here a node gets them from the tree itself: its second resolution is what its children draw together, its third
-//! what theirs do. So all hierarchies have the same surfaces, with the file's own errors and numbers of triangles, and differ in what a budget of
-//! nodes allows. What finer neighbours add along borders is left out of all.
+//! A node of a file is drawn in one way, and is finer where its children are drawn. The thesis's nodes have several
+//! resolutions: each may be refined as it is, or split. Here a node gets them from the tree itself: its second
+//! resolution is what its children draw together, its third what theirs do. So all hierarchies have the same surfaces,
+//! with the file's own errors and numbers of triangles, and differ in what a budget of nodes allows. What finer
+//! neighbours add along borders is left out of all.
 
 use super::ReportError;
 use super::analysis::median;
@@ -30,7 +32,8 @@ const MOST_BUDGETS: u32 = 24;
 pub struct BudgetRow {
     /// Resolutions a node.
     pub resolutions: u8,
-    /// What varies: `nodes` or `triangles` where both are limited, `nodes_at_error` where nodes are, and the error is asked for.
+    /// What varies: `nodes` or `triangles` where both are limited, `nodes_at_error` where nodes are, and the error is
+    /// asked for.
     pub varied: &'static str,
     /// The budget of nodes.
     pub max_nodes: u64,
@@ -121,8 +124,8 @@ fn reached(hierarchy: &Arc<Hierarchy>, views: &[View], triangles: u64) -> Result
     views.iter().map(ask).collect()
 }
 
-/// The cut of each view, and the processor time that it took; none if a view has no cut that keeps the budgets, or none within the error that
-/// was asked for.
+/// The cut of each view, and the processor time that it took; none if a view has no cut that keeps the budgets, or none
+/// within the error that was asked for.
 fn cuts(
     hierarchy: &Arc<Hierarchy>,
     views: &[View],

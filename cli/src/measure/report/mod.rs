@@ -2,8 +2,9 @@
 //! builder.
 //!
 //! For a mesh, it builds at a sweep of tolerances and settings, each in a process of its own so that its memory can be
-//! measured ([`sweep`]). For a file, it measures the cost and the result of queries at run time ([`cuts`]), and what budgets of nodes
-//! and triangles allow ([`budgets`]). All become tables, plots with log axes (`plot`) and sentences computed from the numbers (`words`).
+//! measured ([`sweep`]). For a file, it measures the cost and the result of queries at run time ([`cuts`]), and what
+//! budgets of nodes and triangles allow ([`budgets`]). All become tables, plots with log axes (`plot`) and sentences
+//! computed from the numbers (`words`).
 
 mod analysis;
 pub mod budgets;

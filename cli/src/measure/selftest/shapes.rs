@@ -18,8 +18,8 @@ pub enum Glue {
     Mirrored,
 }
 
-/// `n[0]` by `n[1]` quads of two triangles over the unit square, with both parameters glued as asked. Only the first may be
-/// mirrored.
+/// `n[0]` by `n[1]` quads of two triangles over the unit square, with both parameters glued as asked. Only the first
+/// may be mirrored.
 pub fn quads(n: [u32; 2], glue: [Glue; 2], position_at: impl Fn(f64, f64) -> DVec3) -> Mesh {
     let points = [0, 1].map(|k| if glue[k] == Glue::Open { n[k] + 1 } else { n[k] });
     let positions = (0..points[0])

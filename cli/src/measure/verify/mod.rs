@@ -125,8 +125,8 @@ pub fn verify<R: ReadAt + Sync>(
 
 /// How much a file's box may differ from its input's, relative to its size: bounds are rounded.
 const BOX_SLACK: f64 = 1e-6;
-/// A mesh that differs only in detail has nearly the same area; a larger difference means another model. The check of errors finds
-/// differences in detail.
+/// A mesh that differs only in detail has nearly the same area; a larger difference means another model. The check of
+/// errors finds differences in detail.
 const AREA_SLACK: f64 = 1e-3;
 
 /// Evidence that a file was built from a mesh other than this one.

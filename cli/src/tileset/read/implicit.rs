@@ -1,4 +1,5 @@
-//! Implicit tiles: which ones there are follows from bits in files of subtrees (3D Tiles 1.1, "Implicit Tiling"; before that an extension).
+//! Implicit tiles: which ones there are follows from bits in files of subtrees (3D Tiles 1.1, "Implicit Tiling"; before
+//! that an extension).
 
 use serde::Deserialize;
 

@@ -1,4 +1,5 @@
-//! glTF whose nodes have levels (extension MSFT_lod): each level as the document in which its nodes stand in for the finest ones.
+//! glTF whose nodes have levels (extension MSFT_lod): each level as the document in which its nodes stand in for the
+//! finest ones.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,10 @@
-//! Tilesets of any maker as surfaces: 3D Tiles 1.0 and 1.1, with explicit and implicit tiles, at each depth of their trees.
+//! Tilesets of any maker as surfaces: 3D Tiles 1.0 and 1.1, with explicit and implicit tiles, at each depth of their
+//! trees.
 //!
-//! A *level* is what a viewer draws that refines everything to a depth: tiles that are replaced are not drawn, tiles that are added to stay, and
-//! tiles without content give way to their children. The error that a level claims is the largest `geometricError` among its tiles that it does not
-//! refine, which 3D Tiles defines as what is wrong if a tile is drawn and its children are not.
+//! A *level* is what a viewer draws that refines everything to a depth: tiles that are replaced are not drawn, tiles
+//! that are added to stay, and tiles without content give way to their children. The error that a level claims is the
+//! largest `geometricError` among its tiles that it does not refine, which 3D Tiles defines as what is wrong if a tile
+//! is drawn and its children are not.
 //!
 //! Nothing is read but files in the folder of the tileset.
 

@@ -1,6 +1,8 @@
-//! Terrain tiles of any maker: quantized-mesh 1.0 in a folder with a `layer.json`, as triangles from the middle of the earth.
+//! Terrain tiles of any maker: quantized-mesh 1.0 in a folder with a `layer.json`, as triangles from the middle of the
+//! earth.
 //!
-//! Tiles cover whole squares of degrees, so a level is cut off at the edges of what it is compared with: beyond them it states nothing.
+//! Tiles cover whole squares of degrees, so a level is cut off at the edges of what it is compared with: beyond them it
+//! states nothing.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -108,7 +110,8 @@ impl Terrain {
         level_error(level)
     }
 
-    /// The triangles of a level in metres from the middle of the earth, cut off at the edges (west, south, east, north) of an area if there is one.
+    /// The triangles of a level in metres from the middle of the earth, cut off at the edges (west, south, east, north)
+    /// of an area if there is one.
     ///
     /// # Errors
     /// [`ReadError`].

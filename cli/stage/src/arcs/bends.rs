@@ -1,11 +1,13 @@
 //! Where the boundary of a surface bends: there its arcs end, so that coarse levels keep its shape with few vertices.
 //!
-//! Samples inside arcs lie at halves, quarters and so on, wherever the boundary turns, and a coarse level would cut off a corner of a
-//! sheet between two of them. A corner of the atlas may lie anywhere, and each level of groups has only those that it needs.
+//! Samples inside arcs lie at halves, quarters and so on, wherever the boundary turns, and a coarse level would cut off
+//! a corner of a sheet between two of them. A corner of the atlas may lie anywhere, and each level of groups has only
+//! those that it needs.
 
 use glam::DVec3;
 
-/// How often an interval may be divided on the way to a bend, so that even a spiral takes time in proportion to its length.
+/// How often an interval may be divided on the way to a bend, so that even a spiral takes time in proportion to its
+/// length.
 const MOST_DEPTH: u32 = 48;
 
 /// The point of segment `ab` that is closest to `p`, and its parameter in 0..=1.
@@ -17,7 +19,8 @@ pub fn closest_on_segment(p: DVec3, a: DVec3, b: DVec3) -> (DVec3, f64) {
     (a + direction * t, t)
 }
 
-/// The inner points of a path, ascending, with which it is nowhere farther than `tolerance` from its chords (Douglas and Peucker 1973).
+/// The inner points of a path, ascending, with which it is nowhere farther than `tolerance` from its chords (Douglas
+/// and Peucker 1973).
 pub(super) fn bends(points: &[DVec3], tolerance: f64) -> Vec<usize> {
     let mut found = vec![];
     let mut pending = vec![(0, points.len() - 1, 0)];

@@ -27,8 +27,8 @@ pub fn trace_arcs(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], seams: &Se
     trace_arcs_to_bends(mesh, adjacency, labels, seams, f64::INFINITY)
 }
 
-/// As [`trace_arcs`], with further corners on the boundary of the mesh: where it would otherwise leave its chords by more than `straight`,
-/// a length.
+/// As [`trace_arcs`], with further corners on the boundary of the mesh: where it would otherwise leave its chords by
+/// more than `straight`, a length.
 pub fn trace_arcs_to_bends(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], seams: &Seams, straight: f64) -> Atlas {
     let cut = CutEdges::new(adjacency, labels);
     let tracer = Tracer { mesh, adjacency, labels, seams, cut: &cut };

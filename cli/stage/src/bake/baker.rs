@@ -22,26 +22,28 @@ use super::values::{Kept, Sums};
 use super::wanted::Wanted;
 use super::{Baked, BakedPatch, Coarse, MAX_EXPONENT, MAX_TEXELS, MAX_TEXELS_OF_CUT, Source};
 
-/// Texels of a reduced cut that are larger than those of the cut by this power of the root of two, or by less, show about as much.
+/// Texels of a reduced cut that are larger than those of the cut by this power of the root of two, or by less, show
+/// about as much.
 const LITTLE_LARGER: u32 = 1;
 /// Bytes of a texel of a patch as its map shows it.
 const DRAWN_BYTES: usize = 16;
 /// The same of its number among the texels of its borders.
 const NUMBER_BYTES: usize = 4;
-/// How much larger steps of quantisation are where texels are [`sharpen`]ed. As many bytes show more then: a city's tile has 3.36 MB and 32.2 dB in
-/// place of 3.37 MB and 29.9 dB, a bunny with a photograph 326 kB and 40.8 dB in place of 365 kB and 40.5 dB.
+/// How much larger steps of quantisation are where texels are [`sharpen`]ed. As many bytes show more then: a city's
+/// tile has 3.36 MB and 32.2 dB in place of 3.37 MB and 29.9 dB, a bunny with a photograph 326 kB and 40.8 dB in place
+/// of 365 kB and 40.5 dB.
 const STEPS_WHERE_SHARP: f64 = 9.0 / 7.0;
 /// How often a patch is divided further because pieces overlap themselves.
 const MAX_ROUNDS: usize = 3;
 
-/// Bytes of memory that baking a map takes, given its texels: the depth and slope of each and how it is used, sums with their weights, which of its
-/// borders' texels it is, the image, and what is handed on.
+/// Bytes of memory that baking a map takes, given its texels: the depth and slope of each and how it is used, sums with
+/// their weights, which of its borders' texels it is, the image, and what is handed on.
 pub fn baking_bytes(texels: u64, storage: &Storage) -> u64 {
     texels * (DRAWN_BYTES + NUMBER_BYTES + 4 * storage.stride() + 2 * storage.packed_bytes()) as u64
 }
 
-/// Gives patches images, one after another, and reuses its memory for the next one: a build has billions of texels, and the system
-/// clears each page that it hands out.
+/// Gives patches images, one after another, and reuses its memory for the next one: a build has billions of texels, and
+/// the system clears each page that it hands out.
 pub struct Baker<'s> {
     storage: &'s Storage,
     drawn: Drawn,
@@ -62,7 +64,8 @@ impl<'s> Baker<'s> {
         (of_texels + self.scratch.bytes() + self.image.capacity()) as u64
     }
 
-    /// The images of a patch, with texels of 2^(exponent / 2) lattice units, or as many of several sizes. None if nothing can be projected.
+    /// The images of a patch, with texels of 2^(exponent / 2) lattice units, or as many of several sizes. None if
+    /// nothing can be projected.
     pub fn bake<S: Source>(&mut self, patch: &BakedPatch<'_>, source: &mut Located<S>, exponent: u32) -> Option<Baked> {
         let sizes = Sizes::of_source(patch, source);
         let exponent = sizes.exponent(patch, exponent, || patch.whole_area() / area_of_texel(exponent));
@@ -77,7 +80,8 @@ impl<'s> Baker<'s> {
         Some(Baked { streams, surfels, is_full })
     }
 
-    /// As [`Baker::bake`], of a patch that may be far from a source: texels show what lies closest to them, and borders what the source does.
+    /// As [`Baker::bake`], of a patch that may be far from a source: texels show what lies closest to them, and borders
+    /// what the source does.
     pub fn bake_closest<S: Source>(
         &mut self,
         patch: &BakedPatch<'_>,
@@ -92,8 +96,9 @@ impl<'s> Baker<'s> {
         Some(Baked { streams, surfels: Surfels::default(), is_full })
     }
 
-    /// As [`Baker::bake_closest`], of a cut that is looked at as closely as its source, but both sides of borders show the mean of what both do.
-    /// `finer` is how much finer its texels are than those of the source, as a power of the root of two.
+    /// As [`Baker::bake_closest`], of a cut that is looked at as closely as its source, but both sides of borders show
+    /// the mean of what both do. `finer` is how much finer its texels are than those of the source, as a power of the
+    /// root of two.
     pub fn bake_cut<S: Source>(
         &mut self,
         patch: &BakedPatch<'_>,
@@ -159,8 +164,8 @@ impl<'s> Baker<'s> {
         Surfels::new(patch, (map, usual), &self.drawn, &self.kept.sums, self.storage)
     }
 
-    /// The map and the image of each channel, and what the outer border should show. `wanted` says what borders should, if colours have no
-    /// opacity.
+    /// The map and the image of each channel, and what the outer border should show. `wanted` says what borders should,
+    /// if colours have no opacity.
     fn streams(
         &mut self,
         patch: &BakedPatch<'_>,
@@ -235,8 +240,8 @@ impl<'s> Baker<'s> {
 #[derive(Clone, Copy)]
 enum Room {
     Usual,
-    /// More, if its texels would be larger than those of the source by more than a little. They are finer than these by a power of the root of two,
-    /// which shows little.
+    /// More, if its texels would be larger than those of the source by more than a little. They are finer than these by
+    /// a power of the root of two, which shows little.
     OfCut {
         finer: u32,
     },

@@ -1,6 +1,7 @@
 //! Borders of the pieces of a map: texels beside a piece are seen there, and nowhere else.
 //!
-//! A patch with a finer neighbour is drawn up to that neighbour's border, which runs a little beside its own: so it is seen there, too.
+//! A patch with a finer neighbour is drawn up to that neighbour's border, which runs a little beside its own: so it is
+//! seen there, too.
 
 use glam::DVec3;
 use lodpack::LatticePoint;
@@ -18,13 +19,15 @@ use lodpack_mesh::NONE;
 const FINENESS: f64 = 2.0;
 /// The most points of an edge.
 const MOST_POINTS: f64 = 65_536.0;
-/// How far inside of its side a point is looked for, in texels: the source may jump at the border, and each side shows its own.
+/// How far inside of its side a point is looked for, in texels: the source may jump at the border, and each side shows
+/// its own.
 const INWARDS: f64 = 0.05;
 /// The same as a share of the triangle, at most.
 const MOST_INWARDS: f64 = 0.3;
 /// The border of finer patches is not looked for further away than the patch may be off, and this many texels.
 const MOST_BESIDE: f64 = 2.0;
-/// Where that border lies more than this many texels beside a point, it is looked at by itself. With 0 as many points differ, for more work.
+/// Where that border lies more than this many texels beside a point, it is looked at by itself. With 0 as many points
+/// differ, for more work.
 const FAR: f64 = 0.25;
 
 /// A place between four texels.
@@ -110,13 +113,15 @@ pub(super) struct Borders {
     edges: Vec<Edge>,
     /// The places of all points along each edge, on each of its sides.
     places: Vec<Place>,
-    /// For each point along edges of the outer border, what lies beside it on the border of finer patches, if these are known.
+    /// For each point along edges of the outer border, what lies beside it on the border of finer patches, if these are
+    /// known.
     beside: Vec<Option<Beside>>,
     /// Texels in a row.
     pub width: usize,
 }
 
-/// Where finer patches end beside a point of the outer border. Beside a finer neighbour this is where the border is seen.
+/// Where finer patches end beside a point of the outer border. Beside a finer neighbour this is where the border is
+/// seen.
 #[derive(Clone, Copy)]
 pub(super) struct Beside {
     pub on: OnOutline,

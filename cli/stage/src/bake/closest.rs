@@ -1,8 +1,8 @@
-//! Texels of what lies closest: where a patch is far from its source, a viewer who looks for a point of the source sees the closest
-//! point of the patch, and a texel is off least if it is the mean of all points for which it is seen.
+//! Texels of what lies closest: where a patch is far from its source, a viewer who looks for a point of the source sees
+//! the closest point of the patch, and a texel is off least if it is the mean of all points for which it is seen.
 //!
-//! A projection along the axis of a piece has each point of the source somewhere on the patch, but not there: beside ridges that were cut
-//! off, and wherever the patch is inclined to the axis, by as much as the patch is far off.
+//! A projection along the axis of a piece has each point of the source somewhere on the patch, but not there: beside
+//! ridges that were cut off, and wherever the patch is inclined to the axis, by as much as the patch is far off.
 
 use glam::DVec3;
 use lodpack::decode::texels::Map;
@@ -24,8 +24,8 @@ const POINTS_OF_CHUNK: f64 = 4_194_304.0;
 pub(super) enum Means {
     /// In linear light, as it adds up for a viewer who is far away.
     Light,
-    /// In square roots of light, which are about what screens encode: for a viewer who is close enough to see two colours in a texel, such a mean
-    /// is off least from both.
+    /// In square roots of light, which are about what screens encode: for a viewer who is close enough to see two
+    /// colours in a texel, such a mean is off least from both.
     Roots,
 }
 
@@ -116,7 +116,8 @@ impl OnMap<'_> {
         self.projections[usize::from(self.map.labels[triangle as usize])].range
     }
 
-    /// The texel of a place in the piece of a triangle: what lies beyond it is taken to its edge, since other pieces lie there.
+    /// The texel of a place in the piece of a triangle: what lies beyond it is taken to its edge, since other pieces
+    /// lie there.
     fn texel(&self, triangle: u32, place: [f64; 2]) -> usize {
         let [low, high] = self.range(triangle);
         let [column, row] = texel_at([0, 1].map(|k| place[k].clamp(low[k], high[k])), self.map.size);
@@ -131,7 +132,8 @@ impl Places for OnMap<'_> {
 
     fn number(&self, triangle: u32, place: [f64; 2]) -> u32 {
         let texel = self.texel(triangle, place);
-        // Also beside the patch: what lies beyond an edge is closest to a point of it, whose texel may have its middle there.
+        // Also beside the patch: what lies beyond an edge is closest to a point of it, whose texel may have its middle
+        // there.
         if self.drawn.is_used[texel] { texel as u32 } else { NOWHERE }
     }
 

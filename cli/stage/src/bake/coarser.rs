@@ -1,7 +1,7 @@
 //! Texels of a patch from those of finer patches, as points of the surface ([`Surfels`]).
 //!
-//! A point belongs where the patch is closest to it: there a viewer of the patch looks for it, and parts of a surface that lie
-//! one above the other do not get each other's colours.
+//! A point belongs where the patch is closest to it: there a viewer of the patch looks for it, and parts of a surface
+//! that lie one above the other do not get each other's colours.
 
 use std::ops::Range;
 
@@ -20,7 +20,8 @@ use crate::certify::{AROUND, Hint, Numbers, TOGETHER};
 use crate::nearest::{Below, Blocks, Finder, Places};
 use lodpack_mesh::NONE;
 
-/// Points stand for squares. Those that are larger than this share of a texel are taken for four, so that no texel between them is left out.
+/// Points stand for squares. Those that are larger than this share of a texel are taken for four, so that no texel
+/// between them is left out.
 const LARGE: f64 = 0.71;
 
 /// The values of all texels that are used, from the texels of finer patches.
@@ -161,8 +162,8 @@ impl Gathering<'_> {
         }
     }
 
-    /// Where those points of a run are shown that are closest to a triangle. Given are the places of the first of some points and of the ones
-    /// of which one number is larger by 1.
+    /// Where those points of a run are shown that are closest to a triangle. Given are the places of the first of some
+    /// points and of the ones of which one number is larger by 1.
     fn target(&self, points: &Lattice<'_>, triangle: u32, [first, others @ ..]: [[f64; 2]; 4]) -> Target {
         let [x, y, z] = others.map(|place| [0, 1].map(|k| (place[k] - first[k]) as f32));
         let share = if self.finder.faces(triangle, points.run.normal) { Weight::even(1.0) } else { self.of_opposite };

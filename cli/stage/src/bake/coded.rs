@@ -12,8 +12,8 @@ use super::storage::{Storage, Stored};
 use lodpack_mesh::srgb::{share_byte, srgb_byte};
 
 impl Storage {
-    /// The image of each channel, of texels that have these values, as [`super::values::Sums`] has them. Texels that are not used may have any
-    /// value afterwards. `memory` serves one image after another.
+    /// The image of each channel, of texels that have these values, as [`super::values::Sums`] has them. Texels that
+    /// are not used may have any value afterwards. `memory` serves one image after another.
     pub(super) fn encode(
         &self,
         map: &Map,
@@ -68,7 +68,8 @@ impl Storage {
     }
 }
 
-/// Codes an image with a step, or exactly if there is none. What is seen of it beside its pieces only counts where something is lost.
+/// Codes an image with a step, or exactly if there is none. What is seen of it beside its pieces only counts where
+/// something is lost.
 fn coded(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, step: u8) -> Vec<u8> {
     match (step, seen) {
         (0, _) => encode_exact_image(image, is_used),
@@ -77,9 +78,10 @@ fn coded(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, step: u8)
     }
 }
 
-/// What quantisation loses of images with much grain, in squares of the step. A twelfth of the brightness is lost where all frequencies have more
-/// than the step; .07 of a photograph, and at most .04 of drawings and letters on what is even. Where colours are noise, .26 is lost, and finer
-/// steps are not worth their bytes: a city's tile would have .09 dB more for 5.8 % more of them.
+/// What quantisation loses of images with much grain, in squares of the step. A twelfth of the brightness is lost where
+/// all frequencies have more than the step; .07 of a photograph, and at most .04 of drawings and letters on what is
+/// even. Where colours are noise, .26 is lost, and finer steps are not worth their bytes: a city's tile would have .09
+/// dB more for 5.8 % more of them.
 const GRAIN: RangeInclusive<f32> = 0.062..=0.15;
 /// How large steps are there. A photograph with much grain has 38.2 dB in place of 37.9, for 4.4 % more bytes.
 const FINER_IN_GRAIN: f64 = 8.0 / 9.0;

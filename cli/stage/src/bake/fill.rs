@@ -1,4 +1,5 @@
-//! Values for texels that nothing was found for: those beside the patch, and those that no sample of the source fell on.
+//! Values for texels that nothing was found for: those beside the patch, and those that no sample of the source fell
+//! on.
 
 use std::collections::HashMap;
 
@@ -17,9 +18,10 @@ const MAX_ROUNDS: usize = 16;
 
 /// The means of all texels that are used, and those of their neighbours where nothing was found.
 ///
-/// Neighbours are those in the same piece, since beside its rectangle lies that of another piece, which shows something else. A piece for which
-/// nothing at all was found takes what the pieces beside it show at the vertices that both have, and where there are none what the closest piece does.
-/// So do texels that have values but lack a number, where nothing was measured.
+/// Neighbours are those in the same piece, since beside its rectangle lies that of another piece, which shows something
+/// else. A piece for which nothing at all was found takes what the pieces beside it show at the vertices that both
+/// have, and where there are none what the closest piece does. So do texels that have values but lack a number, where
+/// nothing was measured.
 pub(super) fn finished(mut sums: Sums<'_>, patch: &BakedPatch<'_>, map: &Map, drawn: &Drawn) -> Kept {
     sums.divide();
     let (stride, labels, numbers) = (sums.stride(), sums.labels(), sums.storage.numbers());

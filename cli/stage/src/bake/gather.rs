@@ -197,8 +197,9 @@ fn add_closest(
     }
 }
 
-/// Texels that need a value, each with its piece: those that are covered, unless they are few, and all of pieces to which nothing was projected, as
-/// happens where a sliver covers no texel's middle or faces the other way. What lies around such a piece may be far away.
+/// Texels that need a value, each with its piece: those that are covered, unless they are few, and all of pieces to
+/// which nothing was projected, as happens where a sliver covers no texel's middle or faces the other way. What lies
+/// around such a piece may be far away.
 fn open_texels(map: &Map, drawn: &Drawn, pieces: &[Projection], sums: &Sums<'_>) -> Vec<(usize, usize)> {
     let is_bare = |texel: usize| drawn.is_covered[texel] && !sums.has(texel);
     let covered = drawn.is_covered.iter().filter(|&&covered| covered).count();

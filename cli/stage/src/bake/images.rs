@@ -40,7 +40,8 @@ impl<Owned: Borrow<ChannelImage>> Images<Owned> {
         Self { all: storage.channels().iter().copied().zip(images).collect(), count: storage.count() }
     }
 
-    /// Appends the values at a place in texels: means over a width in texels, of places within a range; the label there.
+    /// Appends the values at a place in texels: means over a width in texels, of places within a range; the label
+    /// there.
     pub fn sample(&self, place: [f64; 2], range: [[f64; 2]; 2], width: f64, values: &mut Vec<f32>) {
         // Most images are of opaque colours alone.
         if let [(Stored::Colour { components: 3, .. }, image)] = self.all.as_slice()
@@ -84,7 +85,8 @@ impl<Owned: Borrow<ChannelImage>> Images<Owned> {
     }
 }
 
-/// Calls a function for the texels that a place within a range shows, each with its share: those in a square whose width in texels is given.
+/// Calls a function for the texels that a place within a range shows, each with its share: those in a square whose
+/// width in texels is given.
 fn for_each_texel(place: [f64; 2], range: [[f64; 2]; 2], width: f64, mut visit: impl FnMut([u32; 2], f32)) {
     let count = width.ceil().clamp(1.0, MOST_SAMPLES) as u32;
     let offset = |k: u32| ((f64::from(k) + 0.5) / f64::from(count) - 0.5) * width;

@@ -1,5 +1,5 @@
-//! Joins pieces: while they grew, each took what fits it and left the rest to others, in parts of a triangle or two. The borders of such parts
-//! take texels, which must show the same as those on the other side.
+//! Joins pieces: while they grew, each took what fits it and left the rest to others, in parts of a triangle or two.
+//! The borders of such parts take texels, which must show the same as those on the other side.
 
 use glam::DVec3;
 
@@ -107,8 +107,8 @@ impl Pieces {
         all.into_iter().map(|(label, _)| label).collect()
     }
 
-    /// Gives each part of a piece that no edge joins with the rest a piece of its own: where one of two sheets ends before the other, as seen along the
-    /// axis, both would have texels in common.
+    /// Gives each part of a piece that no edge joins with the rest a piece of its own: where one of two sheets ends
+    /// before the other, as seen along the axis, both would have texels in common.
     pub fn divide_apart(&mut self, triangles: &Triangles) {
         let (mut is_known, mut is_found) = (vec![false; self.shapes.len()], vec![false; self.labels.len()]);
         let mut open = vec![];

@@ -1,4 +1,5 @@
-//! Texels sixteen at a time, in loops that compilers turn into vectors. Nothing depends on which of them are handled together.
+//! Texels sixteen at a time, in loops that compilers turn into vectors. Nothing depends on which of them are handled
+//! together.
 
 /// How many texels at a time.
 pub(super) const LANES: usize = 16;
@@ -24,7 +25,8 @@ pub(super) fn least(mut lane: [f32; LANES]) -> f32 {
     lane[0]
 }
 
-/// The largest whole number that is not above a number from 0 to 2^22; anything for other numbers. Conversions saturate, which takes vectors long.
+/// The largest whole number that is not above a number from 0 to 2^22; anything for other numbers. Conversions
+/// saturate, which takes vectors long.
 #[inline(always)]
 pub(super) fn whole(x: f32) -> u32 {
     let rounded = x + SHIFT;

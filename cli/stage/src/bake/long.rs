@@ -1,5 +1,5 @@
-//! Texels that are longer than wide: images that are stretched over a surface have more of their texels along one direction than along the other, as
-//! wood has along a beam.
+//! Texels that are longer than wide: images that are stretched over a surface have more of their texels along one
+//! direction than along the other, as wood has along a beam.
 
 use glam::{DMat3, DVec3};
 use lodpack::write::{LongTexels, texel_size};
@@ -10,8 +10,8 @@ const LONGEST: f64 = 16.0;
 const MOST_COARSER: u8 = 4;
 /// Texels are square where images are stretched by less than this.
 const SHORTEST: f64 = 1.99;
-/// Along the direction in which an image has fewest texels, this share of the square of the usual number is added to that of theirs: a wall in a picture from
-/// above has none, but what is above and below it is not where its texels are.
+/// Along the direction in which an image has fewest texels, this share of the square of the usual number is added to
+/// that of theirs: a wall in a picture from above has none, but what is above and below it is not where its texels are.
 const LEAST: f64 = 0.125;
 /// What one shape of texels shows may take this many times the texels that it would take apart, squared.
 const MOST_MORE: f64 = 6.0;

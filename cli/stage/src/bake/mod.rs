@@ -1,9 +1,10 @@
 //! Baking: gives a patch an image of what the input shows where the patch lies.
 //!
-//! The patch is divided into pieces that can be projected (`pieces`), the pieces are packed into one image ([`lodpack::write::encode_map`]),
-//! and the input's triangles are projected along the same axes (`gather`). So neither side needs texture coordinates, and seams of the
-//! input's textures are not seen by the result. The texels of coarser patches are means of those of finer ones as they were before they
-//! were quantised ([`Surfels`]): each point of the input is looked at once, and nothing is lost twice.
+//! The patch is divided into pieces that can be projected (`pieces`), the pieces are packed into one image
+//! ([`lodpack::write::encode_map`]), and the input's triangles are projected along the same axes (`gather`). So neither
+//! side needs texture coordinates, and seams of the input's textures are not seen by the result. The texels of coarser
+//! patches are means of those of finer ones as they were before they were quantised ([`Surfels`]): each point of the
+//! input is looked at once, and nothing is lost twice.
 //!
 //! [`Baker`] takes these steps in this order:
 //!
@@ -72,7 +73,8 @@ pub use surfels::Surfels;
 pub const MAX_EXPONENT: u32 = 127;
 /// The most texels of a patch.
 pub const MAX_TEXELS: u64 = 1 << 24;
-/// The same of a reduced cut, which is a single patch with a single map: what lies in pieces of few triangles fills a third of it.
+/// The same of a reduced cut, which is a single patch with a single map: what lies in pieces of few triangles fills a
+/// third of it.
 pub const MAX_TEXELS_OF_CUT: u64 = 1 << 25;
 
 /// A patch whose image is wanted.
@@ -86,8 +88,8 @@ pub struct BakedPatch<'a> {
     pub reach: f64,
     /// The areas of its triangles, if colours jump between some.
     pub areas: Option<Areas<'a>>,
-    /// How much finer its texels are than usual, as a power of the root of two. Its steps of quantisation are as much larger: what its texels
-    /// show together is as exact.
+    /// How much finer its texels are than usual, as a power of the root of two. Its steps of quantisation are as much
+    /// larger: what its texels show together is as exact.
     pub finer: u32,
     /// Whether its texels are samples, from which those are made that show colours best between them.
     pub is_sharp: bool,
@@ -157,12 +159,14 @@ pub trait Source {
         false
     }
 
-    /// How fast two coordinates that count texels grow over a triangle, per size of a texel that is not longer than wide.
+    /// How fast two coordinates that count texels grow over a triangle, per size of a texel that is not longer than
+    /// wide.
     fn growth(&self, _triangle: usize) -> Option<[DVec3; 2]> {
         None
     }
 
-    /// Appends the values at points of a triangle: of each point those of all channels. They are means over `footprint` lattice units.
+    /// Appends the values at points of a triangle: of each point those of all channels. They are means over `footprint`
+    /// lattice units.
     fn shade(&mut self, triangle: usize, points: &[Points], footprint: f32, values: &mut Vec<f32>);
 }
 

@@ -65,8 +65,8 @@ pub(super) fn direction_of(shape: &PieceShape) -> DVec3 {
     DVec3::from(shape.axis.map(f64::from)).normalize_or_zero()
 }
 
-/// Divides a patch: a piece grows from the largest triangle that is left, over neighbours that are inclined like it. It never has areas
-/// between which colours jump, nor texels of several sizes.
+/// Divides a patch: a piece grows from the largest triangle that is left, over neighbours that are inclined like it. It
+/// never has areas between which colours jump, nor texels of several sizes.
 pub(super) fn divide(patch: &BakedPatch<'_>, sizes: Sizes) -> Pieces {
     let all: Vec<u32> = (0..patch.triangles.len() as u32).collect();
     let mut pieces = Pieces { shapes: vec![], labels: vec![u16::MAX; patch.triangles.len()], sizes, growths: vec![] };

@@ -5,7 +5,8 @@ use lodpack::decode::texels::{Map, Piece};
 
 use super::BakedPatch;
 
-/// The input is looked for within this multiple of the patch's reach along the axis of a piece, which is inclined to the surface.
+/// The input is looked for within this multiple of the patch's reach along the axis of a piece, which is inclined to
+/// the surface.
 const REACH: f64 = 3.0;
 /// And within this many texels more.
 const REACH_TEXELS: f64 = 1.5;

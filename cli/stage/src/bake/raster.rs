@@ -20,8 +20,8 @@ const SAME_SHEET: f32 = 2.0;
 /// A patch as its map shows it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Drawn {
-    /// For each texel the depth of the patch along the axis of the piece, in texels from the patch's origin; beside the patch that of the nearest texel of it, as
-    /// far as images are read there. NaN elsewhere.
+    /// For each texel the depth of the patch along the axis of the piece, in texels from the patch's origin; beside the
+    /// patch that of the nearest texel of it, as far as images are read there. NaN elsewhere.
     pub depth: Vec<f32>,
     /// How the depth grows along a row and along a column, per texel.
     pub slope: Vec<[f32; 2]>,
@@ -105,7 +105,8 @@ impl Drawn {
         }
     }
 
-    /// Texels beside the patch get the depth of their neighbours, twice: once for interpolation, once where finer borders reach.
+    /// Texels beside the patch get the depth of their neighbours, twice: once for interpolation, once where finer
+    /// borders reach.
     fn widen(&mut self, map: &Map) {
         let width = map.size[0] as usize;
         let (mut rows, mut has, mut is_open): (Vec<Vec<bool>>, _, _) = (vec![], vec![], vec![]);
@@ -148,9 +149,9 @@ impl Drawn {
         has_depth(&self.depth, &mut self.is_used);
     }
 
-    /// The point of the patch that is closest to a point of the source, as far as the patch is as flat there as at the texel of the point: so
-    /// the source is shown where a viewer would look for it, whatever the axis. Points are a place and a depth. A point that is further
-    /// away than `reach` along the axis stays where it is.
+    /// The point of the patch that is closest to a point of the source, as far as the patch is as flat there as at the
+    /// texel of the point: so the source is shown where a viewer would look for it, whatever the axis. Points are a
+    /// place and a depth. A point that is further away than `reach` along the axis stays where it is.
     #[inline]
     pub fn closest(&self, point: Vec3A, [column, row]: [u32; 2], width: usize, reach: f32) -> Vec3A {
         let texel = row as usize * width + column as usize;
@@ -236,8 +237,8 @@ impl Along {
     }
 }
 
-/// Calls a function for the centres of texels that lie in a triangle, row by row; or, with `fineness` 1, for those of their quarters, by their
-/// columns and rows. The triangle may have either winding.
+/// Calls a function for the centres of texels that lie in a triangle, row by row; or, with `fineness` 1, for those of
+/// their quarters, by their columns and rows. The triangle may have either winding.
 pub(super) fn for_each_span(places: [[f64; 2]; 3], size: [u32; 2], fineness: u32, mut visit: impl FnMut(Span)) {
     let [a, b, c] = places;
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);

@@ -1,7 +1,9 @@
-//! What patches show along their outer borders, for the patches above them: those have no input at hand, and know nothing of what lies beyond.
+//! What patches show along their outer borders, for the patches above them: those have no input at hand, and know
+//! nothing of what lies beyond.
 //!
-//! A chart's border shows what the input does. The chart hands that up, and each group hands up what it takes for its own border from its members: the
-//! means over one of its texels. Both sides of an arc then want the same, and so do finer and coarser ones.
+//! A chart's border shows what the input does. The chart hands that up, and each group hands up what it takes for its
+//! own border from its members: the means over one of its texels. Both sides of an arc then want the same, and so do
+//! finer and coarser ones.
 
 use std::collections::{HashMap, HashSet};
 

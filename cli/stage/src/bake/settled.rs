@@ -1,8 +1,9 @@
 //! Texels around points of borders that do not show what they should, found for many points together.
 //!
-//! [`Shown::show_all`](super::shown::Shown::show_all) makes one point right after another. Points share texels: where colours along a border are steep, what is done for one
-//! undoes what was done for the one before, and between points anything may come of it. Here the texels around such points are found at once, by
-//! least squares: those with which all points around, up to four for each texel along the border, are nearest to what they should show while texels
+//! [`Shown::show_all`](super::shown::Shown::show_all) makes one point right after another. Points share texels: where
+//! colours along a border are steep, what is done for one undoes what was done for the one before, and between points
+//! anything may come of it. Here the texels around such points are found at once, by least squares: those with which
+//! all points around, up to four for each texel along the border, are nearest to what they should show while texels
 //! stay near to what they are. Differences count as screens show them.
 
 use super::strip::{Strip, Vector, bounded};
@@ -13,12 +14,13 @@ use lodpack_mesh::srgb::srgb_byte;
 const MOST_BETWEEN: u8 = 5;
 /// And a side that is off by more than this from what both sides of a border should show.
 const MOST_OFF: u8 = 3;
-/// Points that are off by less than this, in linear light, are not looked at closely: at their darkest they differ by less than two of 255.
+/// Points that are off by less than this, in linear light, are not looked at closely: at their darkest they differ by
+/// less than two of 255.
 const SAME: f32 = 0.0005;
 /// Weight of a border point's squared error relative to a texel's squared change.
 const WEIGHT: f32 = 40.0;
-/// Rounds in which texels are found, each from what they are by then. If points that are still off count four times as much in each, these rounds do
-/// not suffice, and more points are off in the end.
+/// Rounds in which texels are found, each from what they are by then. If points that are still off count four times as
+/// much in each, these rounds do not suffice, and more points are off in the end.
 const ROUNDS: usize = 3;
 /// Steps of conjugate gradients for each of these. With 30 files are as large, and borders no better.
 const STEPS: usize = 15;
@@ -97,7 +99,8 @@ impl Joint {
     }
 }
 
-/// Changes texels where borders are still off. Points of which both sides are at hand come first, as [`Shown`](super::shown::Shown) adds them.
+/// Changes texels where borders are still off. Points of which both sides are at hand come first, as
+/// [`Shown`](super::shown::Shown) adds them.
 pub(super) fn settle(joints: &[Joint], values: &mut [Vector]) {
     let Some(mut around) = Around::new(joints, values, |texel| (texel as u32, true)) else { return };
     for round in 1.. {
@@ -117,7 +120,8 @@ pub(super) fn settle(joints: &[Joint], values: &mut [Vector]) {
     }
 }
 
-/// Points of borders that are off and what is around them: all that show texels of these or of those beside them, which are what may change.
+/// Points of borders that are off and what is around them: all that show texels of these or of those beside them, which
+/// are what may change.
 struct Around {
     /// Their texels are numbers in the lists below. Points of which both sides are at hand come first.
     joints: Vec<Joint>,
@@ -158,8 +162,8 @@ impl Around {
         Some(Self { joints, places, values: texels().map(|texel| values[texel]).collect(), may_change })
     }
 
-    /// Changes texels to those with which the squares of all points and of all changes count least, as screens show them. (Conjugate gradients for
-    /// least squares; Hestenes, Stiefel 1952.)
+    /// Changes texels to those with which the squares of all points and of all changes count least, as screens show
+    /// them. (Conjugate gradients for least squares; Hestenes, Stiefel 1952.)
     fn settle(&mut self) {
         // Changes of light for each change that is seen. What does not change has none.
         let scales = self.scales();
@@ -220,8 +224,9 @@ impl Around {
         }
     }
 
-    /// For each texel how much its light changes with what is seen of it, between what it is and about where it will be: where its points need it
-    /// to be, in the mean. Black texels and white ones would else go to black together, since near white little is seen of a change.
+    /// For each texel how much its light changes with what is seen of it, between what it is and about where it will
+    /// be: where its points need it to be, in the mean. Black texels and white ones would else go to black together,
+    /// since near white little is seen of a change.
     fn scales(&self) -> Vec<Vector> {
         let mut needed = vec![(Vector::default(), 0.0); self.values.len()];
         for joint in &self.joints {
@@ -295,7 +300,8 @@ fn squares(values: &[Vector]) -> Vector {
     values.iter().fold(Vector::default(), |sum, &value| zipped(sum, value, |sum, value| sum + value * value))
 }
 
-/// How much linear light changes with what screens show, in the mean between two colours: a change that is seen is about one of the square root.
+/// How much linear light changes with what screens show, in the mean between two colours: a change that is seen is
+/// about one of the square root.
 fn scale(one: f32, other: f32) -> f32 {
     0.5 * (one.max(DARK).sqrt() + other.max(DARK).sqrt())
 }
@@ -308,7 +314,8 @@ mod tests {
     use super::super::{Storage, Stored};
     use super::*;
 
-    /// Two pieces of two by two texels, of which red differs, after they are settled: which of their texels have changed, and what places show.
+    /// Two pieces of two by two texels, of which red differs, after they are settled: which of their texels have
+    /// changed, and what places show.
     fn after(reds: [f32; 2], wanted: &Wanted, places: &[Place]) -> (Vec<usize>, Vec<[f32; 3]>) {
         let (storage, mut strip) = (Storage::new(vec![Stored::Colour { components: 3, step: 1 }]), Strip::default());
         let mut borders = Borders::default();

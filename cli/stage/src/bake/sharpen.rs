@@ -1,8 +1,9 @@
 //! Texels between which readers interpolate with less error.
 //!
-//! A sample at the middle of a texel is exact there, and what readers interpolate between two samples lies on the chord: off by up to an
-//! eighth of the second difference, always to the same side. Texels that are best in the mean square over whole cells are those samples less a
-//! twelfth of their second differences, exactly so where the surface shows a parabola.
+//! A sample at the middle of a texel is exact there, and what readers interpolate between two samples lies on the
+//! chord: off by up to an eighth of the second difference, always to the same side. Texels that are best in the mean
+//! square over whole cells are those samples less a twelfth of their second differences, exactly so where the surface
+//! shows a parabola.
 
 use lodpack::decode::texels::Map;
 
@@ -11,8 +12,8 @@ use super::storage::Storage;
 /// What is taken of a second difference: the mean of x (1 - x) / 2 over a cell.
 const SHARE: f32 = 1.0 / 12.0;
 
-/// Corrects colours without opacity along rows and columns, where the texels on both sides are covered by the patch, too: what lies beyond is
-/// a guess, and the piece on the other side of a border makes another one.
+/// Corrects colours without opacity along rows and columns, where the texels on both sides are covered by the patch,
+/// too: what lies beyond is a guess, and the piece on the other side of a border makes another one.
 pub(super) fn sharpen(map: &Map, is_covered: &[bool], values: &mut [f32], storage: &Storage) {
     let (width, stride) = (map.size[0] as usize, storage.stride());
     let colours = storage.opaque_colours();

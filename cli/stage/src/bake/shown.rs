@@ -1,12 +1,13 @@
 //! Colours along the borders of pieces: the texels on both sides are made to show the same there.
 //!
-//! A reader interpolates between four texels, and on a border some of them lie beside the patch. What these show is seen nowhere but along the
-//! border, so they may have any value. They get those with which the border shows what the source has at it, and so do those of the piece beyond
-//! it, in this patch or in its neighbour. Where there is no source, both sides of a border within the patch show the mean of both, and the outer
-//! border shows what finer patches do ([`Outline`]).
+//! A reader interpolates between four texels, and on a border some of them lie beside the patch. What these show is
+//! seen nowhere but along the border, so they may have any value. They get those with which the border shows what the
+//! source has at it, and so do those of the piece beyond it, in this patch or in its neighbour. Where there is no
+//! source, both sides of a border within the patch show the mean of both, and the outer border shows what finer patches
+//! do ([`Outline`]).
 //!
-//! Point after point does not get everything right. Where both sides of a border within the patch want the same and still differ, or the outer border is
-//! still off, texels are found together with what is around them (`settled`).
+//! Point after point does not get everything right. Where both sides of a border within the patch want the same and
+//! still differ, or the outer border is still off, texels are found together with what is around them (`settled`).
 
 use lodpack::decode::texels::Map;
 
@@ -25,13 +26,14 @@ use lodpack_mesh::{NONE, srgb::srgb_byte};
 
 /// How often each point is made right: points share texels.
 const SWEEPS: usize = 3;
-/// Both sides of a border want the same if their colours differ by at most this, of 255. Where the input jumps along a border, each side keeps its
-/// own: one colour for both costs `hp-mixed-reality` a quarter of a decibel.
+/// Both sides of a border want the same if their colours differ by at most this, of 255. Where the input jumps along a
+/// border, each side keeps its own: one colour for both costs `hp-mixed-reality` a quarter of a decibel.
 const ALIKE: u8 = 4;
-/// How strongly covered texels change, relative to those of which nothing else is seen, where borders show what a source does.
+/// How strongly covered texels change, relative to those of which nothing else is seen, where borders show what a
+/// source does.
 const COVERED: f32 = 0.15;
-/// The same where they show the mean of both sides, which is a guess, or what finer patches show. With .15 images take a quarter more of what means
-/// cost, and as many points of outer borders differ.
+/// The same where they show the mean of both sides, which is a guess, or what finer patches show. With .15 images take
+/// a quarter more of what means cost, and as many points of outer borders differ.
 const COVERED_WITHOUT_SOURCE: f32 = 0.5;
 /// A triangle of the source that is as close to a point, in texels, is close enough.
 const CLOSE: f64 = 0.02;
@@ -236,8 +238,9 @@ impl Shown<'_> {
 }
 
 impl Shown<'_> {
-    /// Adds all points of borders where another piece or patch has to show the same: four for each texel along them within the patch, two beside other patches.
-    /// The number of a channel is given. Points of which both sides are at hand come first.
+    /// Adds all points of borders where another piece or patch has to show the same: four for each texel along them
+    /// within the patch, two beside other patches. The number of a channel is given. Points of which both sides are at
+    /// hand come first.
     pub(super) fn add_joints(&self, wanted: &Wanted, number: usize, strip: &mut Strip, joints: &mut Vec<Joint>) {
         let (width, channels) = (self.borders.width, self.storage.opaque_colours().len());
         joints.reserve(2 * wanted.alike.len() + wanted.alone.len() + wanted.alone_between.len());
@@ -302,8 +305,9 @@ impl Spread {
     }
 }
 
-/// Takes a mean over each three points that lie one after another on an edge, but not at its ends, which belong to other edges, too. What changes
-/// from one point to the next texels cannot show, and both sides of a border would miss it in different ways.
+/// Takes a mean over each three points that lie one after another on an edge, but not at its ends, which belong to
+/// other edges, too. What changes from one point to the next texels cannot show, and both sides of a border would miss
+/// it in different ways.
 fn smooth(points: &mut [[f32; 3]], channels: usize) {
     let before = points.to_vec();
     for (at, point) in points.iter_mut().enumerate().skip(channels) {

@@ -81,7 +81,8 @@ fn points_of_the_source_are_shown_where_the_patch_is_closest_to_them() {
 
 #[test]
 fn a_texel_has_the_label_of_most_of_it_and_none_between() {
-    // A plane whose left three quarters are of class 3, the others of class 900; texels of 2 lie across the border at 151.
+    // A plane whose left three quarters are of class 3, the others of class 900; texels of 2 lie across the border
+    // at 151.
     let class = |x: f64| if x < 151.0 { 3.0 } else { 900.0 };
     let quad = |[left, right]: [f64; 2]| {
         let [a, b, c, d] = [[left, 0.0, 0.0], [right, 0.0, 0.0], [right, 100.0, 0.0], [left, 100.0, 0.0]];
@@ -134,7 +135,8 @@ impl Source for Coloured {
 
 #[test]
 fn nothing_is_blurred_over_a_line_at_which_colours_jump() {
-    // A plane, half of which is 100 and half 900, but that the line of the source lies a third of a texel beside that of the patch.
+    // A plane, half of which is 100 and half 900, but that the line of the source lies a third of a texel beside that
+    // of the patch.
     let at = |x: f64| [[x, 0.0, 0.0], [x, 200.0, 0.0]];
     let quad = |left: f64, right: f64, number: f32| {
         let ([a, d], [b, c]) = (at(left), at(right));

@@ -19,8 +19,8 @@ const ROUNDED: f64 = 1.01;
 /// What texels each triangle of a patch has.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sizes {
-    /// How much larger they are than the smallest, as a power of the root of two; empty if all are alike. Sizes differ by powers of two: pieces of images
-    /// end where sizes do.
+    /// How much larger they are than the smallest, as a power of the root of two; empty if all are alike. Sizes differ
+    /// by powers of two: pieces of images end where sizes do.
     pub larger: Vec<u8>,
     /// How fast what they show grows in each direction, per texel that is not longer than wide; empty if none is.
     pub growths: Vec<Growth>,
@@ -83,8 +83,8 @@ impl Sizes {
         Self { larger, growths }
     }
 
-    /// How large the smallest texels must be, as a power of the root of two, so that the patch has about as many as are `wanted`; `before` if all are
-    /// alike, when their number is not asked for.
+    /// How large the smallest texels must be, as a power of the root of two, so that the patch has about as many as are
+    /// `wanted`; `before` if all are alike, when their number is not asked for.
     pub fn exponent(&self, patch: &BakedPatch<'_>, before: u32, wanted: impl FnOnce() -> f64) -> u32 {
         if self.larger.is_empty() {
             return before;
@@ -117,8 +117,8 @@ pub fn area_of_texel(exponent: u32) -> f64 {
     size * size
 }
 
-/// By how much texels are larger that may be `times` times as large, as a power of the root of two: sizes differ by powers of two, so that pieces are
-/// few.
+/// By how much texels are larger that may be `times` times as large, as a power of the root of two: sizes differ by
+/// powers of two, so that pieces are few.
 pub fn larger(times: f64) -> u8 {
     let mut larger = 0;
     while larger < MOST_LARGER && texel_size(u32::from(larger) + 2) <= times {

@@ -5,8 +5,8 @@ use super::lanes::{LANES, whole};
 /// What a channel means, and how its values are stored.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stored {
-    /// A colour in linear light: three values, or four with straight opacity. Texels have as many components, as screens encode them,
-    /// quantised with a step, of 255.
+    /// A colour in linear light: three values, or four with straight opacity. Texels have as many components, as
+    /// screens encode them, quantised with a step, of 255.
     Colour {
         /// 3 or 4.
         components: u8,
@@ -69,9 +69,11 @@ pub struct Storage {
     pub(super) channels: Vec<Stored>,
     /// Values of a point.
     pub(super) count: usize,
-    /// Weights of a texel: that of all samples, for each scalar that of samples which have it, and for each label its lead.
+    /// Weights of a texel: that of all samples, for each scalar that of samples which have it, and for each label its
+    /// lead.
     pub(super) weights: usize,
-    /// Whether there is nothing but one colour without opacity, as in most files: then a texel is four numbers, which are handled at once.
+    /// Whether there is nothing but one colour without opacity, as in most files: then a texel is four numbers, which
+    /// are handled at once.
     pub(super) is_plain: bool,
 }
 
@@ -133,8 +135,8 @@ impl Storage {
         }
     }
 
-    /// Appends the values of a point in fewer bytes: colours in 16 bits of linear light, which is as fine as 12 bits of sRGB where it is
-    /// dark, and what lies between -1 and 1 in 16 bits. Numbers stay what they are.
+    /// Appends the values of a point in fewer bytes: colours in 16 bits of linear light, which is as fine as 12 bits of
+    /// sRGB where it is dark, and what lies between -1 and 1 in 16 bits. Numbers stay what they are.
     pub(super) fn pack(&self, values: &[f32], packed: &mut Vec<u8>) {
         let mut rest = values;
         for channel in &self.channels {

@@ -1,4 +1,5 @@
-//! The texels of a map that its borders show, side by side: in the map they lie far apart, and they are looked at many times.
+//! The texels of a map that its borders show, side by side: in the map they lie far apart, and they are looked at many
+//! times.
 
 use super::storage::Storage;
 use lodpack_mesh::NONE;
@@ -32,7 +33,8 @@ impl Strip {
         *number
     }
 
-    /// The numbers of the four texels of a place, of each of which its share is given. Those of which nothing is shown are any of the others.
+    /// The numbers of the four texels of a place, of each of which its share is given. Those of which nothing is shown
+    /// are any of the others.
     #[inline]
     pub fn of_place(&mut self, texels: [(usize, f32); 4]) -> [(u32, f32); 4] {
         let shown = texels.iter().find(|(_, share)| *share != 0.0).map_or(texels[0].0, |(texel, _)| *texel);

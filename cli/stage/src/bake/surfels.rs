@@ -1,4 +1,5 @@
-//! Texels as points of the surface: images of coarser patches are made of them, as they were before they were quantised.
+//! Texels as points of the surface: images of coarser patches are made of them, as they were before they were
+//! quantised.
 
 use glam::{DVec3, Vec3};
 use lodpack::decode::texels::Map;
@@ -13,7 +14,8 @@ use super::storage::Storage;
 /// Texels along each side of a run.
 pub(super) const SIDE: usize = LANES;
 
-/// The covered texels of a patch, in few bytes: the input has billions of them, and those of a group's members wait for one another.
+/// The covered texels of a patch, in few bytes: the input has billions of them, and those of a group's members wait for
+/// one another.
 #[derive(Clone, Debug, Default)]
 pub struct Surfels {
     pub(super) runs: Vec<Run>,

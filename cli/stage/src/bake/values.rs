@@ -29,7 +29,8 @@ impl Weight {
     }
 }
 
-/// Counts a vote for a label (Boyer and Moore 1981, "MJRTY"): what has more than half of the weight wins, whatever the order.
+/// Counts a vote for a label (Boyer and Moore 1981, "MJRTY"): what has more than half of the weight wins, whatever the
+/// order.
 fn vote(winner: &mut f32, lead: &mut f32, label: f32, weight: f32) {
     if *winner == label {
         *lead += weight;
@@ -40,7 +41,8 @@ fn vote(winner: &mut f32, lead: &mut f32, label: f32, weight: f32) {
     }
 }
 
-/// Weighted sums of values by texel. Colours are weighted with their opacity, missing scalars do not count, and labels are voted for.
+/// Weighted sums of values by texel. Colours are weighted with their opacity, missing scalars do not count, and labels
+/// are voted for.
 pub(super) struct Sums<'a> {
     pub storage: &'a Storage,
     pub kept: Kept,
@@ -125,7 +127,8 @@ impl<'a> Sums<'a> {
         }
     }
 
-    /// Replaces sums of square roots of colours without opacity by those of colours whose mean has the mean of the roots.
+    /// Replaces sums of square roots of colours without opacity by those of colours whose mean has the mean of the
+    /// roots.
     pub fn square_means(&mut self) {
         let Storage { count, .. } = *self.storage;
         let colours = self.storage.opaque_colours();

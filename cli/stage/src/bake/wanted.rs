@@ -39,7 +39,8 @@ impl Wanted {
         self.outer_edges.push((edge.ends(), edge.points().count() as u32));
     }
 
-    /// Notes which points of a side of an outer edge have to show what is wanted. Those are the last ones that were noted.
+    /// Notes which points of a side of an outer edge have to show what is wanted. Those are the last ones that were
+    /// noted.
     pub fn add_alone(&mut self, side: EdgeSide<'_>) {
         let count = side.edge().points().count();
         let points = &self.outer_points[self.outer_points.len() - count..];

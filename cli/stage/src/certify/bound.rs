@@ -27,9 +27,9 @@ const INFLATE: f64 = 1e-12;
 const INFLATE_REACH: f64 = 1e-13;
 /// Added as well, because squares of anything smaller underflow.
 const INFLATE_TINY: f64 = 1e-150;
-/// Queries and cuts after which a search ends, whatever its limit: this many, plus the number below for each triangle of both
-/// surfaces. Scans and parts take less than a tenth of that. A surface that takes more is folded or intersects itself
-/// within the tolerance; its bound stays valid but is looser than asked for.
+/// Queries and cuts after which a search ends, whatever its limit: this many, plus the number below for each triangle
+/// of both surfaces. Scans and parts take less than a tenth of that. A surface that takes more is folded or intersects
+/// itself within the tolerance; its bound stays valid but is looser than asked for.
 pub(super) const MOST_WORK: u64 = 60_000;
 const MOST_WORK_PER_TRIANGLE: u64 = 40;
 /// Queries and cuts that [`Search::exceeding`] spends on one triangle at most.
@@ -121,7 +121,8 @@ pub(super) struct Search<'a> {
     work_limit: u64,
 }
 
-/// A squared distance between points whose coordinates, relative to some point, are at most `reach`, with every rounding error.
+/// A squared distance between points whose coordinates, relative to some point, are at most `reach`, with every
+/// rounding error.
 pub(super) fn inflated(square: f64, reach: f64) -> f64 {
     square.sqrt() * (1.0 + INFLATE) + INFLATE_REACH * reach + INFLATE_TINY
 }
@@ -459,7 +460,8 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Those of some triangles of `from`, by slot, that are not proven to be within the threshold, ascending, as the caller numbered them.
+    /// Those of some triangles of `from`, by slot, that are not proven to be within the threshold, ascending, as the
+    /// caller numbered them.
     pub(super) fn exceeding_among(mut self, slots: impl Iterator<Item = u32>, work_limit: u64) -> Vec<u32> {
         let (mut found, mut left) = (Vec::new(), work_limit);
         for slot in slots {
@@ -473,7 +475,8 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Whether one subtriangle is not proven to be within the threshold. Takes what that costs from the work that is left.
+    /// Whether one subtriangle is not proven to be within the threshold. Takes what that costs from the work that is
+    /// left.
     fn exceeds(&mut self, bound: f64, subtriangle: Subtriangle, left: &mut u64) -> bool {
         // Squares on the diagonal are distances of vertices, which no cut can lower.
         if (0..3).any(|i| subtriangle.squares[i][i] > self.threshold) {

@@ -23,7 +23,8 @@ const WIDEN: f32 = 5e-7;
 const SLACK: f64 = 1.0 + 1e-5;
 /// Entries of the traversal stack: three for each of at most 16 levels, plus one.
 const STACK: usize = 64;
-/// The radius of a [`Near`] as a share of a difference of distances: a half, less than which rounding errors are far smaller.
+/// The radius of a [`Near`] as a share of a difference of distances: a half, less than which rounding errors are far
+/// smaller.
 const STEADY: f64 = 0.499_999;
 /// Larger sets are refused, because the traversal stack is sized for this many.
 const MAX_TRIANGLES: usize = 1 << 28;
@@ -87,7 +88,8 @@ impl Hint {
     }
 }
 
-/// A ball in which one triangle is closest to all points: its radius is half of how much farther its centre is from all others.
+/// A ball in which one triangle is closest to all points: its radius is half of how much farther its centre is from all
+/// others.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Near {
     centre: DVec3,
@@ -219,7 +221,8 @@ impl TriangleBvh {
         }
     }
 
-    /// The triangle closest to `point`, or the one where the last query ended if that is not farther than `enough`; [`NONE`] if the surface is empty.
+    /// The triangle closest to `point`, or the one where the last query ended if that is not farther than `enough`;
+    /// [`NONE`] if the surface is empty.
     pub fn close(&self, point: DVec3, enough: f64, hint: &mut Hint) -> u32 {
         let local = point - self.origin;
         let is_enough = |triangle: &PreparedTriangle| triangle.distance_squared(local) <= enough * enough;

@@ -1,8 +1,8 @@
 //! Surfaces of several parts, such as a chart of small parts of a scene and its drawn level: part by part.
 //!
-//! A map from the finer surface onto the coarser exists for all of it or not at all, and where parts touch, a vertex is often nearest
-//! to the wrong one. Each part on its own is bounded as a chart of its own would be. The largest of the bounds holds for all together:
-//! every point of a part has a point of its partner near it.
+//! A map from the finer surface onto the coarser exists for all of it or not at all, and where parts touch, a vertex is
+//! often nearest to the wrong one. Each part on its own is bounded as a chart of its own would be. The largest of the
+//! bounds holds for all together: every point of a part has a point of its partner near it.
 
 use std::sync::{Arc, OnceLock};
 
@@ -44,12 +44,13 @@ struct Parts {
     numbers: Vec<u32>,
 }
 
-/// Two surfaces that are compared: as a whole, or part by part where both have several parts that correspond. What has been found of a
-/// part is kept from one question to the next. It is meant for surfaces of the same topology whose borders correspond, such as a chart and its
-/// drawn level.
+/// Two surfaces that are compared: as a whole, or part by part where both have several parts that correspond. What has
+/// been found of a part is kept from one question to the next. It is meant for surfaces of the same topology whose
+/// borders correspond, such as a chart and its drawn level.
 pub struct Comparison {
     pairs: Vec<Pair>,
-    /// Of each vertex of the coarser surface which one of the finer it was; [`NONE`] if none. Empty if nothing is known.
+    /// Of each vertex of the coarser surface which one of the finer it was; [`NONE`] if none. Empty if nothing is
+    /// known.
     was: Vec<u32>,
     /// A distance that occurs between parts, and where.
     lower: (f64, DVec3),
@@ -70,8 +71,8 @@ struct Pair {
 }
 
 impl Comparison {
-    /// `pairing` says how the borders correspond; `fine` should have the smaller triangles. `was` says of each vertex of the coarser surface
-    /// which one of the finer it was, or [`NONE`]; it is empty if unknown.
+    /// `pairing` says how the borders correspond; `fine` should have the smaller triangles. `was` says of each vertex
+    /// of the coarser surface which one of the finer it was, or [`NONE`]; it is empty if unknown.
     pub fn new(fine: &Surface, coarse: &Surface, pairing: &BorderPairing, was: Vec<u32>) -> Self {
         let is_closed = pairing.is_empty();
         let points = || pairing.iter().flatten();
@@ -95,8 +96,8 @@ impl Comparison {
         self.pairs.len()
     }
 
-    /// Bounds the Hausdorff distance like [`super::two_sided`]: in several parts by the largest distance between two that correspond, which
-    /// may be more (also in `lower`).
+    /// Bounds the Hausdorff distance like [`super::two_sided`]: in several parts by the largest distance between two
+    /// that correspond, which may be more (also in `lower`).
     pub fn two_sided(&mut self, options: &CertifyOptions) -> Bound {
         let mut options = CertifyOptions { lower: options.lower.max(self.lower.0), ..options.clone() };
         let bounds = self.pairs.iter_mut().map(|pair| {
@@ -108,7 +109,8 @@ impl Comparison {
         bounds.fold(Bound { lower, upper: lower, worst, work: 0 }, Bound::or_worse)
     }
 
-    /// Squared distances of every `stride`-th vertex of the finer surface from the coarser one, or from the part that corresponds.
+    /// Squared distances of every `stride`-th vertex of the finer surface from the coarser one, or from the part that
+    /// corresponds.
     pub fn squares(&self, stride: usize) -> Vec<f64> {
         let mut squares = vec![];
         for pair in &self.pairs {
@@ -130,8 +132,8 @@ impl Comparison {
         squares
     }
 
-    /// The triangles of the finer surface, ascending, at which one surface is not proven to lie within `target` of the other; `work_limit`
-    /// is that of [`super::exceeding`].
+    /// The triangles of the finer surface, ascending, at which one surface is not proven to lie within `target` of the
+    /// other; `work_limit` is that of [`super::exceeding`].
     pub fn exceeding(&mut self, target: f64, work_limit: u64) -> Vec<u32> {
         let is_open = |pair: &&mut Pair| pair.known.is_none_or(|bound| bound.upper > target);
         let mut found: Vec<u32> =
@@ -268,7 +270,8 @@ impl Pair {
     }
 }
 
-/// The pairs of parts that correspond, those with a border first, and a distance that occurs between two; none if they do not.
+/// The pairs of parts that correspond, those with a border first, and a distance that occurs between two; none if they
+/// do not.
 fn pairs_of(
     surfaces: [&Surface; 2],
     (of_fine, of_coarse): (Parts, Parts),
@@ -304,7 +307,8 @@ impl Part {
         Surface::new(&self.positions, &self.triangles)
     }
 
-    /// A distance that occurs between two parts, and where: by how much the box of one reaches beyond that of the other.
+    /// A distance that occurs between two parts, and where: by how much the box of one reaches beyond that of the
+    /// other.
     fn beyond(&self, other: &Self) -> (f64, DVec3) {
         let mut most = (0.0, DVec3::ZERO);
         for (one, other) in [(self, other), (other, self)] {

@@ -2,9 +2,10 @@
 //!
 //! # Why the bound holds
 //!
-//! Two sets of triangles whose oriented boundaries are the same are seen from a direction in which all of their triangles face up. How many of a
-//! set's triangles lie over a point is then how often its boundary winds around the point, and that is the same for both. So both cover the
-//! same points, whatever else is known of them, and over each point both have heights between the least and the largest one of a vertex.
+//! Two sets of triangles whose oriented boundaries are the same are seen from a direction in which all of their
+//! triangles face up. How many of a set's triangles lie over a point is then how often its boundary winds around the
+//! point, and that is the same for both. So both cover the same points, whatever else is known of them, and over each
+//! point both have heights between the least and the largest one of a vertex.
 
 use glam::DVec3;
 
@@ -68,7 +69,8 @@ fn edges([a, b, c]: [u32; 3]) -> [([u32; 2], bool); 3] {
     [[a, b], [b, c], [c, a]].map(|[from, to]| ([from.min(to), from.max(to)], from < to))
 }
 
-/// Sets of triangles of which neighbours face alike, in whichever set they are. Each has the numbers of its triangles, ascending.
+/// Sets of triangles of which neighbours face alike, in whichever set they are. Each has the numbers of its triangles,
+/// ascending.
 fn regions(triangles: &[Facing]) -> Vec<Vec<usize>> {
     let mut beside: Vec<([u32; 2], u32)> = vec![];
     for (number, Facing { corners, .. }) in (0..).zip(triangles) {
@@ -94,7 +96,8 @@ fn regions(triangles: &[Facing]) -> Vec<Vec<usize>> {
     found.chunk_by(|one, other| one.0 == other.0).map(|some| some.iter().map(|&(_, t)| t).collect()).collect()
 }
 
-/// The difference of heights in a region; none if its triangles do not all face up, or have other boundaries in the two sets.
+/// The difference of heights in a region; none if its triangles do not all face up, or have other boundaries in the two
+/// sets.
 fn height(members: &[&Facing], place: impl Fn(u32) -> DVec3) -> Option<f64> {
     let areas: Option<Vec<DVec3>> = members.iter().map(|triangle| triangle.doubled_area).collect();
     let (areas, up) = areas.and_then(|areas| areas.iter().sum::<DVec3>().try_normalize().map(|up| (areas, up)))?;
@@ -120,7 +123,8 @@ fn height(members: &[&Facing], place: impl Fn(u32) -> DVec3) -> Option<f64> {
 pub(super) mod tests {
     use super::*;
 
-    /// A fan around the middle of a polygon with the given number of corners on a circle; the middle is the last vertex.
+    /// A fan around the middle of a polygon with the given number of corners on a circle; the middle is the last
+    /// vertex.
     pub fn cap(count: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         // Without sines, which differ between machines.
         let corner = |k: u32| {

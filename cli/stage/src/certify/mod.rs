@@ -14,8 +14,9 @@
 //! * `closest`: distance to one triangle. `bvh`: [`TriangleBvh`], closest-point queries. `subtriangle`: a subtriangle
 //!   and its cut.
 //! * `bound`: the search. `drape`: where the borders of two surfaces correspond, a map from the finer surface onto the
-//!   coarser settles nearly everything beforehand. `by_part`: [`Comparison`], part by part where there are several; `unchanged`: parts
-//!   of which most stays as it is, `flat`: or is triangulated otherwise; `surface`: what is compared. `plates`: flat sides of which that is not known.
+//!   coarser settles nearly everything beforehand. `by_part`: [`Comparison`], part by part where there are several;
+//!   `unchanged`: parts of which most stays as it is, `flat`: or is triangulated otherwise; `surface`: what is
+//!   compared. `plates`: flat sides of which that is not known.
 
 mod bound;
 mod bvh;

@@ -1,17 +1,20 @@
-//! Plates: neighbouring triangles that lie nearly in one plane and have a nearly convex outline, such as the cap of a cylinder.
+//! Plates: neighbouring triangles that lie nearly in one plane and have a nearly convex outline, such as the cap of a
+//! cylinder.
 //!
-//! Two triangulations of a cap cross each other many times, and each crossing would take a cut. A plate settles a triangle beside it as
-//! one triangle would: by three distances.
+//! Two triangulations of a cap cross each other many times, and each crossing would take a cut. A plate settles a
+//! triangle beside it as one triangle would: by three distances.
 //!
 //! # Why the bound holds
 //!
-//! The outline is the boundary of all triangles of the plate together, modulo two, and one closed curve. Look at it from above. Its
-//! corners on the convex hull come in the order of the hull, and between two of them it stays within the *dent* of the hull's edge.
-//! So it can be moved onto the hull without leaving these strips, and every point of the hull outside of them is enclosed an odd number
-//! of times, which means that a triangle lies over it. A point of a strip has a point of the outline within the dent, since the outline
-//! passes along the whole edge. So every point of the hull has a point of the plate within the dent beside it, at one of the plate's
-//! heights. A point's distance from the hull, plus the dent, and the most that its height differs from one of these, are two sides of
-//! a right triangle whose third side bounds its distance from the plate. All of this is convex, so over a triangle it is largest at a corner.
+//! The outline is the boundary of all triangles of the plate together, modulo two, and one closed curve. Look at it
+//! from above. Its corners on the convex hull come in the order of the hull, and between two of them it stays within
+//! the *dent* of the hull's edge. So it can be moved onto the hull without leaving these strips, and every point of the
+//! hull outside of them is enclosed an odd number of times, which means that a triangle lies over it. A point of a
+//! strip has a point of the outline within the dent, since the outline passes along the whole edge. So every point of
+//! the hull has a point of the plate within the dent beside it, at one of the plate's heights. A point's distance from
+//! the hull, plus the dent, and the most that its height differs from one of these, are two sides of a right triangle
+//! whose third side bounds its distance from the plate. All of this is convex, so over a triangle it is largest at a
+//! corner.
 
 use glam::{DVec2, DVec3};
 
@@ -168,8 +171,8 @@ impl Plate {
     }
 }
 
-/// The vertices around some triangles, in order; none unless their boundary is one closed curve that passes each of its vertices once. `across` has
-/// the half-edge on the other side of each edge.
+/// The vertices around some triangles, in order; none unless their boundary is one closed curve that passes each of its
+/// vertices once. `across` has the half-edge on the other side of each edge.
 fn outline(surface: &TriangleBvh, across: &[[u32; 3]], slots: &[usize]) -> Option<Vec<u32>> {
     let mut sorted = slots.to_vec();
     sorted.sort_unstable();
@@ -203,8 +206,8 @@ fn outline(surface: &TriangleBvh, across: &[[u32; 3]], slots: &[usize]) -> Optio
     (outline.len() == edges.len()).then_some(outline)
 }
 
-/// The corners of the convex hull of some points, counter-clockwise (Andrew, "Another efficient algorithm for convex hulls in two
-/// dimensions", 1979).
+/// The corners of the convex hull of some points, counter-clockwise (Andrew, "Another efficient algorithm for convex
+/// hulls in two dimensions", 1979).
 fn convex_hull(points: &[DVec2]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     let place = |i: usize| (points[i].x, points[i].y);
@@ -240,7 +243,8 @@ mod tests {
     use super::super::{CertifyOptions, two_sided};
     use super::*;
 
-    /// A prism of `count` sides and a height of 3, whose caps are fans around the corner `apex` of each, moved by what `moved` says.
+    /// A prism of `count` sides and a height of 3, whose caps are fans around the corner `apex` of each, moved by what
+    /// `moved` says.
     fn prism(count: u32, apex: u32, moved: impl Fn(u32) -> DVec3) -> TriangleBvh {
         // Corners of a circle without sines, which differ between machines.
         let corner = |i: u32| {

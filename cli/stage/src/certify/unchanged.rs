@@ -1,8 +1,9 @@
-//! Parts of which most is drawn as it is, up to the rounding of coordinates: in a scene of small parts that is nearly all.
+//! Parts of which most is drawn as it is, up to the rounding of coordinates: in a scene of small parts that is nearly
+//! all.
 //!
-//! A triangle whose vertices are those of a drawn one moves by at most as much as these do, and so does every point of the drawn one. What
-//! is triangulated otherwise lies where it was, before its vertices moved ([`Flat`]). What is left of both parts is bounded by itself: that
-//! holds whatever is near it, since it leaves out only what might be nearer.
+//! A triangle whose vertices are those of a drawn one moves by at most as much as these do, and so does every point of
+//! the drawn one. What is triangulated otherwise lies where it was, before its vertices moved ([`Flat`]). What is left
+//! of both parts is bounded by itself: that holds whatever is near it, since it leaves out only what might be nearer.
 
 use std::cell::OnceCell;
 
@@ -31,7 +32,8 @@ pub(super) struct Corresponding<'a> {
 }
 
 impl Corresponding<'_> {
-    /// Of each vertex of the coarser part which one of the finer it is, at a squared distance of at most `enough`, and the largest of these.
+    /// Of each vertex of the coarser part which one of the finer it is, at a squared distance of at most `enough`, and
+    /// the largest of these.
     fn same_vertices(&self, enough: f64) -> (Vec<u32>, f64) {
         let mut moved = 0.0f64;
         let mut is_at = |was: u32, position: &DVec3| {
@@ -71,8 +73,8 @@ pub(super) struct Unchanged {
 }
 
 impl Unchanged {
-    /// Which triangles of two parts are the same, and a bound of their distance; none if too few are. No vertex counts as the same that moves
-    /// by more than `options` allow without a closer look.
+    /// Which triangles of two parts are the same, and a bound of their distance; none if too few are. No vertex counts
+    /// as the same that moves by more than `options` allow without a closer look.
     pub(super) fn new(parts: &Corresponding<'_>, options: &CertifyOptions) -> Option<(Self, Bound)> {
         let Corresponding { fine, coarse, .. } = parts;
         let enough = options.floor.max(options.target.unwrap_or(0.0)).max(options.lower);
@@ -124,8 +126,8 @@ impl Unchanged {
         Some((Self { is, changed }, bound))
     }
 
-    /// Adds squared distances of some vertices of the finer part from the coarser one: from the triangles around the vertex that it is
-    /// drawn as, or from those that are new.
+    /// Adds squared distances of some vertices of the finer part from the coarser one: from the triangles around the
+    /// vertex that it is drawn as, or from those that are new.
     pub(super) fn squares(
         &self,
         [fine, coarse]: [Surface<'_>; 2],
@@ -227,8 +229,8 @@ mod tests {
         assert!((0.1..0.22).contains(&far.upper), "{far:?}");
     }
 
-    /// A prism with 24 sides whose caps are fans around their middles, and one whose caps are fans around a corner: that is where the middles have
-    /// gone. Corners of the latter are moved by so much.
+    /// A prism with 24 sides whose caps are fans around their middles, and one whose caps are fans around a corner:
+    /// that is where the middles have gone. Corners of the latter are moved by so much.
     fn prisms(by: f64) -> (Mesh, Mesh, Vec<u32>) {
         let (bottom, fan) = cap(24);
         let two =

@@ -13,8 +13,9 @@ const SAME_PLANE: f64 = 0.25;
 pub const NOWHERE: u32 = u32::MAX;
 /// A flag beside the number of a texel: its triangle faces the other way.
 pub const OPPOSITE: u32 = 1 << 31;
-/// Weight of a point whose closest triangle faces the other way. A viewer of one side of a sheet does not see the other one, but a judge who asks what is
-/// shown close to a point does; and where nothing else is closest to a texel, it shows that.
+/// Weight of a point whose closest triangle faces the other way. A viewer of one side of a sheet does not see the other
+/// one, but a judge who asks what is shown close to a point does; and where nothing else is closest to a texel, it
+/// shows that.
 pub const SHARE_OF_OPPOSITE: f32 = 0.3;
 
 /// Where points of a patch lie in images.
@@ -31,7 +32,8 @@ pub trait Places: Sync {
 
 /// What is closest to the points of a block.
 pub enum Below {
-    /// One triangle: straight above or below it they all lie, or above others that lie in its plane and have their places with it.
+    /// One triangle: straight above or below it they all lie, or above others that lie in its plane and have their
+    /// places with it.
     One(u32),
     /// One of these, or any at all.
     Any(Option<Around>),
@@ -112,7 +114,8 @@ impl<'a, P: Places> Finder<'a, P> {
         }
     }
 
-    /// What is closest to each of the points of a triangle, [`OPPOSITE`] if it faces the other way, and the sum of squares of distances.
+    /// What is closest to each of the points of a triangle, [`OPPOSITE`] if it faces the other way, and the sum of
+    /// squares of distances.
     pub fn find(&self, corners: [DVec3; 3], rows: &Rows) -> (Vec<u32>, f64) {
         let (mut texels, mut squares) = (vec![NOWHERE; rows.count()], 0.0);
         let normal = doubled_area(corners);
@@ -155,8 +158,9 @@ impl<'a, P: Places> Finder<'a, P> {
         }
     }
 
-    /// Of some triangles the one that is closest to all points within corners, as far as that is easily seen: they lie straight above it or below it, and
-    /// the others lie on the other side of its plane. Where several lie in one plane and have their places together, any of them does.
+    /// Of some triangles the one that is closest to all points within corners, as far as that is easily seen: they lie
+    /// straight above it or below it, and the others lie on the other side of its plane. Where several lie in one plane
+    /// and have their places together, any of them does.
     fn below(&self, around: &Around, corners: &[DVec3]) -> Option<u32> {
         let numbers = || self.bvh.numbers(around);
         let first = numbers().next()?;
@@ -187,7 +191,8 @@ impl<'a, P: Places> Finder<'a, P> {
         self.normals[triangle as usize] != DVec3::ZERO && (0..3).all(is_inside)
     }
 
-    /// Whether a triangle is farther than another one from points straight above that or below it, since it lies on the other side of its plane.
+    /// Whether a triangle is farther than another one from points straight above that or below it, since it lies on the
+    /// other side of its plane.
     fn is_beyond(&self, other: u32, triangle: u32, points: &[DVec3]) -> bool {
         let ([low, high], [least, most]) =
             (self.heights(triangle, points), self.heights(triangle, &self.corners(other)));
@@ -217,8 +222,8 @@ impl<'a, P: Places> Finder<'a, P> {
         self.triangles[triangle as usize].map(|corner| self.positions[corner as usize])
     }
 
-    /// Notes the texels of a block of points to all of which one triangle is closest ([`Below::One`]): points of a row are evenly spaced.
-    /// Returns the sum of squares of their distances.
+    /// Notes the texels of a block of points to all of which one triangle is closest ([`Below::One`]): points of a row
+    /// are evenly spaced. Returns the sum of squares of their distances.
     fn add_block(&self, rows: &Rows, block: &Block, triangle: u32, of_source: DVec3, texels: &mut [u32]) -> f64 {
         let side = self.side(triangle, of_source);
         let (corner, up) = (self.corners(triangle)[0], self.normals[triangle as usize].normalize_or_zero());

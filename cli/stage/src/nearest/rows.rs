@@ -1,4 +1,5 @@
-//! Points of a triangle in rows, and blocks of them: where one triangle of another surface is closest to all of a block, it is looked for once.
+//! Points of a triangle in rows, and blocks of them: where one triangle of another surface is closest to all of a
+//! block, it is looked for once.
 
 use std::ops::Range;
 
@@ -151,7 +152,8 @@ impl Rows {
         self.place(self.up(row), (column as f64 + 0.5) / f64::from(self.rows[row].count))
     }
 
-    /// For each row of a block the number of its first point, the places of this one and of the next one, and how many there are.
+    /// For each row of a block the number of its first point, the places of this one and of the next one, and how many
+    /// there are.
     pub fn in_rows<'a>(&'a self, block: &'a Block) -> impl Iterator<Item = (usize, [DVec3; 2], usize)> + 'a {
         block.rows.clone().filter_map(move |row| {
             let columns = self.columns(row, block);

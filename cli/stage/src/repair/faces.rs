@@ -6,8 +6,8 @@ use robust::{Coord, orient2d};
 
 use lodpack_mesh::NONE;
 
-/// Renumbers vertices and drops triangles without area. Returns the number of triangles dropped; `origins` gets the numbers of the
-/// others.
+/// Renumbers vertices and drops triangles without area. Returns the number of triangles dropped; `origins` gets the
+/// numbers of the others.
 pub(super) fn drop_degenerate(
     triangles: &mut Vec<[u32; 3]>,
     new_number: &[u32],

@@ -26,8 +26,9 @@ use lodpack_mesh::{Adjacency, Mesh, NONE};
 pub struct RepairReport {
     /// Vertices replaced by an earlier one at exactly the same position (0.0 and -0.0 count as the same).
     pub welded_vertices: u64,
-    /// Triangles dropped because two corners are the same vertex, or all three lie exactly on a line. If such a triangle
-    /// filled the gap beside a vertex on an edge (a T-junction), the gap of zero width shows up in `boundary_edges`.
+    /// Triangles dropped because two corners are the same vertex, or all three lie exactly on a line. If such a
+    /// triangle filled the gap beside a vertex on an edge (a T-junction), the gap of zero width shows up in
+    /// `boundary_edges`.
     pub degenerate_faces: u64,
     /// Triangles dropped because an earlier one has the same three vertices, in either winding.
     pub duplicate_faces: u64,
@@ -84,8 +85,8 @@ pub fn repair(mesh: Mesh) -> (Mesh, Adjacency, RepairReport) {
     repaired(mesh, None)
 }
 
-/// As [`repair`], and says for each triangle that is left which one of the input it was, and whether its winding was reversed. Corners
-/// keep their order, but a reversed triangle [a, b, c] is [a, c, b].
+/// As [`repair`], and says for each triangle that is left which one of the input it was, and whether its winding was
+/// reversed. Corners keep their order, but a reversed triangle [a, b, c] is [a, c, b].
 pub fn repair_with_origins(mesh: Mesh) -> (Mesh, Adjacency, RepairReport, Vec<(u32, bool)>) {
     let mut origins = vec![];
     let (mesh, adjacency, report) = repaired(mesh, Some(&mut origins));

@@ -1,8 +1,8 @@
 //! Which points of a lattice lie inside a closed surface: by how often it winds around them.
 //!
-//! Along each line of lattice points the triangles that it meets are counted, by the side from which it meets them. A line that
-//! runs through an edge or a vertex meets exactly one of the triangles there, whatever rounding does: an edge decides on which
-//! side a line lies by its own two vertices, in one order for both of its triangles.
+//! Along each line of lattice points the triangles that it meets are counted, by the side from which it meets them. A
+//! line that runs through an edge or a vertex meets exactly one of the triangles there, whatever rounding does: an edge
+//! decides on which side a line lies by its own two vertices, in one order for both of its triangles.
 
 use glam::DVec3;
 
@@ -111,8 +111,9 @@ impl Inside {
     }
 }
 
-/// How often a triangle, seen along z, turns around a point: 1 counter-clockwise, -1 clockwise, 0 where it does not contain it.
-/// The point counts as moved by an infinitely small step up the y axis, so that it lies level with no vertex.
+/// How often a triangle, seen along z, turns around a point: 1 counter-clockwise, -1 clockwise, 0 where it does not
+/// contain it. The point counts as moved by an infinitely small step up the y axis, so that it lies level with no
+/// vertex.
 fn turns_around(corners: [u32; 3], places: &[DVec3], x: f64, y: f64) -> i16 {
     let mut turns = 0;
     for k in 0..3 {

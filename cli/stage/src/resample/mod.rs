@@ -1,10 +1,11 @@
 //! The stage **resample**: the solid that a closed surface bounds, drawn anew on a lattice of cells of a stated size.
 //!
-//! Edge collapse keeps every handle, so a closed surface of many handles cannot get below about fifty triangles per handle.
-//! Sampled on a lattice, handles, cavities and parts thinner than a cell vanish, and what remains is simplified further. A lattice
-//! point lies inside where the surface winds around it, so the surface may intersect itself; between points inside and
-//! outside the new surface runs through the tetrahedra of the lattice (Doi and Koide, "An Efficient Method of Triangulating
-//! Equi-Valued Surfaces by Using Tetrahedral Cells", 1991), which always gives a closed, oriented manifold.
+//! Edge collapse keeps every handle, so a closed surface of many handles cannot get below about fifty triangles per
+//! handle. Sampled on a lattice, handles, cavities and parts thinner than a cell vanish, and what remains is simplified
+//! further. A lattice point lies inside where the surface winds around it, so the surface may intersect itself; between
+//! points inside and outside the new surface runs through the tetrahedra of the lattice (Doi and Koide, "An Efficient
+//! Method of Triangulating Equi-Valued Surfaces by Using Tetrahedral Cells", 1991), which always gives a closed,
+//! oriented manifold.
 //!
 //! Nothing here promises how far the result is from the surface: a certificate says that.
 
@@ -22,8 +23,8 @@ use tetrahedra::{Crossing, triangulate};
 
 /// Cells along the longest side of the box, at most: a lattice of 16 million points.
 const MAX_CELLS: usize = 256;
-/// A new vertex moves to the closest point of the surface where that is no farther than this share of a cell: farther away lies
-/// what closes a handle, which has no surface to move to.
+/// A new vertex moves to the closest point of the surface where that is no farther than this share of a cell: farther
+/// away lies what closes a handle, which has no surface to move to.
 const SNAP: f64 = 0.75;
 /// New vertices keep this share of a lattice edge from both of its ends.
 const MARGIN: f64 = 0.05;
@@ -46,8 +47,8 @@ pub struct Shape {
 }
 
 impl<'a> Solid<'a> {
-    /// Finds what lies inside a closed surface, on a lattice of `cells` cells along the longest side of its box (2 to 256).
-    /// None if the surface has no extent, or nothing lies inside.
+    /// Finds what lies inside a closed surface, on a lattice of `cells` cells along the longest side of its box (2 to
+    /// 256). None if the surface has no extent, or nothing lies inside.
     pub fn new(mesh: &'a Mesh, cells: usize) -> Option<Self> {
         let inside = Inside::new(mesh, cells.clamp(2, MAX_CELLS))?;
         Some(Self { mesh, inside })
@@ -63,7 +64,8 @@ impl<'a> Solid<'a> {
         Shape { triangles: triangles.len(), components, handles: handles as usize }
     }
 
-    /// The surface of the solid: a closed, oriented manifold whose vertices lie on the original surface wherever that is near.
+    /// The surface of the solid: a closed, oriented manifold whose vertices lie on the original surface wherever that
+    /// is near.
     pub fn surface(&self) -> Mesh {
         let (crossings, mut triangles) = triangulate(&self.inside);
         let original = TriangleBvh::new(&self.mesh.positions, &self.mesh.triangles);

@@ -1,11 +1,11 @@
-//! The surface between points inside and outside: six tetrahedra per cell, all along the cell's main diagonal, so that the diagonals
-//! of neighbouring cells' faces agree.
+//! The surface between points inside and outside: six tetrahedra per cell, all along the cell's main diagonal, so that
+//! the diagonals of neighbouring cells' faces agree.
 
 use super::inside::Inside;
 use lodpack_mesh::NONE;
 
-/// Corners of a cell as bits of their offsets (1: x, 2: y, 4: z). Each tetrahedron walks from corner 0 to corner 7 along the axes in one
-/// order; the last two are swapped where that makes it right-handed.
+/// Corners of a cell as bits of their offsets (1: x, 2: y, 4: z). Each tetrahedron walks from corner 0 to corner 7
+/// along the axes in one order; the last two are swapped where that makes it right-handed.
 const TETRAHEDRA: [[usize; 4]; 6] =
     [[0, 1, 3, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 3, 2, 7], [0, 6, 4, 7], [0, 5, 1, 7]];
 
@@ -52,7 +52,8 @@ struct Mesher<'a> {
     inside: &'a Inside,
     /// Entries of a plane of points with the same x.
     plane: usize,
-    /// For two planes in turn, by the lower end of an edge and its direction as bits: the number of the vertex on it, or [`NONE`].
+    /// For two planes in turn, by the lower end of an edge and its direction as bits: the number of the vertex on it,
+    /// or [`NONE`].
     numbers: Vec<u32>,
     crossings: Vec<Crossing>,
     triangles: Vec<[u32; 3]>,

@@ -4,9 +4,9 @@ use super::components::connected_components;
 use super::{SegmentOptions, compact_labels, label_sizes, segment_charts};
 use lodpack_mesh::{Adjacency, Mesh, NONE};
 
-/// Labels each triangle with its chart, as [`segment_charts`] does, where the input says which one it is in. Two kinds of charts are
-/// divided: those that are not connected over edges, into their components, and those of more than `largest` triangles, which is at least
-/// twice the target of `options`, by [`segment_charts`].
+/// Labels each triangle with its chart, as [`segment_charts`] does, where the input says which one it is in. Two kinds
+/// of charts are divided: those that are not connected over edges, into their components, and those of more than
+/// `largest` triangles, which is at least twice the target of `options`, by [`segment_charts`].
 pub fn keep_charts(
     mesh: &Mesh,
     adjacency: &Adjacency,

@@ -55,8 +55,8 @@ pub(super) fn halve_large(adjacency: &Adjacency, target: u32, labels: &mut [u32]
     });
 }
 
-/// Halves charts of triangles that weigh more than `most` together, until none is left but single triangles. Labels must be `0..n`, each
-/// connected; they are renumbered by their smallest triangle.
+/// Halves charts of triangles that weigh more than `most` together, until none is left but single triangles. Labels
+/// must be `0..n`, each connected; they are renumbered by their smallest triangle.
 pub fn halve_heavy(adjacency: &Adjacency, weights: &[f64], most: f64, labels: &mut [u32]) {
     let count = labels.par_iter().max().map_or(0, |&l| l + 1);
     let mut sums = vec![0.0; count as usize];

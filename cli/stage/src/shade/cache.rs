@@ -86,7 +86,8 @@ impl<'a> TextureCache<'a> {
         Some(texture)
     }
 
-    /// Why textures are missing that could be there: a file for their texels cannot be used. What is made after that is of no use.
+    /// Why textures are missing that could be there: a file for their texels cannot be used. What is made after that is
+    /// of no use.
     pub(super) fn failure(&self) -> Option<WorkError> {
         self.failure.lock().unwrap_or_else(PoisonError::into_inner).take()
     }

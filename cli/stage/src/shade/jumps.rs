@@ -1,12 +1,13 @@
-//! Where the colours of the input jump: edges of the mesh at which charts of its textures, its materials or colours of its corners meet, and
-//! at which both sides show something else, or are drawn in another way.
+//! Where the colours of the input jump: edges of the mesh at which charts of its textures, its materials or colours of
+//! its corners meet, and at which both sides show something else, or are drawn in another way.
 //!
-//! Triangles that continue each other form an *area*. Between two areas colours jump if, over all edges at which they meet, what one side
-//! shows differs from what the other one does by more than quantisation hides. An image that lies across such an edge blurs it
-//! over a texel.
+//! Triangles that continue each other form an *area*. Between two areas colours jump if, over all edges at which they
+//! meet, what one side shows differs from what the other one does by more than quantisation hides. An image that lies
+//! across such an edge blurs it over a texel.
 //!
-//! Materials without images look alike everywhere, and are areas as a whole, as each colour of a palette is, and of vertices that have the
-//! colour of their part: parts of a building or a machine often share no edge, and texels that are larger than a part would show what lies near it.
+//! Materials without images look alike everywhere, and are areas as a whole, as each colour of a palette is, and of
+//! vertices that have the colour of their part: parts of a building or a machine often share no edge, and texels that
+//! are larger than a part would show what lies near it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,19 +19,22 @@ use lodpack_mesh::srgb::{share_byte, srgb_byte};
 use lodpack_mesh::union_find::{find, unite};
 use lodpack_mesh::{Adjacency, Mesh, NONE, next_half_edge};
 
-/// Differences below this many steps of quantisation are no jump: where one is blurred over a texel, the root mean square error there is a
-/// quarter of it, and that of quantisation up to a third of a step.
+/// Differences below this many steps of quantisation are no jump: where one is blurred over a texel, the root mean
+/// square error there is a quarter of it, and that of quantisation up to a third of a step.
 const STEPS: f64 = 4.0;
-/// Areas with fewer texels of the input are left out: a piece of a map takes more for itself. With 16, the textured bunny of pymeshlab's
-/// tests had 31.1 instead of 33.7 dB; with less than 2, each square of a mesh with a colour per face would be one.
+/// Areas with fewer texels of the input are left out: a piece of a map takes more for itself. With 16, the textured
+/// bunny of pymeshlab's tests had 31.1 instead of 33.7 dB; with less than 2, each square of a mesh with a colour per
+/// face would be one.
 const FEWEST_TEXELS: f64 = 2.0;
 /// Of more looks than this only those that meet are told apart.
 const MOST_LOOKS: usize = 1000;
-/// An image of which triangles show more colours than this is no palette, and a material whose vertices have more is of no parts.
+/// An image of which triangles show more colours than this is no palette, and a material whose vertices have more is of
+/// no parts.
 const MOST_COLOURS: usize = 256;
-/// Where colours of vertices change at more edges than this many for each triangle, they are noise: where each four triangles have another colour, six
-/// edges are around them, each of two sides. Pieces for less would keep all their edges at all levels: a sphere whose triangles have
-/// colours at random would have 20,464 in place of 2,430, and take 48 times as long.
+/// Where colours of vertices change at more edges than this many for each triangle, they are noise: where each four
+/// triangles have another colour, six edges are around them, each of two sides. Pieces for less would keep all their
+/// edges at all levels: a sphere whose triangles have colours at random would have 20,464 in place of 2,430, and take
+/// 48 times as long.
 const MOST_CHANGES: f64 = 0.75;
 /// The middle of a triangle.
 const MIDDLE: [f32; 3] = [1.0 / 3.0; 3];
@@ -47,7 +51,8 @@ struct EvenLooks {
 }
 
 impl Painter<'_> {
-    /// The areas of a region between which colours jump; none if they do nowhere. `step` is that of the quantisation of colours.
+    /// The areas of a region between which colours jump; none if they do nowhere. `step` is that of the quantisation of
+    /// colours.
     pub fn colour_areas(&mut self, mesh: &Mesh, adjacency: &Adjacency, step: u8) -> Option<ColourAreas> {
         if !self.appearance.has_colour && !self.appearance.has_drawings {
             return None;
@@ -81,7 +86,8 @@ impl Painter<'_> {
         if lines.is_empty() {
             return None;
         }
-        // Areas that are too small for a piece are left out, but for whole looks: those may be two triangles, as the ground beneath a building.
+        // Areas that are too small for a piece are left out, but for whole looks: those may be two triangles, as the
+        // ground beneath a building.
         let looks: BTreeSet<u32> = even.firsts.values().map(|&first| find(&mut sets, first)).collect();
         let wanted: BTreeSet<u32> = lines.iter().flatten().filter(|area| !looks.contains(area)).copied().collect();
         let mut texels: BTreeMap<u32, f64> = BTreeMap::new();
@@ -101,8 +107,9 @@ impl Painter<'_> {
         (!pairs.is_empty()).then(|| ColourAreas { parts, ..ColourAreas::of_sets(&mut sets, pairs) })
     }
 
-    /// The looks of materials of which no triangle shows more than one colour: those without images, palettes, and those of merged parts,
-    /// whose vertices have the colour of their part. At `border_count` edges something else continues.
+    /// The looks of materials of which no triangle shows more than one colour: those without images, palettes, and
+    /// those of merged parts, whose vertices have the colour of their part. At `border_count` edges something else
+    /// continues.
     fn even_looks(&mut self, mesh: &Mesh, border_count: usize) -> EvenLooks {
         let count = mesh.triangles.len();
         let mut looks = EvenLooks::default();
@@ -213,7 +220,8 @@ impl Painter<'_> {
         places.all(|place| one[place].to_bits() == other[place].to_bits())
     }
 
-    /// The mean square over the components of how much the colours on both sides of an edge differ, of 255, and the edge's length.
+    /// The mean square over the components of how much the colours on both sides of an edge differ, of 255, and the
+    /// edge's length.
     fn jump(&mut self, mesh: &Mesh, half_edge: u32, opposite: u32) -> (f64, f64) {
         let square = if self.drawing(half_edge) == self.drawing(opposite) {
             let [one, other] = [half_edge, opposite].map(|h| self.colour_along(mesh, h));
@@ -233,7 +241,8 @@ impl Painter<'_> {
         self.appearance.materials.get(material).filter(|_| is_kept).map_or(0, |material| material.drawing().number())
     }
 
-    /// The mean colour that a triangle shows along a half-edge, of 255. The mean over an edge has little of what is in the texture.
+    /// The mean colour that a triangle shows along a half-edge, of 255. The mean over an edge has little of what is in
+    /// the texture.
     fn colour_along(&mut self, mesh: &Mesh, half_edge: u32) -> [f64; 3] {
         let (triangle, first) = (half_edge / 3, half_edge as usize % 3);
         let corners: [DVec3; 3] = mesh.corners(triangle);

@@ -16,7 +16,8 @@ pub(super) struct Level {
 
 /// Red, green, blue and straight alpha. What has no alpha is opaque.
 pub(super) enum Texels {
-    /// Encoded as sRGB, as most images are: three bytes a texel, as they were decoded, because the largest images take most memory here.
+    /// Encoded as sRGB, as most images are: three bytes a texel, as they were decoded, because the largest images take
+    /// most memory here.
     Opaque(Bytes),
     /// As [`Texels::Root`].
     OpaqueRoot(Bytes),
@@ -24,8 +25,8 @@ pub(super) enum Texels {
     Encoded(Bytes),
     /// As shares of 255.
     Shares(Bytes),
-    /// The square root of linear light, and alpha, as shares of 65535: as fine as 12 bits of sRGB everywhere, and decoded exactly by a
-    /// multiplication. Numbers of 16 bits are little-endian.
+    /// The square root of linear light, and alpha, as shares of 65535: as fine as 12 bits of sRGB everywhere, and
+    /// decoded exactly by a multiplication. Numbers of 16 bits are little-endian.
     Root(Bytes),
 }
 
@@ -36,7 +37,8 @@ const FRACTION: u32 = 32;
 pub(super) struct Row {
     /// Texels in a row of the image.
     width: usize,
-    /// The first place, in 2^-32 of a texel from the middle of the first one, and what is added from each place to the next.
+    /// The first place, in 2^-32 of a texel from the middle of the first one, and what is added from each place to the
+    /// next.
     at: [i64; 2],
     step: [i64; 2],
 }
@@ -280,7 +282,8 @@ fn neighbours(at: f64, count: u32, wrap: Wrap) -> [(u32, f32); 2] {
         Wrap::Mirror => 1.0 - (at - 2.0 * floor(at / 2.0) - 1.0).abs(),
         Wrap::Clamp => at.clamp(0.0, 1.0),
     };
-    // At least -0.5, so that the conversion rounds down. Far from 0 nothing is left of a fraction, and `within` may be anything.
+    // At least -0.5, so that the conversion rounds down. Far from 0 nothing is left of a fraction, and `within` may be
+    // anything.
     let place = within.clamp(0.0, 1.0) * length + 0.5;
     let high = place as u32;
     let share = (place - f64::from(high)) as f32;

@@ -1,11 +1,12 @@
-//! What materials have beside a base colour: normals, emitted light, occlusion, metals and roughness (glTF 2.0, section 3.9).
+//! What materials have beside a base colour: normals, emitted light, occlusion, metals and roughness (glTF 2.0, section
+//! 3.9).
 
 use glam::DVec3;
 
 use super::{Face, TexturedFace, Use};
 
-/// The tangents of a triangle: where the first coordinate of its image grows, and where the second one, which counts from above, becomes
-/// smaller.
+/// The tangents of a triangle: where the first coordinate of its image grows, and where the second one, which counts
+/// from above, becomes smaller.
 fn tangents_of(face: &TexturedFace, [a, b, c]: &[DVec3; 3], smooth: DVec3) -> Option<[DVec3; 2]> {
     let side = |i: usize| [face.uv[i][0] - face.uv[0][0], face.uv[i][1] - face.uv[0][1]];
     let ([x, y], [z, w]) = (side(1), side(2));
@@ -18,7 +19,8 @@ fn tangents_of(face: &TexturedFace, [a, b, c]: &[DVec3; 3], smooth: DVec3) -> Op
 }
 
 impl Face<'_> {
-    /// The direction of the normal: that of the triangle, or of the input's own normals, turned by the material's image of them.
+    /// The direction of the normal: that of the triangle, or of the input's own normals, turned by the material's image
+    /// of them.
     pub fn normal(&self, weights: [f32; 3], footprint: f32) -> [f32; 3] {
         let smooth = self.smooth_normal(weights);
         let texture = self.textures[Use::Normal as usize].as_ref();

@@ -1,8 +1,8 @@
 //! What colour and which values a point of the input's surface has.
 //!
-//! The base colour is that of glTF 2.0 (section 3.9.2): factor times texture times vertex colour, in linear light. Textures are filtered
-//! over pyramids of averages (Williams 1983, "Pyramidal parametrics"), with alike blur in both directions. All results are the same on
-//! every machine and any number of threads.
+//! The base colour is that of glTF 2.0 (section 3.9.2): factor times texture times vertex colour, in linear light.
+//! Textures are filtered over pyramids of averages (Williams 1983, "Pyramidal parametrics"), with alike blur in both
+//! directions. All results are the same on every machine and any number of threads.
 
 mod cache;
 mod decode;
@@ -39,8 +39,9 @@ pub struct Shader<'a> {
 }
 
 impl<'a> Shader<'a> {
-    /// `folder` is the work directory of a job, where it keeps images. At most about `memory` bytes of decoded images are kept, but always
-    /// the ones that are in use; those of more than half of it are in files in `scratch`. `note` is told of images that cannot be decoded; their materials keep the factor alone.
+    /// `folder` is the work directory of a job, where it keeps images. At most about `memory` bytes of decoded images
+    /// are kept, but always the ones that are in use; those of more than half of it are in files in `scratch`. `note`
+    /// is told of images that cannot be decoded; their materials keep the factor alone.
     pub fn new(
         appearance: &'a Appearance,
         folder: Option<&'a Path>,
@@ -226,7 +227,8 @@ impl TexturedFace {
         self.with(&self.filter(footprint), weights)
     }
 
-    /// Whether a triangle lies between so few texels that it looks alike everywhere, as those of which each has its place in a palette.
+    /// Whether a triangle lies between so few texels that it looks alike everywhere, as those of which each has its
+    /// place in a palette.
     fn is_even(&self) -> bool {
         let size = self.texture.size().map(f64::from);
         let span = |k: usize| {
@@ -264,7 +266,8 @@ impl TexturedFace {
 }
 
 impl Face<'_> {
-    /// Red, green, blue and straight alpha in linear light, averaged over about a `footprint`, which is a length in units of the positions.
+    /// Red, green, blue and straight alpha in linear light, averaged over about a `footprint`, which is a length in
+    /// units of the positions.
     pub fn base_colour(&self, weights: [f32; 3], footprint: f32) -> [f32; 4] {
         let texture = self.textures[Use::Base as usize].as_ref().map(|face| (face, face.filter(footprint)));
         self.base_colour_with(texture.as_ref(), self.opacity(weights, footprint), weights)
@@ -334,7 +337,8 @@ impl Face<'_> {
         }
         match self.material.map(|material| material.alpha) {
             Some(AlphaMode::Opaque) => colour[3] = 1.0,
-            // Where it is kept how the surface is drawn, alpha is compared when it is drawn: so outlines are as smooth as the input's.
+            // Where it is kept how the surface is drawn, alpha is compared when it is drawn: so outlines are as smooth
+            // as the input's.
             Some(AlphaMode::Mask(least)) if !self.appearance.has_drawings => {
                 colour[3] = if colour[3] >= least { 1.0 } else { 0.0 }
             }
@@ -377,10 +381,11 @@ impl Face<'_> {
         self.scalar(which, alone)
     }
 
-    /// Samples per unit of length that the channels of the input have here, but for scalars: texels of its textures, or about one for each
-    /// vertex; 0 where it has none of them.
+    /// Samples per unit of length that the channels of the input have here, but for scalars: texels of its textures, or
+    /// about one for each vertex; 0 where it has none of them.
     pub fn material_density(&self) -> f32 {
-        // What the factors of a material say takes texels, too, and so does the one place in an image that a triangle shows.
+        // What the factors of a material say takes texels, too, and so does the one place in an image that a triangle
+        // shows.
         let has_factors = self.appearance.has_colour || self.appearance.has_materials();
         let is_even = has_factors && self.are_textures_even();
         let has_vertices = self.colour.is_some() || self.appearance.maps.normal || is_even;
@@ -388,7 +393,8 @@ impl Face<'_> {
         of_vertices.max(self.texture_density())
     }
 
-    /// As many as images of it need: fewer where all of the triangle looks alike, since no piece of an image reaches beyond what jumps.
+    /// As many as images of it need: fewer where all of the triangle looks alike, since no piece of an image reaches
+    /// beyond what jumps.
     pub fn image_density(&self) -> f32 {
         (if self.is_even() { EVEN * self.material_density() } else { self.material_density() })
             .max(self.texture_density())
@@ -410,7 +416,8 @@ impl Face<'_> {
         !has_values && self.are_textures_even()
     }
 
-    /// As many as there are at least in the mean of all triangles: along a ramp, where these have no area in the image, those of vertices at most.
+    /// As many as there are at least in the mean of all triangles: along a ramp, where these have no area in the image,
+    /// those of vertices at most.
     pub fn least_density(&self) -> f32 {
         let of_texture = |face: &TexturedFace| face.most_along(self.corners).min(self.vertex_density);
         self.textures.iter().flatten().map(of_texture).fold(0.0, f32::max)

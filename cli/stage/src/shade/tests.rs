@@ -95,7 +95,8 @@ fn triangles_without_an_area_in_the_image_have_samples_of_their_vertices() {
     assert!(densities([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]).2 > 7.9);
 }
 
-/// What vertices of separate triangles show, of which all corners of each have the same record, but for `others`: triangles and their corners.
+/// What vertices of separate triangles show, of which all corners of each have the same record, but for `others`:
+/// triangles and their corners.
 fn coloured(
     colours: &[[f32; 4]],
     of_triangles: &[u32],

@@ -107,8 +107,9 @@ impl Bytes {
     /// Drops the pages of a file. Those that are read again come back.
     pub fn drop_pages(&self) {
         if let Self::File(map) = self {
-            // SAFETY: the map of the file is read-only and shared, so dropped pages come back from the file when they are read again, and
-            // nothing has ever been written through it. A failure only leaves the pages where they are.
+            // SAFETY: the map of the file is read-only and shared, so dropped pages come back from the file when they
+            // are read again, and nothing has ever been written through it. A failure only leaves the pages where they
+            // are.
             #[expect(
                 unsafe_code,
                 reason = "dropping pages of a map would lose changes made through it; there are none"

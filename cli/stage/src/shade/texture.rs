@@ -20,8 +20,9 @@ pub(super) struct Texture {
 }
 
 impl Texture {
-    /// Decodes an image. Without alpha, its colours count as they are wherever it is transparent. Levels that `place` has no memory for
-    /// are in files: then the averages are made at once, because nobody could be told later that a file cannot be written.
+    /// Decodes an image. Without alpha, its colours count as they are wherever it is transparent. Levels that `place`
+    /// has no memory for are in files: then the averages are made at once, because nobody could be told later that a
+    /// file cannot be written.
     pub(super) fn decode(
         mut encoded: impl EncodedImage,
         meaning: Meaning,
@@ -71,8 +72,8 @@ impl Texture {
         self.finest.texels.bytes().in_memory() + self.coarser.iter().map(of_level).sum::<u64>()
     }
 
-    /// Level 0 is the image. Averages are made when they are needed: where texels of the result are as fine as the image, nobody
-    /// does.
+    /// Level 0 is the image. Averages are made when they are needed: where texels of the result are as fine as the
+    /// image, nobody does.
     fn level(&self, number: usize) -> &Level {
         let mut level = &self.finest;
         for (_, coarser) in &self.coarser[..number.min(self.coarser.len())] {

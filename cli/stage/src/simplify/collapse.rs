@@ -57,7 +57,8 @@ impl Tolerated {
     }
 }
 
-/// Square of the mean ratio, 4 sqrt(3) area / sum of squared edge lengths. The length of `area_vector` is twice the area.
+/// Square of the mean ratio, 4 sqrt(3) area / sum of squared edge lengths. The length of `area_vector` is twice the
+/// area.
 pub(super) fn squared_quality(area_vector: DVec3, a: DVec3, b: DVec3, c: DVec3) -> f64 {
     let sum = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
     if sum > 0.0 { 12.0 * area_vector.length_squared() / (sum * sum) } else { 0.0 }
@@ -330,8 +331,9 @@ impl<'a> Collapser<'a> {
         is_done
     }
 
-    /// Merges the vertex `removed` into the other one, unless that would break the topology or exceed the tolerated change of shape. Neither is
-    /// checked where nothing is `tolerated`, for a collapse that was carried out before where all was the same.
+    /// Merges the vertex `removed` into the other one, unless that would break the topology or exceed the tolerated
+    /// change of shape. Neither is checked where nothing is `tolerated`, for a collapse that was carried out before
+    /// where all was the same.
     pub fn merge(
         &mut self,
         half_edge: u32,

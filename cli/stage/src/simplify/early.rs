@@ -1,7 +1,8 @@
 //! The collapses of an attempt's sweeps, which a later attempt with other weights repeats.
 //!
-//! These lie far below the threshold, where weights matter only at the vertices that have them. So an attempt that keeps some places finer
-//! repeats them without looking, except at these places. (Charts of the dragon are tried 46 times for 26 of them.)
+//! These lie far below the threshold, where weights matter only at the vertices that have them. So an attempt that
+//! keeps some places finer repeats them without looking, except at these places. (Charts of the dragon are tried 46
+//! times for 26 of them.)
 
 use glam::DVec3;
 

@@ -82,7 +82,8 @@ impl HalfEdges {
         self.slots().map(|(_, corners)| corners)
     }
 
-    /// The places in the input of the triangles that remain, in order. One that was made anew has the place of one that it replaces.
+    /// The places in the input of the triangles that remain, in order. One that was made anew has the place of one that
+    /// it replaces.
     pub fn remaining(&self) -> impl Iterator<Item = usize> + '_ {
         self.slots().map(|(slot, _)| slot)
     }

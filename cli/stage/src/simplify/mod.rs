@@ -1,15 +1,15 @@
 //! Simplify: makes the levels of an irregular filling by quadric-error edge collapse inside one chart (Garland and
 //! Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997).
 //!
-//! One sequence of collapses yields all levels, the finest first. It begins with sweeps over all edges, which take what is cheap; a
-//! queue takes the others, the cheapest first, in passes that each measure from the surface that the one before has left. Interior
-//! vertices move to where their quadric is smallest. The border follows the samples of the arcs: at each level the border vertices that are not samples are
-//! removed along the border, whatever that costs, and those that remain never move. So every level meets its neighbours
-//! without cracks.
+//! One sequence of collapses yields all levels, the finest first. It begins with sweeps over all edges, which take what
+//! is cheap; a queue takes the others, the cheapest first, in passes that each measure from the surface that the one
+//! before has left. Interior vertices move to where their quadric is smallest. The border follows the samples of the
+//! arcs: at each level the border vertices that are not samples are removed along the border, whatever that costs, and
+//! those that remain never move. So every level meets its neighbours without cracks.
 //!
-//! Later stages may assume that a level's border is exactly the samples of its arcs and that its triangles are an oriented
-//! manifold with the topology of the chart. A level that [`SimplifiedChart::cap_missing`] had to fill has that border, but
-//! one fan per loop.
+//! Later stages may assume that a level's border is exactly the samples of its arcs and that its triangles are an
+//! oriented manifold with the topology of the chart. A level that [`SimplifiedChart::cap_missing`] had to fill has that
+//! border, but one fan per loop.
 //!
 //! The work is done in coordinates relative to the chart and scaled by a power of two to about unit size, so neither
 //! the scale nor the position of the input matters.
@@ -43,7 +43,8 @@ use lodpack_mesh::NONE;
 pub struct SimplifyOptions<'a> {
     /// For each level, coarsest first, a length in input units that acts like an RMS distance. Vertices are merged
     /// while the mean squared distance to the planes of all triangles merged so far, weighted by area, is at most its
-    /// square. With 0, only those vertices disappear that must; if it is infinite, any may, until `min_triangles` are left.
+    /// square. With 0, only those vertices disappear that must; if it is infinite, any may, until `min_triangles` are
+    /// left.
     pub thresholds: &'a [f64],
     /// The first of these levels that is wanted.
     pub coarsest: usize,
@@ -54,8 +55,8 @@ pub struct SimplifyOptions<'a> {
     /// Number of triangles at which merging by choice stops; border vertices are removed even below it. 0 means no
     /// limit.
     pub min_triangles: usize,
-    /// Where the threshold is infinite: at how many times `min_triangles` planes are renewed, the most first. The more often, the nearer the
-    /// surface, as long as many triangles go in between; and the farther off are thin parts.
+    /// Where the threshold is infinite: at how many times `min_triangles` planes are renewed, the most first. The more
+    /// often, the nearer the surface, as long as many triangles go in between; and the farther off are thin parts.
     pub stops: &'a [f64],
     /// The areas of the triangles, if colours jump between some: the lines between these stay as near as the surface.
     pub areas: Option<Areas<'a>>,
@@ -102,8 +103,8 @@ pub struct SimplifiedChart {
 }
 
 impl SimplifiedChart {
-    /// Gives each missing level from `coarsest` on the coarsest surface with the right border: a fan around the centre of every loop. That
-    /// is far from the surface, but a bound can say how far, so it is better than no level.
+    /// Gives each missing level from `coarsest` on the coarsest surface with the right border: a fan around the centre
+    /// of every loop. That is far from the surface, but a bound can say how far, so it is better than no level.
     pub fn cap_missing(&mut self, chart: &ChartMesh, coarsest: usize) {
         for (level, patch) in (0..).zip(&mut self.levels).skip(coarsest) {
             if patch.is_none() {
@@ -142,7 +143,8 @@ pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> Simplifie
     simplify_again(chart, options, None)
 }
 
-/// As [`simplify_chart`]. What the first attempt at a chart leaves in `early` makes further ones faster that differ in importance alone.
+/// As [`simplify_chart`]. What the first attempt at a chart leaves in `early` makes further ones faster that differ in
+/// importance alone.
 pub fn simplify_again(
     chart: &ChartMesh,
     options: &SimplifyOptions,

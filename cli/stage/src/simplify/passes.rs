@@ -1,15 +1,17 @@
 //! A level in passes: each measures from the surface that the one before has left, and goes a little farther.
 //!
-//! What all passes together are off is not their sum: they go astray in all directions, and a level is measured anyway (`certify`).
+//! What all passes together are off is not their sum: they go astray in all directions, and a level is measured anyway
+//! (`certify`).
 
 use super::collapse::Collapser;
 
 /// Passes by sweeps, as shares of the squared distance that the level allows: what they take is still cheap.
 const SWEPT: [f64; 2] = [0.2, 0.4];
-/// Passes by the queue, the last of which makes the level. The last share is above 1, since what has been passed counts no more.
+/// Passes by the queue, the last of which makes the level. The last share is above 1, since what has been passed counts
+/// no more.
 const QUEUED: [f64; 4] = [0.6, 0.8, 1.0, 1.1];
-/// After a pass that takes fewer triangles than one in this many, others like it are left out: parts that can hardly be simplified
-/// would take their time for nothing.
+/// After a pass that takes fewer triangles than one in this many, others like it are left out: parts that can hardly be
+/// simplified would take their time for nothing.
 const FEW: usize = 100;
 
 impl Collapser<'_> {

@@ -1,4 +1,5 @@
-//! What collapses are measured by: for each vertex the planes of its triangles, and planes through lines that are to stay where they are.
+//! What collapses are measured by: for each vertex the planes of its triangles, and planes through lines that are to
+//! stay where they are.
 
 use super::collapse::Collapser;
 use super::quadric::Quadric;
@@ -6,15 +7,17 @@ use lodpack_mesh::{NONE, previous_half_edge};
 
 /// Weight of the squared distance from the line of a border edge, compared with that from a triangle of the same size.
 const OUTLINE: f64 = 1.0;
-/// The same of an edge at which colours jump: lines lie three times as near as the surface. Texels are smaller than what the surface may be off.
+/// The same of an edge at which colours jump: lines lie three times as near as the surface. Texels are smaller than
+/// what the surface may be off.
 const LINE: f64 = 10.0;
 
 impl Collapser<'_> {
     /// Measures from the surface as it is now: its planes take the place of all those that have been merged.
     ///
-    /// Planes of the input go on beyond their triangles, and on a curved or noisy surface far triangles' planes cross the surface: the more
-    /// are merged, the more they say of nothing. Forgetting them is Lindstrom and Turk's "memoryless simplification" ("Evaluation of
-    /// Memoryless Simplification", 1999), done now and then in place of at every collapse.
+    /// Planes of the input go on beyond their triangles, and on a curved or noisy surface far triangles' planes cross
+    /// the surface: the more are merged, the more they say of nothing. Forgetting them is Lindstrom and Turk's
+    /// "memoryless simplification" ("Evaluation of Memoryless Simplification", 1999), done now and then in place of at
+    /// every collapse.
     ///
     /// Lines are not forgotten: they are thin, so nothing else would bring them back.
     pub fn renew_planes(&mut self) {
@@ -40,8 +43,9 @@ impl Collapser<'_> {
         self.add_lines();
     }
 
-    /// Where border vertices may go or stay, the plane through each border edge across its triangle: it keeps the outline (Garland and
-    /// Heckbert 1997, section 6). It counts in the order of collapses, not in the mean of distances.
+    /// Where border vertices may go or stay, the plane through each border edge across its triangle: it keeps the
+    /// outline (Garland and Heckbert 1997, section 6). It counts in the order of collapses, not in the mean of
+    /// distances.
     fn add_outline(&mut self) {
         for v in 0..self.positions.len() as u32 {
             // The first half-edge of a border vertex lies on the border; a vertex that is gone has none.
@@ -53,7 +57,8 @@ impl Collapser<'_> {
         }
     }
 
-    /// Planes through the edges at which colours jump, across the triangles on both sides: vertices slide along these lines. As
+    /// Planes through the edges at which colours jump, across the triangles on both sides: vertices slide along these
+    /// lines. As
     /// [`add_outline`](Self::add_outline).
     fn add_lines(&mut self) {
         let Some(areas) = self.areas else { return };

@@ -1,15 +1,17 @@
 //! The first collapses: sweeps over all edges take what costs next to nothing, without a queue.
 //!
-//! Nine of ten vertices of a scan go, and most of them for an error far below the threshold. Which of these goes first hardly matters; that they go
-//! evenly does, and a queue, which takes the cheapest wherever it is, does not see to that. So a sweep takes edges in the order of their
-//! numbers, and none beside a vertex that it has merged already: it thins the surface by up to a half everywhere.
+//! Nine of ten vertices of a scan go, and most of them for an error far below the threshold. Which of these goes first
+//! hardly matters; that they go evenly does, and a queue, which takes the cheapest wherever it is, does not see to
+//! that. So a sweep takes edges in the order of their numbers, and none beside a vertex that it has merged already: it
+//! thins the surface by up to a half everywhere.
 
 use super::collapse::{Candidate, Collapser, STRICT};
 use super::early::Merge;
 
 impl Collapser<'_> {
-    /// Sweeps over all edges inside several times, collapses those whose mean squared distance is at most the threshold, and returns what it
-    /// did. Where nothing may be off, or only a number of triangles ends a level, nothing is cheap.
+    /// Sweeps over all edges inside several times, collapses those whose mean squared distance is at most the
+    /// threshold, and returns what it did. Where nothing may be off, or only a number of triangles ends a level,
+    /// nothing is cheap.
     pub fn sweep(&mut self, sweeps: u32, threshold: f64) -> Vec<Merge> {
         let mut merges = vec![];
         if threshold <= 0.0 || threshold == f64::INFINITY {

@@ -1,5 +1,6 @@
-//! Undoes folds where border vertices were removed whatever that cost ([`super::forced`]): edges between two triangles that lie on each other are
-//! flipped, and inner vertices beyond the border are moved to the middle of their neighbours, as long as that leaves fewer of such edges.
+//! Undoes folds where border vertices were removed whatever that cost ([`super::forced`]): edges between two triangles
+//! that lie on each other are flipped, and inner vertices beyond the border are moved to the middle of their
+//! neighbours, as long as that leaves fewer of such edges.
 
 use glam::DVec3;
 

@@ -31,19 +31,23 @@ def build(
     force: bool = False,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Builds a file, as ``lodpack build`` does, and returns the summary that it prints with ``--json``, with ``output`` and ``notes`` added.
+    """Builds a file, as ``lodpack build`` does, and returns the summary that it prints with ``--json``, with ``output``
+    and ``notes`` added.
 
-    `source`: a mesh file (OBJ, OFF, PLY, STL, glTF, GLB), several that make one model, or a mesh in memory: ``(positions, triangles)``, or
-    an object of trimesh or PyVista, with colours, a texture and numbers of its vertices; of PyVista ``(mesh, texture)``, too, as
+    `source`: a mesh file (OBJ, OFF, PLY, STL, glTF, GLB), several that make one model, or a mesh in memory:
+    ``(positions, triangles)``, or an object of trimesh or PyVista, with colours, a texture and numbers of its vertices;
+    of PyVista ``(mesh, texture)``, too, as
     `TexturedMesh.to_pyvista` makes it. ``notes`` say what of it is left out.
-    `output`: the file to write; by default it lies beside the first mesh file and has its name. It gets its name when it is
-    complete, and replaces another one only with `force`.
-    `tolerance`: the largest certified error of the finest level: a length in the input's units, or a text as for the program, such as
+    `output`: the file to write; by default it lies beside the first mesh file and has its name. It gets its name when
+    it is complete, and replaces another one only with `force`.
+    `tolerance`: the largest certified error of the finest level: a length in the input's units, or a text as for the
+    program, such as
     ``"0.05mm"`` (with `unit`), ``"0.01%"`` of the diagonal or ``"0.4edge"``.
     `effort`: ``fast``, ``default`` or ``best``. `levels`: ``all`` or ``finest``.
-    `threads`: 0 takes all cores. `memory`: bytes that the build may take; what does not fit goes to temporary files beside the output. By
-    default half of the machine's memory. The file depends on neither.
-    `progress`: called in this thread some times a second with the stage, how much of it is done, and of what (0 if that is not known).
+    `threads`: 0 takes all cores. `memory`: bytes that the build may take; what does not fit goes to temporary files
+    beside the output. By default half of the machine's memory. The file depends on neither.
+    `progress`: called in this thread some times a second with the stage, how much of it is done, and of what (0 if that
+    is not known).
 
     Other threads go on meanwhile. Ctrl-C, or an exception of `progress`, stops the build, and nothing of it is left.
 

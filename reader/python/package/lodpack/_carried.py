@@ -1,4 +1,5 @@
-"""Meshes in memory with what they carry: read from objects of trimesh and PyVista, and written as PLY for the builder."""
+"""Meshes in memory with what they carry: read from objects of trimesh and PyVista, and written as PLY for the
+builder."""
 
 from __future__ import annotations
 
@@ -123,7 +124,8 @@ def of_trimesh(source: Any) -> CarriedMesh:
 
 
 def of_pyvista(source: Any, texture: Any = None) -> CarriedMesh:
-    """A mesh of PyVista with the colours and numbers of its points, the colours of its cells, and a texture that is given with it."""
+    """A mesh of PyVista with the colours and numbers of its points, the colours of its cells, and a texture that is
+    given with it."""
     import numpy as np
 
     surface = source.triangulate() if hasattr(source, "regular_faces") else source.extract_surface().triangulate()

@@ -6,7 +6,8 @@ class Error(Exception):
 
 
 class SourceError(Error, OSError):
-    """The bytes could not be read: a disk, a server or a network failed. Where a Python object was read, its exception is the cause."""
+    """The bytes could not be read: a disk, a server or a network failed. Where a Python object was read, its exception
+    is the cause."""
 
 
 class FormatError(Error, ValueError):
@@ -26,4 +27,5 @@ class LimitError(Error):
 
 
 class BuildError(Error, ValueError):
-    """The input of a build is unusable, or the build ran out of memory or disk. The message names the file and the place."""
+    """The input of a build is unusable, or the build ran out of memory or disk. The message names the file and the
+    place."""

@@ -29,15 +29,18 @@ _MOST = 2**64 - 1
 def open(
     source: str | os.PathLike[str] | bytes | BinaryIO | Any, *, timeout: float = 30.0, limits: Mapping[str, int] | None = None
 ) -> File | Any:  # What a file holds is seen when it is open; checkers let attributes of both kinds pass.
-    """Opens a lodpack file: a `File`, or a `HeightsFile` if it holds a grid of heights. It reads 8 kB of a small file, and the rest of the index's beginning of a large one.
+    """Opens a lodpack file: a `File`, or a `HeightsFile` if it holds a grid of heights. It reads 8 kB of a small file,
+    and the rest of the index's beginning of a large one.
 
-    `source` is a path, an address (``http://``, ``https://``; others such as ``s3://`` where fsspec knows them), the file's bytes, or a
-    binary file that can seek, such as what ``fsspec.open`` returns. Web servers have to support range requests. For headers,
-    logins and caches give a file of fsspec.
+    `source` is a path, an address (``http://``, ``https://``; others such as ``s3://`` where fsspec knows them), the
+    file's bytes, or a binary file that can seek, such as what ``fsspec.open`` returns. Web servers have to support
+    range requests. For headers, logins and caches give a file of fsspec.
 
-    `timeout` is the longest time in seconds for one request to a web server; a request that fails for a time is sent up to four times.
+    `timeout` is the longest time in seconds for one request to a web server; a request that fails for a time is sent up
+    to four times.
 
-    `limits` are upper limits on what a file may ask of this machine. The defaults suit files from untrusted places. Names:
+    `limits` are upper limits on what a file may ask of this machine. The defaults suit files from untrusted places.
+    Names:
     ``root_count``, ``root_vertex_count``, ``cluster_record_count``, ``part_bytes``, ``texel_count``.
 
     Raises FileNotFoundError and its like for paths, and `lodpack.Error` by culprit.
@@ -73,8 +76,8 @@ class Cut:
 
     @property
     def limited_by(self) -> str:
-        """Why it is not finer: ``tolerance`` (it is as fine as was asked for), ``finest`` (the file has nothing finer), or the budget
-        of ``triangles``, ``nodes`` or ``bytes`` (of pages)."""
+        """Why it is not finer: ``tolerance`` (it is as fine as was asked for), ``finest`` (the file has nothing finer),
+        or the budget of ``triangles``, ``nodes`` or ``bytes`` (of pages)."""
         return self._native.limited_by
 
     @property
@@ -109,8 +112,8 @@ class File(OpenFile[_lodpack.Reader]):
         return self._native.info()
 
     def overview(self) -> Mesh | None:
-        """One small mesh of the complete surface, for a first picture. It came with opening, so nothing is read. Small files have none:
-        their coarsest cut (``file.extract(tolerance=float("inf"))``) is as quick."""
+        """One small mesh of the complete surface, for a first picture. It came with opening, so nothing is read. Small
+        files have none: their coarsest cut (``file.extract(tolerance=float("inf"))``) is as quick."""
         overview = self._native.overview()
         if overview is None:
             return None
@@ -127,16 +130,17 @@ class File(OpenFile[_lodpack.Reader]):
         max_nodes: int | None = None,
         max_bytes: int | None = None,
     ) -> Cut:
-        """Finds the coarsest cut within the tolerance, or the finest one without a tolerance, that keeps every budget. Reads the
-        index where the query needs it, and no surface.
+        """Finds the coarsest cut within the tolerance, or the finest one without a tolerance, that keeps every budget.
+        Reads the index where the query needs it, and no surface.
 
         `tolerance`: the error to reach inside the box, in units of the file's coordinates.
         `max_triangles`: the most triangles. `max_nodes`: the most nodes. `max_bytes`: the most bytes of pages to read.
-        `bbox`: smallest and largest corner; every root whose box touches it is drawn whole. A box beside the surface gives an empty cut.
+        `bbox`: smallest and largest corner; every root whose box touches it is drawn whole. A box beside the surface
+        gives an empty cut.
         `context`: what is outside the box is drawn, too, at its coarsest.
 
-        The cut is one that the file holds: with a budget of triangles it is a mixture of levels, which is up to 2.6 times worse in RMS
-        than what ``lodpack extract --triangles`` makes by simplifying a finer cut as a whole.
+        The cut is one that the file holds: with a budget of triangles it is a mixture of levels, which is up to 2.6
+        times worse in RMS than what ``lodpack extract --triangles`` makes by simplifying a finer cut as a whole.
 
         Raises `QueryError` for what is not a number, and where even the coarsest cut exceeds a budget.
         """
@@ -167,11 +171,12 @@ class File(OpenFile[_lodpack.Reader]):
     ) -> Mesh: ...
 
     def extract(self, cut: Cut | None = None, *, channels: str | Sequence[str] | None = None, **query: Any) -> Mesh:
-        """Reads and decodes the mesh of a cut, or of the cut that `select` finds for a query. Everything at the finest level without
-        a query. The mesh is watertight where the whole surface is.
+        """Reads and decodes the mesh of a cut, or of the cut that `select` finds for a query. Everything at the finest
+        level without a query. The mesh is watertight where the whole surface is.
 
-        `channels`: what of `channels` to read with it: ``"auto"`` (the first one of colours, if there is one), ``"all"``, or a list of
-        names. `Mesh.colours`, `Mesh.values` and `Mesh.textured` have them. Without it nothing of them is read."""
+        `channels`: what of `channels` to read with it: ``"auto"`` (the first one of colours, if there is one),
+        ``"all"``, or a list of names. `Mesh.colours`, `Mesh.values` and `Mesh.textured` have them. Without it nothing
+        of them is read."""
         if cut is None:
             cut = self.select(**query)
         elif query:
@@ -213,15 +218,16 @@ class File(OpenFile[_lodpack.Reader]):
         return [names.index(name) for name in dict.fromkeys(wanted)]
 
     def ground(self) -> Ground | None:
-        """The heights that the mesh stands on, as a file of heights, and where they are in its space; None if the file has none.
-        Reads 16 kB. They stay open when this file is closed."""
+        """The heights that the mesh stands on, as a file of heights, and where they are in its space; None if the file
+        has none. Reads 16 kB. They stay open when this file is closed."""
         from ._ground import Ground  # It needs this module.
 
         opened = self._native.ground()
         return None if opened is None else Ground(*opened)
 
     def verify(self) -> None:
-        """Reads the complete file, with a ground that it has, checks every checksum and every rule of the format, and draws every root at every level. Raises
+        """Reads the complete file, with a ground that it has, checks every checksum and every rule of the format, and
+        draws every root at every level. Raises
         `FormatError` with the first damage."""
         self._native.verify()
 

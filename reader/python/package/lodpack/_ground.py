@@ -23,7 +23,8 @@ class Ground:
     heights: HeightsFile
     """The heights in coordinates of their own: all that a file of heights can do."""
     transform: NDArray[np.float64]
-    """The matrix of four rows and columns that takes coordinates of the heights to those of the mesh; trimesh's ``apply_transform`` takes it."""
+    """The matrix of four rows and columns that takes coordinates of the heights to those of the mesh; trimesh's
+    ``apply_transform`` takes it."""
     scale: float
     """Units of the mesh in a unit of the heights. Errors and tolerances grow by it."""
 
@@ -39,8 +40,9 @@ class Ground:
         return placed
 
     def extract(self, *, tolerance: float | None = None, max_triangles: int | None = None, bbox: Bounds | None = None) -> Mesh:
-        """As `HeightsFile.extract`, in the space of the mesh: `tolerance` and the error are in its units, and `bbox` are two corners of three
-        coordinates as `File.extract` takes them. What is above or below the box belongs to it."""
+        """As `HeightsFile.extract`, in the space of the mesh: `tolerance` and the error are in its units, and `bbox`
+        are two corners of three coordinates as `File.extract` takes them. What is above or below the box belongs to
+        it."""
         corners = None if bbox is None else _corners(bbox)
         if corners is not None and any(low > high for low, high in zip(*corners)):
             raise QueryError("the smallest corner of a volume has to come first")

@@ -34,8 +34,8 @@ class Window(NamedTuple):
 
     @property
     def transform(self) -> tuple[float, float, float, float, float, float]:
-        """From column and row of a pixel's corner to coordinates, as rasterio and affine have it: ``Affine(*window.transform)``. Pixels
-        lie around samples."""
+        """From column and row of a pixel's corner to coordinates, as rasterio and affine have it:
+        ``Affine(*window.transform)``. Pixels lie around samples."""
         (x, y), (dx, dy) = self.first, self.spacing
         return (dx, 0.0, x - dx / 2, 0.0, dy, y - dy / 2)
 
@@ -50,13 +50,16 @@ class HeightsFile(OpenFile[_lodpack.HeightsReader]):
     def extract(
         self, *, tolerance: float | None = None, max_triangles: int | None = None, bbox: Bounds | None = None
     ) -> Mesh:
-        """Reads and decodes the mesh of the coarsest cut within the tolerance, or of the finest one. It has no cracks, whatever is coarse or fine.
+        """Reads and decodes the mesh of the coarsest cut within the tolerance, or of the finest one. It has no cracks,
+        whatever is coarse or fine.
 
         `tolerance`: the error to reach, in units of coordinates.
         `max_triangles`: the most triangles, without those that tiles of different depths add where they meet.
-        `bbox`: smallest and largest x and y, or longitude and latitude in degrees, as ((x0, y0), (x1, y1)); tiles that it touches are whole. It may be infinite.
+        `bbox`: smallest and largest x and y, or longitude and latitude in degrees, as ((x0, y0), (x1, y1)); tiles that
+        it touches are whole. It may be infinite.
 
-        `Mesh.normals` are those of the slopes of the heights, and `Mesh.colours` those of the file's ramp, if it has one.
+        `Mesh.normals` are those of the slopes of the heights, and `Mesh.colours` those of the file's ramp, if it has
+        one.
 
         Raises `QueryError` for what is not a number."""
         return self._mesh(tolerance, max_triangles, None if bbox is None else _corners(bbox))
@@ -85,8 +88,9 @@ class HeightsFile(OpenFile[_lodpack.HeightsReader]):
         columns: tuple[int, int] | None = None,
         rows: tuple[int, int] | None = None,
     ) -> Window:
-        """Reads the heights of a rectangle of samples: those within a box, or some columns and rows, from the first to before the last one;
-        all without either. Around a globe, columns go on from the beginning: (350, 370) of 360 crosses the end of the grid.
+        """Reads the heights of a rectangle of samples: those within a box, or some columns and rows, from the first to
+        before the last one; all without either. Around a globe, columns go on from the beginning: (350, 370) of 360
+        crosses the end of the grid.
 
         The box may be infinite. Raises `QueryError` if there are no such samples, or more than fit in memory."""
         info = self._native.info()

@@ -34,7 +34,8 @@ class Mesh:
     channels: list[Channel]
     """The channels that were extracted with it."""
     normals: NDArray[np.float32] | None
-    """Of heights the normal of each vertex, from the slopes of the heights: an array of shape (n, 3). None for other meshes."""
+    """Of heights the normal of each vertex, from the slopes of the heights: an array of shape (n, 3). None for other
+    meshes."""
 
     def __init__(
         self,
@@ -64,8 +65,9 @@ class Mesh:
         return None if self._triangle_nodes is None else cast("NDArray[np.uint32]", as_array(self._triangle_nodes))
 
     def values(self, channel: str) -> NDArray[Any]:
-        """What a channel has at each vertex: colours as `colours` has them, all else as an array of shape (n, components) of float64,
-        NaN where nothing is known. The mean of what the triangles around a vertex show there; of labels what one of them shows."""
+        """What a channel has at each vertex: colours as `colours` has them, all else as an array of shape (n,
+        components) of float64, NaN where nothing is known. The mean of what the triangles around a vertex show there;
+        of labels what one of them shows."""
         number = self._number(channel)
         if self._textured is None:  # For mypy: without it there is no number.
             raise QueryError("this mesh has no channels")
@@ -75,8 +77,8 @@ class Mesh:
 
     @property
     def colours(self) -> NDArray[np.uint8] | None:
-        """Red, green, blue and opacity of each vertex (sRGB): an array of shape (n, 4), from the first channel of colours that was extracted.
-        None without one. Those of heights come from the file's ramp."""
+        """Red, green, blue and opacity of each vertex (sRGB): an array of shape (n, 4), from the first channel of
+        colours that was extracted. None without one. Those of heights come from the file's ramp."""
         if self._colours is not None:
             import numpy as np
 
@@ -98,8 +100,9 @@ class Mesh:
         return names.index(channel)
 
     def to_trimesh(self, **options: Any) -> Any:
-        """The mesh as a ``trimesh.Trimesh``, vertex by vertex, with `colours`; `options` go to its constructor. The certified error of
-        all of it is in its ``metadata``, and that in the box where it differs. `textured` has a ``to_trimesh`` with a texture."""
+        """The mesh as a ``trimesh.Trimesh``, vertex by vertex, with `colours`; `options` go to its constructor. The
+        certified error of all of it is in its ``metadata``, and that in the box where it differs. `textured` has a
+        ``to_trimesh`` with a texture."""
         trimesh = _library("trimesh", "to_trimesh")
         options = {"process": False, "metadata": _errors_of(self), **options}
         colours = self.colours
@@ -108,9 +111,9 @@ class Mesh:
         return trimesh.Trimesh(vertices=self.positions, faces=self.triangles, **options)
 
     def to_pyvista(self) -> Any:
-        """The mesh as a ``pyvista.PolyData``. Its cells have the arrays ``level`` and ``certified_error``, and its field data has
-        the ``certified_error`` of the whole, and ``certified_error_in_box`` where it differs. Its points have an array for each channel, by name: `textured` has a ``to_pyvista`` with a
-        texture."""
+        """The mesh as a ``pyvista.PolyData``. Its cells have the arrays ``level`` and ``certified_error``, and its
+        field data has the ``certified_error`` of the whole, and ``certified_error_in_box`` where it differs. Its points
+        have an array for each channel, by name: `textured` has a ``to_pyvista`` with a texture."""
         pyvista = _library("pyvista", "to_pyvista")
         mesh = pyvista.PolyData.from_regular_faces(self.positions, self.triangles)
         if self.cut is not None and self.triangle_nodes is not None:
@@ -143,7 +146,8 @@ class TexturedMesh:
     """A mesh with texture coordinates and images."""
 
     positions: NDArray[np.float64]
-    """World positions: an array of shape (n, 3). Where triangles do not agree about the place of a vertex, it is there several times."""
+    """World positions: an array of shape (n, 3). Where triangles do not agree about the place of a vertex, it is there
+    several times."""
     triangles: NDArray[np.uint32]
     """Indices of positions: an array of shape (m, 3), in another order than those of the mesh."""
     triangle_nodes: NDArray[np.uint32]
@@ -151,7 +155,8 @@ class TexturedMesh:
     uv: NDArray[np.float32]
     """Places in the images, from 0 to 1: (0, 0) is the lower left corner, and the first row of an image is at v = 1."""
     images: dict[str, NDArray[Any]]
-    """By channel an array of shape (height, width, components): bytes of sRGB, or stored numbers n, which stand for ``low + n * step``."""
+    """By channel an array of shape (height, width, components): bytes of sRGB, or stored numbers n, which stand for
+    ``low + n * step``."""
     channels: list[Channel]
 
     def __init__(self, mesh: Mesh, positions: Any, triangles: Any, nodes: Any, uv: Any, images: list[Any]) -> None:
@@ -175,7 +180,8 @@ class TexturedMesh:
         return trimesh.Trimesh(vertices=self.positions, faces=self.triangles, **options)
 
     def to_pyvista(self) -> tuple[Any, Any]:
-        """The mesh as a ``pyvista.PolyData`` with texture coordinates, and its ``pyvista.Texture``: ``mesh.plot(texture=texture)``."""
+        """The mesh as a ``pyvista.PolyData`` with texture coordinates, and its ``pyvista.Texture``:
+        ``mesh.plot(texture=texture)``."""
         image = self._image("to_pyvista")
         pyvista = _library("pyvista", "to_pyvista")
         mesh = pyvista.PolyData.from_regular_faces(self.positions, self.triangles)

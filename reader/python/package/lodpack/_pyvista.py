@@ -1,4 +1,5 @@
-"""A reader for PyVista. The package's entry point registers it, so that ``pyvista.read("scan.lodpack")`` needs no import of lodpack.
+"""A reader for PyVista. The package's entry point registers it, so that ``pyvista.read("scan.lodpack")`` needs no
+import of lodpack.
 
 Addresses are read in part, like paths: ``pyvista.read("https://example.org/scan.lodpack", max_triangles=100_000)``.
 """

@@ -2,8 +2,8 @@
 
 use crate::codec::entropy::context::{ARC, Context, Use};
 
-/// Classes of a residual's expected size: the bit length of the residual one interval above. Intervals below a corner have the
-/// last class.
+/// Classes of a residual's expected size: the bit length of the residual one interval above. Intervals below a corner
+/// have the last class.
 pub(super) const SIZE_CLASSES: usize = 8;
 /// Coordinates of a corner, one context an axis.
 pub(super) const CORNER: Context = ARC.first;
@@ -15,7 +15,8 @@ const _: () = assert!(END == ARC.end);
 /// What these contexts are for.
 pub(crate) const USES: &[Use] = &[Use { name: "corners", first: CORNER }, Use { name: "arc samples", first: SPLIT }];
 
-/// Split flag of an interval: whether it is new at this level, how many of its two neighbours are shorter, and its depth.
+/// Split flag of an interval: whether it is new at this level, how many of its two neighbours are shorter, and its
+/// depth.
 pub(super) fn split(is_new: bool, shorter_neighbour_count: usize, depth: u32) -> Context {
     SPLIT + (is_new as Context * 3 + shorter_neighbour_count.min(2) as Context) * 4 + depth.min(3) as Context
 }

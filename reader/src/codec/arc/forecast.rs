@@ -1,4 +1,5 @@
-//! Predicts where the middle of an interval lies, and chooses the frame and the statistics with which its residual is coded.
+//! Predicts where the middle of an interval lies, and chooses the frame and the statistics with which its residual is
+//! coded.
 
 use super::{Path, contexts};
 use crate::{
@@ -26,14 +27,14 @@ pub(super) struct Forecast {
 impl Path {
     /// The forecast for the middle of the interval after knot `i`.
     ///
-    /// Let p and q be the ends of the interval, o the knot one interval width before p, and r the one after q. The middle is forecast at
-    /// (9 (p + q) - (o + r)) / 16, or without r at (6 p + 3 q - o) / 8, or without o at (6 q + 3 p - r) / 8, or at (p + q) / 2. The frame
-    /// has its normal in the direction of q - p, and its direction is the coordinate axis along which |q - p| is smallest (the first of
-    /// equals). With the residual (a, b, c), the sample lies at forecast + along * a + across * b + normal * (c * step), summed in
-    /// this order, then rounded.
+    /// Let p and q be the ends of the interval, o the knot one interval width before p, and r the one after q. The
+    /// middle is forecast at (9 (p + q) - (o + r)) / 16, or without r at (6 p + 3 q - o) / 8, or without o at (6 q + 3
+    /// p - r) / 8, or at (p + q) / 2. The frame has its normal in the direction of q - p, and its direction is the
+    /// coordinate axis along which |q - p| is smallest (the first of equals). With the residual (a, b, c), the sample
+    /// lies at forecast + along * a + across * b + normal * (c * step), summed in this order, then rounded.
     ///
-    /// The size class is that of the end that came later, the middle of the interval above: the end whose parameter has fewer trailing
-    /// zero bits. A sample has the bit length of max(|a|, |b|), at most 6, as its class; a corner has 7.
+    /// The size class is that of the end that came later, the middle of the interval above: the end whose parameter has
+    /// fewer trailing zero bits. A sample has the bit length of max(|a|, |b|), at most 6, as its class; a corner has 7.
     #[inline]
     pub(super) fn forecast(&self, i: usize, width: u32, level: u8, step: f64) -> Forecast {
         let (first, second) = (self.knots[i], self.knots[i + 1]);

@@ -1,11 +1,14 @@
-//! Arcs: chains of samples at dyadic parameters between two corners, nested level by level (SPEC.md, "Corners and arcs").
+//! Arcs: chains of samples at dyadic parameters between two corners, nested level by level (SPEC.md, "Corners and
+//! arcs").
 //!
-//! The parameter of an arc runs from 0 at its first corner to 65536 at its second. Each level may split every interval between
-//! neighbouring samples at its middle, and may split the halves again. Intervals are visited by width, widest first, and among equals
-//! by parameter. The index gives the number of samples that a level adds; once these are known, no flags follow. The position of a middle
-//! is forecast from the samples around it ([`forecast`]) and corrected by a residual in a local frame.
+//! The parameter of an arc runs from 0 at its first corner to 65536 at its second. Each level may split every interval
+//! between neighbouring samples at its middle, and may split the halves again. Intervals are visited by width, widest
+//! first, and among equals by parameter. The index gives the number of samples that a level adds; once these are known,
+//! no flags follow. The position of a middle is forecast from the samples around it ([`forecast`]) and corrected by a
+//! residual in a local frame.
 //!
-//! Encoder, quantiser and decoder run the same walk ([`Path::refine`]), each with its own [`Coder`], so they cannot drift apart.
+//! Encoder, quantiser and decoder run the same walk ([`Path::refine`]), each with its own [`Coder`], so they cannot
+//! drift apart.
 
 mod coders;
 pub(crate) mod contexts;
@@ -74,8 +77,8 @@ impl HalfPath<'_> {
         corner + self.path.samples().iter().filter(|knot| knot.level <= level).count()
     }
 
-    /// Visits the corner where it begins, if that is a vertex at a level, then the samples that belong to it, in its direction.
-    /// Parameters run from 0 at that corner to [`PARAM_END`], which is not visited.
+    /// Visits the corner where it begins, if that is a vertex at a level, then the samples that belong to it, in its
+    /// direction. Parameters run from 0 at that corner to [`PARAM_END`], which is not visited.
     #[inline]
     pub(crate) fn walk(&self, level: u8, mut visit: impl FnMut(u32, LatticePoint)) {
         let samples = self.path.samples().iter().filter(|knot| knot.level <= level);
@@ -111,8 +114,8 @@ impl Path {
         Self { knots: vec![knot(0, ends[0]), knot(PARAM_END, ends[1])], end_levels: [0; 2], is_placed: true }
     }
 
-    /// An arc before a wanted one in a stream. Its symbols have to be read, but its corners may be unknown, so its knots get no
-    /// positions. No context depends on positions.
+    /// An arc before a wanted one in a stream. Its symbols have to be read, but its corners may be unknown, so its
+    /// knots get no positions. No context depends on positions.
     pub(crate) fn skipped() -> Self {
         Self { is_placed: false, ..Self::new([[0; 3]; 2]) }
     }
@@ -160,7 +163,8 @@ impl Path {
     /// Writes the new samples of a level.
     ///
     /// # Errors
-    /// [`Error::Model`] if `samples`, by ascending parameter, are not what [`quantise_arcs`] returned for these corners.
+    /// [`Error::Model`] if `samples`, by ascending parameter, are not what [`quantise_arcs`] returned for these
+    /// corners.
     pub(crate) fn encode_level(
         &mut self,
         level: u8,
@@ -192,7 +196,8 @@ impl Path {
         if decoder.left > 0 { Err(Violation(&"an arc has fewer samples than the index says")) } else { Ok(()) }
     }
 
-    /// As [`Path::decode_level`], and records the splits, so that [`Path::repeat_level`] can repeat the level without its symbols.
+    /// As [`Path::decode_level`], and records the splits, so that [`Path::repeat_level`] can repeat the level without
+    /// its symbols.
     pub(crate) fn record_level(
         &mut self,
         level: u8,

@@ -30,8 +30,8 @@ pub struct ArcSample {
 pub struct WantedSample {
     /// Position along the arc in 1/65536: 1 to 65535.
     pub param: u32,
-    /// The coarsest level at which the sample belongs to the arc. The middle of an interval must not have a coarser level than the ends
-    /// of the interval.
+    /// The coarsest level at which the sample belongs to the arc. The middle of an interval must not have a coarser
+    /// level than the ends of the interval.
     pub level: u8,
     /// The wanted position, in lattice units.
     pub position: [f64; 3],
@@ -46,8 +46,8 @@ pub struct ArcTarget {
     pub samples: Vec<WantedSample>,
 }
 
-/// Quantises the samples of arcs. A builder fits everything else to the positions that result, since these are the ones that a reader will
-/// decode. The step along an arc is 2^tangent_shift lattice steps, as the model says.
+/// Quantises the samples of arcs. A builder fits everything else to the positions that result, since these are the ones
+/// that a reader will decode. The step along an arc is 2^tangent_shift lattice steps, as the model says.
 ///
 /// # Errors
 /// [`Error::Model`] if an end of an arc does not exist, samples are not nested, or positions leave the lattice.

@@ -1,4 +1,5 @@
-//! Bit strings, with the lowest bit of each byte first: the form in which tables are stored (SPEC.md, "Section TABLES").
+//! Bit strings, with the lowest bit of each byte first: the form in which tables are stored (SPEC.md, "Section
+//! TABLES").
 
 use crate::error::{Error, Result};
 

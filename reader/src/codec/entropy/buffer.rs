@@ -13,8 +13,8 @@ pub(super) const SYMBOL_BYTES: usize = 3;
 
 /// Values in coding order, each with its context: what an encoder produces before the tables are known.
 ///
-/// Tokens and contexts, `SYMBOL_BYTES` a symbol, are kept apart from the extra bits, which take whole bytes: a build holds the
-/// symbols of whole levels and walks through them forwards and backwards.
+/// Tokens and contexts, `SYMBOL_BYTES` a symbol, are kept apart from the extra bits, which take whole bytes: a build
+/// holds the symbols of whole levels and walks through them forwards and backwards.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SymbolBuffer {
     /// Token and context (low byte first) of each symbol.

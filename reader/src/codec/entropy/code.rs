@@ -23,9 +23,9 @@ impl Code {
 
     /// The state that follows a state below the frequency times 2^20: quotient times 4096, plus remainder, plus start.
     ///
-    /// The quotient is exact. The reciprocal exceeds 2^44 / f by at most 1, so state times reciprocal exceeds 2^44 state / f
-    /// by at most the state, which is below 2^32, and so the quotient by less than 1 / 4096, which is not more than 1 / f. The
-    /// product is below 2^64, since state / f is at most 2^20 - 1 / f.
+    /// The quotient is exact. The reciprocal exceeds 2^44 / f by at most 1, so state times reciprocal exceeds 2^44
+    /// state / f by at most the state, which is below 2^32, and so the quotient by less than 1 / 4096, which is not
+    /// more than 1 / f. The product is below 2^64, since state / f is at most 2^20 - 1 / f.
     #[inline]
     pub fn put(self, state: u32) -> u32 {
         let quotient = ((u64::from(state) * self.reciprocal) >> RECIPROCAL_BITS) as u32;

@@ -1,8 +1,8 @@
 //! The register of contexts: who owns which numbers (SPEC.md, "Contexts").
 //!
-//! A context names the statistics that a symbol is coded with. Each owner has a run of numbers and says in its own module what
-//! each of them is for. A further owner appends a line here; that changes no other numbers, and a file pays nothing for
-//! contexts that it does not use.
+//! A context names the statistics that a symbol is coded with. Each owner has a run of numbers and says in its own
+//! module what each of them is for. A further owner appends a line here; that changes no other numbers, and a file pays
+//! nothing for contexts that it does not use.
 
 /// A context number.
 pub type Context = u16;
@@ -23,8 +23,8 @@ pub(crate) const HEIGHTS: Owner = TREE.then(82);
 
 /// The number of contexts that this program knows: all numbers below have an owner.
 pub(crate) const COUNT: usize = HEIGHTS.end as usize;
-/// Section TABLES may name contexts below this limit. A reader ignores those that it does not know: optional sections of a later
-/// minor version may use them.
+/// Section TABLES may name contexts below this limit. A reader ignores those that it does not know: optional sections
+/// of a later minor version may use them.
 pub(crate) const LIMIT: usize = 4096;
 
 /// A run of contexts that belong to one part of the format.

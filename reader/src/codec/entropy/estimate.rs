@@ -1,4 +1,5 @@
-//! Estimates of what symbols will cost before the tables of the file are known (encoder only). Builders use them to choose between codings.
+//! Estimates of what symbols will cost before the tables of the file are known (encoder only). Builders use them to
+//! choose between codings.
 //!
 //! All arithmetic is in integers, so that every machine makes the same choice.
 
@@ -31,8 +32,8 @@ impl SymbolStatistics {
         }
     }
 
-    /// The bits that a buffer's symbols take, without tables; the error is below 1 in 10,000. Symbols that were never counted are expensive,
-    /// but not impossible.
+    /// The bits that a buffer's symbols take, without tables; the error is below 1 in 10,000. Symbols that were never
+    /// counted are expensive, but not impossible.
     pub fn bits(&self, symbols: &SymbolBuffer) -> f64 {
         let mut information = 0_u64;
         for (context, value) in symbols.iter() {

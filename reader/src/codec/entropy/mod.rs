@@ -1,8 +1,8 @@
 //! Symbols and their entropy coding with static tables shared by the whole file (SPEC.md, "Entropy coding").
 //!
-//! An encoder puts unsigned values, each with a context, into a [`SymbolBuffer`]. Once all values of a file are known, [`Tables`] are
-//! made from their statistics, and the values become rANS streams (J. Duda, "Asymmetric numeral systems", 2013). A decoder pulls
-//! the values in the same order from a [`SymbolSource`], usually a [`Decoder`].
+//! An encoder puts unsigned values, each with a context, into a [`SymbolBuffer`]. Once all values of a file are known,
+//! [`Tables`] are made from their statistics, and the values become rANS streams (J. Duda, "Asymmetric numeral
+//! systems", 2013). A decoder pulls the values in the same order from a [`SymbolSource`], usually a [`Decoder`].
 //!
 //! - [`context`]: who owns which contexts,
 //! - [`buffer`]: symbols that wait for their tables,

@@ -1,12 +1,13 @@
 //! rANS streams: a state of 32 bits with words of 16 bits, written backwards and read forwards (SPEC.md, "Streams").
 //!
-//! A stream consists of the decoder's initial state (4 bytes, little-endian), followed by 16-bit words (little-endian). Once all words are
-//! read, the state must be 65536. A stream that would consist of this state alone is stored as no bytes.
+//! A stream consists of the decoder's initial state (4 bytes, little-endian), followed by 16-bit words (little-endian).
+//! Once all words are read, the state must be 65536. A stream that would consist of this state alone is stored as no
+//! bytes.
 //!
 //! To read a symbol: with s = state mod 4096, find the token whose range start..start+frequency holds s; then
 //! state = frequency (state / 4096) + s - start; while state < 65536 (at most once): state = 65536 state + next word.
-//! Its extra bits follow, at most 16 at a time, lowest first: bits = state mod 2^k, state = state / 2^k, renormalised in the
-//! same way.
+//! Its extra bits follow, at most 16 at a time, lowest first: bits = state mod 2^k, state = state / 2^k, renormalised
+//! in the same way.
 
 use super::{
     Codes, SymbolSource, Symbols,
@@ -74,8 +75,8 @@ impl Words {
         self.words.resize(self.count + count, 0);
     }
 
-    /// Puts the lower half of a state if that is too large, and returns what is left of it. Whether it is so is as good as random, so the word is
-    /// written in any case: a branch would often be mispredicted.
+    /// Puts the lower half of a state if that is too large, and returns what is left of it. Whether it is so is as good
+    /// as random, so the word is written in any case: a branch would often be mispredicted.
     #[inline(always)]
     fn put(&mut self, state: u32, is_large: bool) -> u32 {
         if let Some(word) = self.words.get_mut(self.count) {
@@ -140,8 +141,8 @@ impl<'a> Decoder<'a> {
         }
     }
 
-    /// Brings a state that has become too small back into its range. Whether that is so is as good as random, so the word is loaded in any
-    /// case: a branch would often be mispredicted.
+    /// Brings a state that has become too small back into its range. Whether that is so is as good as random, so the
+    /// word is loaded in any case: a branch would often be mispredicted.
     #[inline]
     fn renormalise(&mut self, state: u32) -> Result<(), Violation> {
         let word = match self.bytes.get(self.at.next..).and_then(|rest| rest.first_chunk::<2>()) {

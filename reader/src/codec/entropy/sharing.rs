@@ -121,8 +121,8 @@ pub(super) fn log2_fixed(n: u64) -> u64 {
     (u64::from(magnitude) << 16) + low + (((high - low) * (fraction & 0xff_ffff)) >> 24)
 }
 
-/// Distributes contexts over at most `max_tables` tables. Returns the table of every context, `None` for those without symbols, and the
-/// tables in the order of their first contexts.
+/// Distributes contexts over at most `max_tables` tables. Returns the table of every context, `None` for those without
+/// symbols, and the tables in the order of their first contexts.
 pub(super) fn share_tables(contexts: &[Histogram], max_tables: usize) -> (Vec<Option<usize>>, Vec<Frequencies>) {
     let mut sets: Vec<(Histogram, Vec<usize>, u64)> = contexts
         .iter()

@@ -34,8 +34,8 @@ const CODE_END: u32 = 14;
 pub(super) struct Frequencies(pub(super) [u16; token::COUNT]);
 
 impl Frequencies {
-    /// Frequencies for these counts, at least one of which is not zero, in a form that can be stored: all are rounded to four significant
-    /// bits, except that of the most frequent token.
+    /// Frequencies for these counts, at least one of which is not zero, in a form that can be stored: all are rounded
+    /// to four significant bits, except that of the most frequent token.
     pub(super) fn normalised(counts: &[u64]) -> Self {
         let total: u64 = counts.iter().sum();
         let largest = (0..counts.len()).rev().max_by_key(|&token| counts[token]).unwrap_or(0);
@@ -53,8 +53,8 @@ impl Frequencies {
         let (mut result, mut rest) =
             assign(&|count| round_significant(scaled(count, FREQUENCY_SUM).div_ceil(2)).max(1));
         if rest * 4 < i64::from(scaled(counts[largest], FREQUENCY_SUM)) {
-            // Rounding has taken half of what the most frequent token should get. That happens with many tokens: round down instead, from a
-            // sum that leaves room for one more each.
+            // Rounding has taken half of what the most frequent token should get. That happens with many tokens: round
+            // down instead, from a sum that leaves room for one more each.
             let sum = FREQUENCY_SUM - token::COUNT as u32;
             (result, rest) = assign(&|count| floor_significant(1 + scaled(count, sum) / 2));
         }
@@ -62,13 +62,14 @@ impl Frequencies {
         Self(result)
     }
 
-    /// Per token a code of four bits. 1..=12 is the bit length of its frequency; up to three bits below the leading one follow, and lower ones
-    /// are zero. 13 marks the token that takes the rest of 4096. 0 begins a run of absent tokens, whose length follows in gamma
-    /// code. 14 is the end.
+    /// Per token a code of four bits. 1..=12 is the bit length of its frequency; up to three bits below the leading one
+    /// follow, and lower ones are zero. 13 marks the token that takes the rest of 4096. 0 begins a run of absent
+    /// tokens, whose length follows in gamma code. 14 is the end.
     fn write(&self, bits: &mut BitWriter) {
         let frequencies = &self.0;
         let largest = (0..token::COUNT).rev().max_by_key(|&token| frequencies[token]).unwrap_or(0);
-        // The token that takes the rest need not be the largest one. But if one frequency is not rounded, it must be that token's.
+        // The token that takes the rest need not be the largest one. But if one frequency is not rounded, it must be
+        // that token's.
         let rest = (0..token::COUNT)
             .find(|&token| floor_significant(u32::from(frequencies[token])) != u32::from(frequencies[token]))
             .unwrap_or(largest);
@@ -156,19 +157,20 @@ pub(crate) struct Tables {
     /// The table of each context, or [`NO_TABLE`].
     table_of: [u8; context::COUNT],
     frequencies: Vec<Frequencies>,
-    /// For decoding, the tokens that occur, table after table: bits 0..8 hold the token, 8..20 its frequency minus 1, and 20..32 its
-    /// start.
+    /// For decoding, the tokens that occur, table after table: bits 0..8 hold the token, 8..20 its frequency minus 1,
+    /// and 20..32 its start.
     ranges: Vec<u32>,
     /// Where the ranges of each table begin.
     first_range: Vec<u32>,
-    /// Per table, the range that every 16th state falls in. With an entry for each of 4096 states no search would be needed, but tables of
-    /// 16 KiB each do not fit in the processor's nearest cache: decoding took twice the time.
+    /// Per table, the range that every 16th state falls in. With an entry for each of 4096 states no search would be
+    /// needed, but tables of 16 KiB each do not fit in the processor's nearest cache: decoding took twice the time.
     buckets: Vec<u32>,
     /// The number of that range, counted from the table's first.
     bucket_ranges: Vec<u8>,
 }
 
-/// The number of low bits of a state that a bucket leaves to a search. About nine searches in ten end with the first range.
+/// The number of low bits of a state that a bucket leaves to a search. About nine searches in ten end with the first
+/// range.
 const BUCKET_BITS: u32 = 4;
 const BUCKET_COUNT: usize = 1 << (FREQUENCY_BITS - BUCKET_BITS);
 
@@ -222,9 +224,10 @@ impl Tables {
         Self { table_of, frequencies, ranges, first_range, buckets, bucket_ranges }
     }
 
-    /// The bytes of section TABLES: the number of tables plus one in gamma code, then each table; the number of contexts plus one in gamma
-    /// code; then per context, ascending, its distance from the one before (from -1 at first) in gamma code, and its table in as many
-    /// bits as the largest table number has. Zero bits fill the last byte.
+    /// The bytes of section TABLES: the number of tables plus one in gamma code, then each table; the number of
+    /// contexts plus one in gamma code; then per context, ascending, its distance from the one before (from -1 at
+    /// first) in gamma code, and its table in as many bits as the largest table number has. Zero bits fill the last
+    /// byte.
     pub(crate) fn write(&self) -> Vec<u8> {
         let mut bits = BitWriter::default();
         bits.put_gamma(self.frequencies.len() as u32 + 1);

@@ -7,8 +7,8 @@ use super::{
 };
 use crate::codec::entropy::context::{self, Context};
 
-/// How often each token occurs in each context. The keys are 256 times the context plus the token, ascending; tokens that do not occur have
-/// none.
+/// How often each token occurs in each context. The keys are 256 times the context plus the token, ascending; tokens
+/// that do not occur have none.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Tally(Vec<(u32, u64)>);
@@ -49,7 +49,8 @@ impl Tally {
         self.0 = sum;
     }
 
-    /// The size of all counted symbols in bytes, rounded up. A symbol that the tables have no code for counts as a few bytes.
+    /// The size of all counted symbols in bytes, rounded up. A symbol that the tables have no code for counts as a few
+    /// bytes.
     pub(crate) fn bytes(&self, tables: &Tables) -> u64 {
         let cost = self.0.iter().fold(0_u64, |cost, &(key, count)| {
             let (context, token) = split(key);

@@ -1,7 +1,8 @@
-//! Values as tokens (SPEC.md, "Symbols and tokens"). A value below 16 is its own token. The token of a larger value gives its magnitude and
-//! the two bits below its leading one; the remaining bits are stored raw.
+//! Values as tokens (SPEC.md, "Symbols and tokens"). A value below 16 is its own token. The token of a larger value
+//! gives its magnitude and the two bits below its leading one; the remaining bits are stored raw.
 //!
-//! With v >= 16 and n = floor(log2 v): token = 16 + 4 (n - 4) + the two bits of v below the leading one; n - 2 extra bits.
+//! With v >= 16 and n = floor(log2 v): token = 16 + 4 (n - 4) + the two bits of v below the leading one; n - 2 extra
+//! bits.
 
 /// Number of tokens: a `u64` needs classes up to n = 63, whose last token is 255.
 pub(super) const COUNT: usize = 256;

@@ -40,8 +40,8 @@ pub(crate) struct LaneSymbols<'s, 'd> {
 
 /// Decodes the blocks of one filling.
 ///
-/// A thread decodes up to [`LANES`] blocks of different streams in turn: while one waits for a result, another continues. A filling
-/// that gains nothing by that decodes a block in [`BlockDecoder::begin`].
+/// A thread decodes up to [`LANES`] blocks of different streams in turn: while one waits for a result, another
+/// continues. A filling that gains nothing by that decodes a block in [`BlockDecoder::begin`].
 pub(crate) trait BlockDecoder {
     /// Begins a block in a lane and returns whether there is more to come. Blocks of one root come from coarse to fine.
     ///
@@ -58,7 +58,8 @@ pub(crate) trait BlockDecoder {
         Ok(lanes.first().map_or(0, |first| first.lane))
     }
 
-    /// Takes the patch of the block that ended in a lane, if it was made: nested fillings leave out those that are not wanted.
+    /// Takes the patch of the block that ended in a lane, if it was made: nested fillings leave out those that are not
+    /// wanted.
     fn take_patch(&mut self, lane: usize) -> Option<Patch>;
 
     /// Forgets what was kept for finer blocks: no root comes again.

@@ -1,9 +1,10 @@
 //! Fillings: how the inside of a root is coded.
 //!
-//! Each filling has a folder with its encoder, its [`BlockDecoder`] and its contexts. The rest of the crate knows a filling by
-//! its row in the [table](Descriptor) alone. A further filling needs a folder, a variant of [`Filling`], a row in the table, a
-//! line in the [register of contexts](crate::codec::entropy::context), and a chapter in SPEC.md. Its parameters in a file are two
-//! shifts a level, like those of the others, whether it uses them or not (`format::levels`).
+//! Each filling has a folder with its encoder, its [`BlockDecoder`] and its contexts. The rest of the crate knows a
+//! filling by its row in the [table](Descriptor) alone. A further filling needs a folder, a variant of [`Filling`], a
+//! row in the table, a line in the [register of contexts](crate::codec::entropy::context), and a chapter in SPEC.md.
+//! Its parameters in a file are two shifts a level, like those of the others, whether it uses them or not
+//! (`format::levels`).
 
 mod block;
 mod counts;

@@ -65,10 +65,12 @@ impl Index<Filling> for LevelSteps {
 }
 
 /// Moves a vertex along a direction to its best place. Irregular fillings name a vertex by its index in
-/// [`PatchTarget::interior`](super::irregular::PatchTarget::interior), grids by its [`GridSite`](super::grid::GridSite).
+/// [`PatchTarget::interior`](super::irregular::PatchTarget::interior), grids by its
+/// [`GridSite`](super::grid::GridSite).
 pub trait Slide<V = u32> {
-    /// The best signed distance from `point` along the unit vector `normal`, in lattice units. `point` is where the vertex lies
-    /// once its tangential residual is rounded, without any normal one; it may be a few edge lengths off the surface. Following
-    /// the surface from there, instead of the frame, keeps the rounding from lifting the vertex off it.
+    /// The best signed distance from `point` along the unit vector `normal`, in lattice units. `point` is where the
+    /// vertex lies once its tangential residual is rounded, without any normal one; it may be a few edge lengths off
+    /// the surface. Following the surface from there, instead of the frame, keeps the rounding from lifting the vertex
+    /// off it.
     fn offset(&self, vertex: V, point: [f64; 3], normal: [f64; 3]) -> f64;
 }

@@ -1,4 +1,5 @@
-//! Bits with adaptive probabilities: a range coder as that of LZMA, with probabilities that are means of a fast and a slow estimate.
+//! Bits with adaptive probabilities: a range coder as that of LZMA, with probabilities that are means of a fast and a
+//! slow estimate.
 
 #[cfg(feature = "write")]
 use crate::codec::entropy::zigzag;
@@ -27,7 +28,8 @@ impl Chance {
 
     #[inline]
     fn learn(&mut self, bit: bool) {
-        // After a zero, what is left to 1 becomes smaller; after a one, the estimate itself. Processors do not foresee which it is.
+        // After a zero, what is left to 1 becomes smaller; after a one, the estimate itself. Processors do not foresee
+        // which it is.
         let flip = u16::from(bit).wrapping_sub(1);
         for (estimate, rate) in self.0.iter_mut().zip([4, 7]) {
             let rest = *estimate ^ flip;
@@ -122,7 +124,8 @@ impl<'a> BitDecoder<'a> {
         Ok((value >> 1) as i32 ^ -((value & 1) as i32))
     }
 
-    /// Refuses a string that ended long before its bits did. Long images check now and then, so that a short string cannot make work.
+    /// Refuses a string that ended long before its bits did. Long images check now and then, so that a short string
+    /// cannot make work.
     pub(super) fn check(&self) -> Result<()> {
         if self.missing <= MOST_MISSING { Ok(()) } else { Err(Error::format("texels end early")) }
     }
@@ -152,8 +155,8 @@ pub(super) struct Interval {
     /// Its lower end: 32 bits, before them those that wait, and a carry.
     low: u64,
     range: u32,
-    /// How many bits wait to become bytes: whole bytes, so that two are written at a time, and processors seldom have to foresee when. Bytes
-    /// and those that wait are as many as a decoder takes beyond its first four.
+    /// How many bits wait to become bytes: whole bytes, so that two are written at a time, and processors seldom have
+    /// to foresee when. Bytes and those that wait are as many as a decoder takes beyond its first four.
     waiting: u32,
 }
 

@@ -302,7 +302,8 @@ fn encode_with(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, ste
     bits.finish()
 }
 
-/// How many steps a coefficient has, rounded; at most a limit. Compilers turn this into vectors, as conversions that saturate are not.
+/// How many steps a coefficient has, rounded; at most a limit. Compilers turn this into vectors, as conversions that
+/// saturate are not.
 #[cfg(feature = "write")]
 #[inline(always)]
 fn level_size(coefficient: f32, inverse: f32, limit: f32) -> f32 {
@@ -364,7 +365,8 @@ fn encode_others(
     count as u8
 }
 
-/// Brightness and differences of a block, about zero. Texels that are not used get values that cost little; none if no texel is used.
+/// Brightness and differences of a block, about zero. Texels that are not used get values that cost little; none if no
+/// texel is used.
 #[cfg(feature = "write")]
 pub(super) fn planes(image: &Image<u8>, is_used: &[bool], [left, top]: [usize; 2]) -> Option<[[f32; AREA]; 4]> {
     let [width, height] = image.size.map(|length| length as usize);
@@ -403,7 +405,8 @@ pub(super) fn planes(image: &Image<u8>, is_used: &[bool], [left, top]: [usize; 2
     Some(planes)
 }
 
-/// Gives values that are not known those of their neighbours, ring by ring, smoothed towards the mean of all. Each bit of `known` is a value.
+/// Gives values that are not known those of their neighbours, ring by ring, smoothed towards the mean of all. Each bit
+/// of `known` is a value.
 #[cfg(feature = "write")]
 fn fill(planes: &mut [[f32; AREA]], mut known: u64) {
     const LEFT: u64 = 0x0101_0101_0101_0101;

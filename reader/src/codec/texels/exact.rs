@@ -1,7 +1,7 @@
 //! Exact colours, normals and factors: bytes predicted from their neighbours, as other values are.
 //!
-//! Where components have to do with one another, as those of colours have, what red and blue have beyond green is what is predicted. That takes half
-//! of the bytes of three components that are coded one by one.
+//! Where components have to do with one another, as those of colours have, what red and blue have beyond green is what
+//! is predicted. That takes half of the bytes of three components that are coded one by one.
 
 #[cfg(feature = "write")]
 use super::binary::BitEncoder;

@@ -1,10 +1,11 @@
-//! Texels beside what is drawn, which nobody sees until a renderer makes smaller versions of an image: these mix all texels that lie close together.
+//! Texels beside what is drawn, which nobody sees until a renderer makes smaller versions of an image: these mix all
+//! texels that lie close together.
 
 use super::Image;
 
 impl<T: Copy> Image<T> {
-    /// Gives all texels that are not drawn those of the closest drawn one, by the sum of columns and rows between them. `drawn` has a value for each
-    /// texel, row after row. Where nothing is drawn, nothing changes.
+    /// Gives all texels that are not drawn those of the closest drawn one, by the sum of columns and rows between them.
+    /// `drawn` has a value for each texel, row after row. Where nothing is drawn, nothing changes.
     pub fn extrude(&mut self, drawn: &[bool]) {
         let (components, [width, height]) = (usize::from(self.components), self.size.map(|length| length as usize));
         let mut distances: Vec<u16> = drawn.iter().map(|&drawn| if drawn { 0 } else { u16::MAX }).collect();

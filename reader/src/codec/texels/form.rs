@@ -29,8 +29,8 @@ impl Form {
         Self { own, right, below, right_below, left_below, rows: 0 }
     }
 
-    /// Adds what the square of a point counts, which lies between four texels. The first of them has a column and a row, counted from one, and
-    /// the others are beside it and below.
+    /// Adds what the square of a point counts, which lies between four texels. The first of them has a column and a
+    /// row, counted from one, and the others are beside it and below.
     pub fn add(&mut self, [x, y]: [usize; 2], [right, down]: [f32; 2], weight: f32) {
         let at = y * WIDE + x;
         let (left, up) = (1.0 - right, 1.0 - down);

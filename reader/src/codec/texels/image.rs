@@ -67,7 +67,8 @@ impl Image<u8> {
 }
 
 impl<T: Copy + Default + Into<f64>> Image<T> {
-    /// The value at a place in texels, interpolated between the four nearest ones. Texel (x, y) has its centre at (x + 0.5, y + 0.5).
+    /// The value at a place in texels, interpolated between the four nearest ones. Texel (x, y) has its centre at (x +
+    /// 0.5, y + 0.5).
     pub fn interpolated(&self, place: [f64; 2]) -> [f64; 4] {
         let at = |axis: usize| {
             let most = f64::from(self.size[axis]) - 1.0;
@@ -109,14 +110,15 @@ pub(super) fn check(size: [u32; 2], components: u8) -> Result<()> {
     Ok(())
 }
 
-/// Codes colours of three or four components with a step of quantisation, or with a finer one where most of an image is even; the fourth component is not transformed. Texels that are not
-/// used may have any value afterwards.
+/// Codes colours of three or four components with a step of quantisation, or with a finer one where most of an image is
+/// even; the fourth component is not transformed. Texels that are not used may have any value afterwards.
 #[cfg(feature = "write")]
 pub fn encode_image(image: &Image<u8>, is_used: &[bool], step: u8) -> Vec<u8> {
     encode(image, is_used, None, step)
 }
 
-/// As [`encode_image`], of an image of which borders are known. Texels that are used, but not covered by a piece, are right where borders are seen.
+/// As [`encode_image`], of an image of which borders are known. Texels that are used, but not covered by a piece, are
+/// right where borders are seen.
 #[cfg(feature = "write")]
 pub fn encode_seen_image(image: &Image<u8>, is_used: &[bool], seen: &Seen<'_>, step: u8) -> Vec<u8> {
     encode(image, is_used, Some(seen), step)

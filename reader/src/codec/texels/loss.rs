@@ -9,8 +9,8 @@ use super::{
 /// One of this many blocks is looked at, row after row.
 const LOOKED_AT: usize = 13;
 
-/// What quantisation with a step loses of an image in three components: the mean of squares of what a component is off by, in squares of the step.
-/// Estimated from some of its blocks; 0 without any.
+/// What quantisation with a step loses of an image in three components: the mean of squares of what a component is off
+/// by, in squares of the step. Estimated from some of its blocks; 0 without any.
 pub fn lost_squares(image: &Image<u8>, is_used: &[bool], step: u8) -> f32 {
     let [columns, rows] = image.size.map(|length| (length as usize).div_ceil(SIDE));
     let components = usize::from(image.components);
@@ -32,8 +32,8 @@ pub fn lost_squares(image: &Image<u8>, is_used: &[bool], step: u8) -> f32 {
     all / (values * f32::from(step) * f32::from(step))
 }
 
-/// What an image loses. An even block is off by the same everywhere: its mean may lie anywhere between two steps. Where most of an image is even, a
-/// slightly finer step may show it much better.
+/// What an image loses. An even block is off by the same everywhere: its mean may lie anywhere between two steps. Where
+/// most of an image is even, a slightly finer step may show it much better.
 #[derive(Default)]
 pub(super) struct Errors {
     /// The means of all blocks, as coefficients, and whether they have nothing else.
@@ -42,12 +42,13 @@ pub(super) struct Errors {
     pub others: f32,
 }
 
-/// What a bit is worth, in squares of a step: between a step and half of it lies a bit for each coefficient, whose square error is a twelfth of the
-/// square of the step, or a quarter of that.
+/// What a bit is worth, in squares of a step: between a step and half of it lies a bit for each coefficient, whose
+/// square error is a twelfth of the square of the step, or a quarter of that.
 const WORTH: f32 = 0.15;
 
 impl Errors {
-    /// A finer step than that with which an image has `bytes` bytes, if most of what it loses is in its means, and the bytes are worth it.
+    /// A finer step than that with which an image has `bytes` bytes, if most of what it loses is in its means, and the
+    /// bytes are worth it.
     pub fn better_step(&self, step: u8, components: usize, bytes: usize) -> Option<u8> {
         if self.of_constants(step, components) <= self.others {
             return None;

@@ -35,7 +35,8 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// Where a point of the surface lies in the image, in texels. The point may be one of a finer border, beside the patch.
+    /// Where a point of the surface lies in the image, in texels. The point may be one of a finer border, beside the
+    /// patch.
     pub fn place(&self, point: LatticePoint) -> [f64; 2] {
         let place = self.unbounded(to_f64(point));
         [0, 1].map(|k| place[k].clamp(self.range[0][k], self.range[1][k]))
@@ -121,7 +122,8 @@ fn rectangle([low, high]: [[f64; 2]; 2]) -> Result<[u32; 2]> {
     }
 }
 
-/// Where rectangles lie in an image of a width: in rows from left to right, each as high as its highest. Returns the height, too.
+/// Where rectangles lie in an image of a width: in rows from left to right, each as high as its highest. Returns the
+/// height, too.
 fn packed(rectangles: &[[u32; 2]], width: u32) -> Option<(Vec<[u32; 2]>, u32)> {
     let (mut places, mut left, mut top, mut height) = (vec![], 0, 0_u32, 0);
     for &[w, h] in rectangles {
@@ -265,8 +267,8 @@ fn decode_labels(bits: &mut BitDecoder<'_>, pieces: usize, triangles: &[[u32; 3]
     Ok(labels)
 }
 
-/// Codes a map: texels of 2^(exponent / 2) lattice units where they are not larger or longer, pieces along these axes, and the piece of each triangle.
-/// Pieces may get other numbers.
+/// Codes a map: texels of 2^(exponent / 2) lattice units where they are not larger or longer, pieces along these axes,
+/// and the piece of each triangle. Pieces may get other numbers.
 ///
 /// # Errors
 /// If the pieces break a rule of the format, or have more texels than `limit`.

@@ -1,9 +1,10 @@
 //! Texels: what a surface carries, as images over maps (SPEC.md, "Texels").
 //!
-//! A [`Map`] divides a patch into pieces and projects each onto a rectangle of an image. It follows from the patch and a few bytes, and
-//! stores no coordinates. An [`Image`] has one value per texel and component. Colours, normals and factors are transformed by blocks of 8 x 8 texels and
-//! quantised; other values are predicted from their neighbours, exactly, and so are colours, normals and factors of which nothing may be lost. Both are coded bit by bit with probabilities that adapt, so an
-//! image of a hundred texels needs no tables.
+//! A [`Map`] divides a patch into pieces and projects each onto a rectangle of an image. It follows from the patch and
+//! a few bytes, and stores no coordinates. An [`Image`] has one value per texel and component. Colours, normals and
+//! factors are transformed by blocks of 8 x 8 texels and quantised; other values are predicted from their neighbours,
+//! exactly, and so are colours, normals and factors of which nothing may be lost. Both are coded bit by bit with
+//! probabilities that adapt, so an image of a hundred texels needs no tables.
 
 mod binary;
 mod colours;

@@ -1,6 +1,8 @@
-//! Normals: directions relative to the axis of the piece in which a texel lies, by Lambert's equal-area projection of a hemisphere.
+//! Normals: directions relative to the axis of the piece in which a texel lies, by Lambert's equal-area projection of a
+//! hemisphere.
 //!
-//! Near the axis a step is .6 degrees, everywhere less than one. Nothing folds, so filtering and transforming do no harm.
+//! Near the axis a step is .6 degrees, everywhere less than one. Nothing folds, so filtering and transforming do no
+//! harm.
 
 use super::{
     image::{Image, check},
@@ -21,8 +23,8 @@ fn rectangle(piece: &Piece) -> [usize; 4] {
 }
 
 impl Image<u8> {
-    /// Decodes normals. Each texel has three components: a direction of length 1 is 128 + 127 times its coordinates. Texels beside all
-    /// pieces are 0.
+    /// Decodes normals. Each texel has three components: a direction of length 1 is 128 + 127 times its coordinates.
+    /// Texels beside all pieces are 0.
     ///
     /// # Errors
     /// If the bytes break a rule of the format.
@@ -71,8 +73,8 @@ fn direction(bytes: [u8; 2], [u, v, axis]: &[[f64; 3]; 3]) -> [u8; 3] {
     [0, 1, 2].map(|k| (along(k) * REACH + MIDDLE + 0.5) as u8)
 }
 
-/// Codes directions of any length, one for each texel of a map, with a step of quantisation. Texels that are not used may have any value
-/// afterwards.
+/// Codes directions of any length, one for each texel of a map, with a step of quantisation. Texels that are not used
+/// may have any value afterwards.
 #[cfg(feature = "write")]
 pub fn encode_normals(map: &Map, directions: &[[f32; 3]], is_used: &[bool], step: u8) -> Vec<u8> {
     super::encode_image(&projected_image(map, directions), is_used, step)

@@ -1,8 +1,8 @@
 //! What is seen of an image beside the pieces of its map: borders alone.
 //!
-//! Texels beside a piece show nothing but a share of its border, where another image begins, and a step of colour between both is seen as a line.
-//! So the levels of their blocks are not those nearest to each coefficient: of all that are about as near, they are those that show borders
-//! best, whatever becomes of texels that nobody sees.
+//! Texels beside a piece show nothing but a share of its border, where another image begins, and a step of colour
+//! between both is seen as a line. So the levels of their blocks are not those nearest to each coefficient: of all that
+//! are about as near, they are those that show borders best, whatever becomes of texels that nobody sees.
 
 use super::form::Form;
 use super::transform::{AREA, COSINES_OF, SIDE, forward};
@@ -11,7 +11,8 @@ use super::transform::{AREA, COSINES_OF, SIDE, forward};
 const OF_POINTS: f32 = 4.0;
 /// And at a texel beside a piece: finer borders may reach beyond those that are known.
 const BESIDE: f32 = 0.1;
-/// What a level costs that is farther from zero by one, in squares of a step: as much as levels are rounded towards zero for.
+/// What a level costs that is farther from zero by one, in squares of a step: as much as levels are rounded towards
+/// zero for.
 const OF_LEVEL: f32 = 0.2;
 /// The most levels that change in a block.
 const MOST_CHANGES: usize = 16;
@@ -131,7 +132,8 @@ impl SeenBlock {
         &self.columns[number].1
     }
 
-    /// Multiples of a step that show values best, of those near their coefficients. `levels` are those nearest to them, in the order of [`forward`].
+    /// Multiples of a step that show values best, of those near their coefficients. `levels` are those nearest to them,
+    /// in the order of [`forward`].
     pub fn improve(&mut self, values: &[f32; AREA], step: f32, levels: &mut [f32; AREA]) {
         let inverse = 1.0 / step;
         let mut errors = values.map(|value| value * -inverse);

@@ -17,7 +17,8 @@ use crate::{
 pub(super) const MAX_EXPONENT: u32 = 127;
 /// Axes have coordinates of at most this.
 const AXIS_LIMIT: i32 = 31;
-/// Stands before the axis of a piece with larger texels, and twice before that of one whose texels are longer than wide.
+/// Stands before the axis of a piece with larger texels, and twice before that of one whose texels are longer than
+/// wide.
 const LARGER: u32 = 63;
 /// Texels of a piece are larger by at most this power of the root of two.
 #[cfg(feature = "write")]
@@ -155,7 +156,8 @@ pub struct PieceShape {
 #[cfg(feature = "write")]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LongTexels {
-    /// The direction across them, along which they are finer: about at right angles to the piece's axis, of any length but 0.
+    /// The direction across them, along which they are finer: about at right angles to the piece's axis, of any length
+    /// but 0.
     pub across: [i8; 3],
     /// By how much they are finer in that direction, as a power of the root of two.
     pub finer: u8,
@@ -170,8 +172,8 @@ impl PieceShape {
         self.long.map_or(0, |long| long.finer.min(MOST_LONGER)).saturating_sub(self.larger)
     }
 
-    /// The shapes among which the one with the smallest rectangle is taken, where texels of the map are so much finer than they were to be. Long texels leave
-    /// one alone.
+    /// The shapes among which the one with the smallest rectangle is taken, where texels of the map are so much finer
+    /// than they were to be. Long texels leave one alone.
     pub(super) fn candidates(&self, finer: u8) -> Vec<Shape> {
         let larger = self.larger.min(MOST_LARGER) + finer;
         let axis = self.axis.map(i32::from);

@@ -7,7 +7,8 @@ pub(super) const AREA: usize = SIDE * SIDE;
 /// Largest absolute coefficient that the inverse takes without overflow.
 pub(super) const MOST: i32 = 4095;
 
-/// Row k is 4096 times the k-th cosine, normalised: round(4096 * a * cos((2 n + 1) k pi / 16)), where a is sqrt(1/8) for k = 0, else 1/2.
+/// Row k is 4096 times the k-th cosine, normalised: round(4096 * a * cos((2 n + 1) k pi / 16)), where a is sqrt(1/8)
+/// for k = 0, else 1/2.
 const COSINES: [[i32; SIDE]; SIDE] = [
     [1448, 1448, 1448, 1448, 1448, 1448, 1448, 1448],
     [2009, 1703, 1138, 400, -400, -1138, -1703, -2009],
@@ -84,8 +85,8 @@ fn row(sum: i32) -> i32 {
 #[cfg(feature = "write")]
 type Four = [f32; SIDE / 2];
 
-/// The coefficients of a block, column by column. Columns are transformed four at a time, so that compilers use vectors, and nothing depends
-/// on which.
+/// The coefficients of a block, column by column. Columns are transformed four at a time, so that compilers use
+/// vectors, and nothing depends on which.
 #[cfg(feature = "write")]
 pub(super) fn forward(values: &[f32; AREA]) -> [f32; AREA] {
     let halves = std::array::from_fn(|k| [values[4 * k], values[4 * k + 1], values[4 * k + 2], values[4 * k + 3]]);
@@ -99,8 +100,8 @@ pub(super) fn forward(values: &[f32; AREA]) -> [f32; AREA] {
     result
 }
 
-/// The sums of four columns with cosines; rows are two halves each. Those of even rows are symmetric and those of odd ones antisymmetric, and
-/// half of the even ones are symmetric again.
+/// The sums of four columns with cosines; rows are two halves each. Those of even rows are symmetric and those of odd
+/// ones antisymmetric, and half of the even ones are symmetric again.
 #[cfg(feature = "write")]
 #[inline(always)]
 fn of_columns(halves: &[Four; AREA / 4], half: usize, sums: &mut [Four; AREA / 4]) {

@@ -11,8 +11,8 @@ use crate::error::{Error, Result};
 /// Classes of how much the neighbours of a texel differ.
 const CLASSES: usize = 17;
 
-/// What is expected of a value by those to its left, above it, and above to the left: the median of both and of their plane; and how much
-/// these differ.
+/// What is expected of a value by those to its left, above it, and above to the left: the median of both and of their
+/// plane; and how much these differ.
 fn expected(row: &[i32], above: &[i32], at: usize, components: usize) -> (i32, usize) {
     let left = at.checked_sub(components).map(|before| row[before]);
     let corner = at.checked_sub(components).and_then(|before| above.get(before).copied());

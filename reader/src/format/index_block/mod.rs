@@ -1,8 +1,9 @@
-//! Index blocks: one per cluster, with its roots' loops, boxes and blocks, its arcs and corners (SPEC.md, "Section INDEX").
+//! Index blocks: one per cluster, with its roots' loops, boxes and blocks, its arcs and corners (SPEC.md, "Section
+//! INDEX").
 //!
-//! A block is: the size of its records (varint); the records, an rANS stream ([`records`]); the size of the arc stream (varint);
-//! the arc stream, with the cluster's corners, then its arcs' samples of the coarsest levels; then size and checksum of every
-//! page of the cluster, level by level: the arc pages (one per arc run), then the block pages.
+//! A block is: the size of its records (varint); the records, an rANS stream ([`records`]); the size of the arc stream
+//! (varint); the arc stream, with the cluster's corners, then its arcs' samples of the coarsest levels; then size and
+//! checksum of every page of the cluster, level by level: the arc pages (one per arc run), then the block pages.
 
 pub(crate) mod contexts;
 mod records;
@@ -74,7 +75,8 @@ impl RootEntry {
         [self.blocks.first(), self.blocks.last()].map(|block| block.map_or(0, |block| block.level))
     }
 
-    /// The block to draw where all that is drawn is of one level, unless the root is not drawn then: its parent or its children are.
+    /// The block to draw where all that is drawn is of one level, unless the root is not drawn then: its parent or its
+    /// children are.
     pub(crate) fn uniform_block(&self, level: u8, is_top: bool) -> Option<&BlockEntry> {
         let block = self.blocks.get(self.block_at(level))?;
         let is_finest = self.blocks.last().is_some_and(|last| last.level < level);
@@ -113,7 +115,8 @@ pub(crate) struct ClusterIndex {
     /// Corners, then the samples of the levels that are not in pages; and where these samples begin.
     arc_stream: Vec<u8>,
     after_corners: Position,
-    /// The samples of the arc stream, decoded when first needed: those of all arcs at the coarsest level, then at the next one.
+    /// The samples of the arc stream, decoded when first needed: those of all arcs at the coarsest level, then at the
+    /// next one.
     arc_splits: OnceLock<Vec<Split>>,
     /// The arc runs, whose samples are coded together. Arcs are counted from the cluster's first.
     pub arc_runs: Vec<Range<u32>>,
@@ -147,8 +150,8 @@ impl ClusterIndex {
         self.sample_count(arc, level) - coarser
     }
 
-    /// Triangles and largest error of those of the cluster's roots that are drawn at a level; the first `top_count` are tops. A root
-    /// that lacks the level may be coarser than a neighbour, so its border deviation is added.
+    /// Triangles and largest error of those of the cluster's roots that are drawn at a level; the first `top_count` are
+    /// tops. A root that lacks the level may be coarser than a neighbour, so its border deviation is added.
     pub(crate) fn summary(&self, level: u8, top_count: u32, lattice: &Lattice) -> Result<(u64, ErrorCode)> {
         let (mut triangle_count, mut max_error) = (0, ErrorCode::default());
         for (number, root) in (0..).zip(&self.roots) {
@@ -217,8 +220,8 @@ impl ClusterIndex {
         Ok(splits)
     }
 
-    /// Decodes the samples of one arc run at a level in pages, up to its arc `last`; `paths` are those of the whole cluster. Checks the
-    /// end of the stream only if the last arc ends the run, because decoding stops after `last`.
+    /// Decodes the samples of one arc run at a level in pages, up to its arc `last`; `paths` are those of the whole
+    /// cluster. Checks the end of the stream only if the last arc ends the run, because decoding stops after `last`.
     pub(crate) fn decode_arc_run(
         &self,
         scheme: &Scheme<'_>,
@@ -262,8 +265,8 @@ impl ClusterIndex {
         arcs.iter().copied().chain(self.level_streams(level).iter().map(|stream| stream.part))
     }
 
-    /// The bytes of the index block. `arc_stream` holds its corners and coarsest samples; `arc_parts` are its arc pages, level by level
-    /// and run by run. The parts of block streams must be set.
+    /// The bytes of the index block. `arc_stream` holds its corners and coarsest samples; `arc_parts` are its arc
+    /// pages, level by level and run by run. The parts of block streams must be set.
     pub(crate) fn write(&self, records: &[u8], arc_stream: &[u8], arc_parts: &[Vec<Part>]) -> Vec<u8> {
         let mut bytes = Vec::new();
         for stream in [records, arc_stream] {

@@ -1,16 +1,17 @@
 //! What an index block says of roots and arcs, as symbols. Each pair of parentheses is one symbol:
 //!
-//! - per root (loops * fillings of the file + place of the root's filling among them), per loop (its number of half-arcs),
-//!   per half-arc (2 d + reversed), where d = 0 names the cluster's next new arc and d > 0 the arc d below it;
+//! - per root (loops * fillings of the file + place of the root's filling among them), per loop (its number of
+//!   half-arcs), per half-arc (2 d + reversed), where d = 0 names the cluster's next new arc and d > 0 the arc d below
+//!   it;
 //! - the root's box in 1/255 of the cluster's, rounded outward: per axis (low), then per axis (high - low);
 //! - (its number of children);
 //! - (its levels: bit k stands for level k);
 //! - per level that it has (error), (border deviation), (triangle count), (whether the block begins a stream);
-//! - per arc two corners (d, as for arcs), each followed by (the coarsest level at which it is a vertex) where it is new, then per
-//!   level (new samples).
+//! - per arc two corners (d, as for arcs), each followed by (the coarsest level at which it is a vertex) where it is
+//!   new, then per level (new samples).
 //!
-//! An error is an [`ErrorCode`], stored as 0 if it is 0, otherwise as 1 + zigzag(code - code of the level's tolerance). A
-//! deviation is stored likewise, relative to the block's error.
+//! An error is an [`ErrorCode`], stored as 0 if it is 0, otherwise as 1 + zigzag(code - code of the level's tolerance).
+//! A deviation is stored likewise, relative to the block's error.
 
 use super::{BlockEntry, ClusterIndex, RootEntry, contexts};
 use crate::{

@@ -95,8 +95,9 @@ pub(super) fn corners(cells: &Cells, lines: &Lines) -> Box<[bool; SIDE * SIDE]> 
     is_corner
 }
 
-/// Gives each sample of a quarter's 33 x 33 that is not known the value of a known one: in its row of the nearest to the west, or else of the
-/// first to the east; a row without any is like the one above, or else like the first that has some.
+/// Gives each sample of a quarter's 33 x 33 that is not known the value of a known one: in its row of the nearest to
+/// the west, or else of the first to the east; a row without any is like the one above, or else like the first that has
+/// some.
 pub(super) fn fill(samples: &mut [[i32; CELLS / 2 + 1]; CELLS / 2 + 1], is_known: impl Fn(usize, usize) -> bool) {
     let mut first_row = None;
     for row in 0..samples.len() {

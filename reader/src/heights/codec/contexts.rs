@@ -30,8 +30,8 @@ pub(super) fn class(measure: u64) -> u16 {
     (2 * magnitude as u16 + half as u16).min(CLASSES - 1)
 }
 
-/// The smallest residual, zigzag mapped, that a class codes in two symbols: about 32 times what is usual there. So a table with all
-/// tokens of a class is short, and can be made before all residuals are known.
+/// The smallest residual, zigzag mapped, that a class codes in two symbols: about 32 times what is usual there. So a
+/// table with all tokens of a class is short, and can be made before all residuals are known.
 #[inline]
 pub(super) fn escape(class: u16) -> u64 {
     1 << (class / 2 + 3)

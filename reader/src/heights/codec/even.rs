@@ -1,8 +1,10 @@
-//! Encoding tiles with even lines (encoder only): most of them. What [`super::refine`] does sample by sample is done for whole rows.
+//! Encoding tiles with even lines (encoder only): most of them. What [`super::refine`] does sample by sample is done
+//! for whole rows.
 //!
-//! An encoder knows all samples, so nothing waits for a residual. Interpolation between even lines has weights of sixteenths, and small heights
-//! need no more than 32 bits; so everything up to the classes of residuals runs in lanes, over four planes: the known samples, the centres, and the
-//! edges between known ones above each other and beside each other.
+//! An encoder knows all samples, so nothing waits for a residual. Interpolation between even lines has weights of
+//! sixteenths, and small heights need no more than 32 bits; so everything up to the classes of residuals runs in lanes,
+//! over four planes: the known samples, the centres, and the edges between known ones above each other and beside each
+//! other.
 
 use super::{
     contexts::{BEYOND, CENTRE, EDGE, escape},
@@ -23,8 +25,8 @@ const LARGEST: u32 = 1 << 19;
 /// Rows of a plane.
 type Plane<const COLUMNS: usize, const ROWS: usize> = [[i32; COLUMNS]; ROWS];
 
-/// Sixteen times the values between those of a line, and so of rows between rows: the cubic polynomial through the four nearest, or at both ends the
-/// quadratic one through the three nearest.
+/// Sixteen times the values between those of a line, and so of rows between rows: the cubic polynomial through the four
+/// nearest, or at both ends the quadratic one through the three nearest.
 fn between<const N: usize, const M: usize>(line: &[i32; N]) -> [i32; M] {
     let mut all = [0; M];
     all[0] = 6 * line[0] + 12 * line[1] - 2 * line[2];
@@ -62,7 +64,8 @@ struct Row<const COLUMNS: usize> {
     /// Zigzag mapped.
     residuals: [i32; COLUMNS],
     sizes: [i32; COLUMNS],
-    /// Of a centre six times its bend and three times its range, of an edge 24 times the difference and three times the slopes.
+    /// Of a centre six times its bend and three times its range, of an edge 24 times the difference and three times the
+    /// slopes.
     activity: [i32; COLUMNS],
 }
 
@@ -131,8 +134,8 @@ impl Planes {
     }
 }
 
-/// Appends the symbols of a tile below another one that draws all cells, as [`super::refine::refine`] finds them. Its lines are even. Returns whether
-/// it could: heights must not be large.
+/// Appends the symbols of a tile below another one that draws all cells, as [`super::refine::refine`] finds them. Its
+/// lines are even. Returns whether it could: heights must not be large.
 pub(super) fn put(steps: &Samples, out: &mut SymbolBuffer) -> bool {
     if steps.iter().fold(0, |all, step| all | step.unsigned_abs()) > LARGEST {
         return false;

@@ -1,7 +1,8 @@
 //! The samples of a tile as symbols (SPEC.md, "Blocks of heights").
 //!
-//! A tile below another one has every second of its samples in common with a quarter of that, and codes the others; one at depth 0 begins with
-//! its corners. Each *refinement* halves the distance of samples: it predicts them from all that is known around, and codes what they are off.
+//! A tile below another one has every second of its samples in common with a quarter of that, and codes the others; one
+//! at depth 0 begins with its corners. Each *refinement* halves the distance of samples: it predicts them from all that
+//! is known around, and codes what they are off.
 //!
 //! - [`contexts`]: the statistics of symbols,
 //! - [`stencil`]: interpolation between uneven lines,
@@ -113,8 +114,8 @@ fn code_corners(samples: &mut Samples, coded: Coded<'_>, coder: &mut impl Coder)
     Ok(())
 }
 
-/// Appends the symbols of a tile. Every second of its samples is one of `parent`'s; a tile at depth 0 has no parent. Samples that no drawn
-/// cell touches do not count, neither here nor in the parent.
+/// Appends the symbols of a tile. Every second of its samples is one of `parent`'s; a tile at depth 0 has no parent.
+/// Samples that no drawn cell touches do not count, neither here nor in the parent.
 ///
 /// # Errors
 /// [`Error::Model`] if the tile contradicts its parent, or is not in the grid.

@@ -1,7 +1,8 @@
-//! One refinement of a tile: from the samples at even multiples of a stride to those at all (SPEC.md, "Predicted heights").
+//! One refinement of a tile: from the samples at even multiples of a stride to those at all (SPEC.md, "Predicted
+//! heights").
 //!
-//! First come the *centres* of four known samples, then the *edges*, which lie between two known samples and two centres. Lines that lie on
-//! the one before them take no part: their samples are copies.
+//! First come the *centres* of four known samples, then the *edges*, which lie between two known samples and two
+//! centres. Lines that lie on the one before them take no part: their samples are copies.
 
 use super::{
     contexts::{CENTRE, EDGE, class},
@@ -230,7 +231,8 @@ impl<C: Coder> Refinement<'_, C> {
         Ok(())
     }
 
-    /// An edge, from what lies along it and what lies across: values times 4096, and slopes. `centres` are the places across.
+    /// An edge, from what lies along it and what lies across: values times 4096, and slopes. `centres` are the places
+    /// across.
     #[inline(always)]
     fn edge(
         &mut self,

@@ -18,8 +18,9 @@ pub(super) struct Stencil {
 }
 
 impl Stencil {
-    /// The polynomial through lines at index coordinates, at the line `middle`: the `near` ones on both sides, and those `far` ones that
-    /// are at least twice as far away as the near one on their side. Others are too close to it: what they differ by would count too much.
+    /// The polynomial through lines at index coordinates, at the line `middle`: the `near` ones on both sides, and
+    /// those `far` ones that are at least twice as far away as the near one on their side. Others are too close to it:
+    /// what they differ by would count too much.
     pub fn new(lines: &[u64], middle: usize, near: [usize; 2], far: impl IntoIterator<Item = usize>) -> Self {
         let distance = |at: usize| lines[at] as i64 - lines[middle] as i64;
         let (mut this, mut distances, mut count) = (Self::default(), [0_i64; 4], 2);

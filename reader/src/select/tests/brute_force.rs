@@ -65,8 +65,8 @@ proptest! {
         check_cut(&hierarchy, &query, &cut);
         let all = measure_all(&hierarchy);
         if cut.error <= tolerance {
-            // Nothing that meets the tolerance is coarser anywhere, hence none has fewer triangles in its blocks; stitching
-            // may make a finer cut a little smaller.
+            // Nothing that meets the tolerance is coarser anywhere, hence none has fewer triangles in its blocks;
+            // stitching may make a finer cut a little smaller.
             let best = all.iter().filter(|cut| cut.2 <= tolerance).map(|cut| cut.0).min().unwrap();
             prop_assert!(cut.triangle_count as f64 <= best as f64 * 1.25 + 4.0, "{} {best}", cut.triangle_count);
         } else {

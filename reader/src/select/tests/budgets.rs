@@ -15,7 +15,8 @@ fn view_from(size: f64, height: f64) -> View {
     View { position, forward: [0.0, 0.0, -1.0], near: 0.01, pixel_tolerance: 4.0, ..View::default() }
 }
 
-/// Adapting always takes too long, so the mode asks for fewer nodes again and again, while the camera rises and sees more roots.
+/// Adapting always takes too long, so the mode asks for fewer nodes again and again, while the camera rises and sees
+/// more roots.
 #[test]
 fn a_node_budget_of_performance_mode_stops_no_frame() {
     for depth in [0, 2] {
@@ -78,8 +79,8 @@ fn frames_go_on_where_even_the_coarsest_cut_breaks_a_budget() {
     }
 }
 
-/// Two roots with the given number of children each. At a tolerance of 0.1 the first one's children save triangles, at 0.01 the second one's
-/// save more, and the first one's hardly any.
+/// Two roots with the given number of children each. At a tolerance of 0.1 the first one's children save triangles, at
+/// 0.01 the second one's save more, and the first one's hardly any.
 fn two_trees(child_count: u64) -> Arc<Hierarchy> {
     let node = |parent: Option<u32>, resolutions: &[(f64, u64)]| {
         let resolution = |(level, &(error, triangle_count)): (usize, &(f64, u64))| Resolution {

@@ -12,8 +12,8 @@ use crate::{
     tests::synthetic::Random,
 };
 
-/// Checks that a cut covers everything, or with a scope everything inside, exactly once, and that its counts and errors are
-/// what its nodes make of them.
+/// Checks that a cut covers everything, or with a scope everything inside, exactly once, and that its counts and errors
+/// are what its nodes make of them.
 pub(crate) fn check_cut(hierarchy: &Hierarchy, query: &Query, cut: &Cut) {
     let scope = query.scope().unwrap();
     let mut levels = vec![None; hierarchy.node_count() as usize];

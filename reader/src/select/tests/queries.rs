@@ -1,8 +1,8 @@
 use super::{check_cut, query_of, synthetic::Plane};
 use crate::{Error, Limiter, Query, select::select_in, tests::synthetic::Random};
 
-/// 10,000 queries: no budget is exceeded that the coarsest cut can meet, and the tolerance is met unless a budget or the
-/// hierarchy forbids it.
+/// 10,000 queries: no budget is exceeded that the coarsest cut can meet, and the tolerance is met unless a budget or
+/// the hierarchy forbids it.
 #[test]
 fn random_queries_keep_budgets_tolerances_and_wholeness() {
     let mut random = Random::new(8);

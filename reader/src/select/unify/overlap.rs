@@ -1,9 +1,9 @@
 //! Cut unification by an overlap tree (Niski 2007, section 7.4).
 //!
-//! A node that is not wholly within its tile is a boundary node. Boundary nodes of all tiles overlap where one is the other
-//! or its ancestor; each set of overlapping ones gets one level. Whatever two tiles show of one piece of surface is then
-//! drawn at the same level in both, and so are its borders, because the neighbours that both tiles show are boundary nodes
-//! too.
+//! A node that is not wholly within its tile is a boundary node. Boundary nodes of all tiles overlap where one is the
+//! other or its ancestor; each set of overlapping ones gets one level. Whatever two tiles show of one piece of surface
+//! is then drawn at the same level in both, and so are its borders, because the neighbours that both tiles show are
+//! boundary nodes too.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,8 +15,8 @@ use crate::{
 /// Which level overlapping nodes get.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unification {
-    /// The finest: no tile's error grows, but budgets may be exceeded. Without budgets the tiles draw what one cut for the whole
-    /// picture would.
+    /// The finest: no tile's error grows, but budgets may be exceeded. Without budgets the tiles draw what one cut for
+    /// the whole picture would.
     #[default]
     Quality,
     /// The coarsest: budgets are kept, up to what stitching adds, but errors may grow.
@@ -38,8 +38,8 @@ pub struct Unified {
 
 /// Unifies the cuts that adapters of one hierarchy have for the tiles of one picture.
 ///
-/// Takes O(B log N) for B boundary nodes and N nodes. Levels that not all overlapping nodes have are left out; nodes whose
-/// ranges of levels have nothing in common are left as they are.
+/// Takes O(B log N) for B boundary nodes and N nodes. Levels that not all overlapping nodes have are left out; nodes
+/// whose ranges of levels have nothing in common are left as they are.
 ///
 /// # Errors
 /// [`Error::Query`] if the adapters have different hierarchies.
@@ -90,8 +90,8 @@ pub fn unify_cuts(tiles: &[Adapter], mode: Unification) -> Result<Unified> {
     Ok(unified)
 }
 
-/// Makes the nodes that any tile draws a cut: no node stays that lies above another. Nodes that other tiles draw finer are split, or
-/// else all finer ones merged. Returns how many nodes of tiles have gone.
+/// Makes the nodes that any tile draws a cut: no node stays that lies above another. Nodes that other tiles draw finer
+/// are split, or else all finer ones merged. Returns how many nodes of tiles have gone.
 fn draw_once(hierarchy: &Hierarchy, cuts: &mut [BTreeMap<u32, u8>], mode: Unification) -> usize {
     let drawn: BTreeMap<u32, u8> = cuts.iter().flatten().map(|(&node, &resolution)| (node, resolution)).collect();
     let above = |node: u32| ancestors(hierarchy, node);
@@ -124,9 +124,9 @@ fn draw_once(hierarchy: &Hierarchy, cuts: &mut [BTreeMap<u32, u8>], mode: Unific
     gone
 }
 
-/// Refines nodes that miss the tolerance since a neighbour that another tile shows is finer than their own tile knew: what
-/// is added to a coarser side of a border moves it. Without this a picture of tiles would be coarser than the whole one.
-/// Returns how many nodes of tiles have got another resolution.
+/// Refines nodes that miss the tolerance since a neighbour that another tile shows is finer than their own tile knew:
+/// what is added to a coarser side of a border moves it. Without this a picture of tiles would be coarser than the
+/// whole one. Returns how many nodes of tiles have got another resolution.
 fn refine_beside_finer(hierarchy: &Hierarchy, tiles: &[Adapter], cuts: &mut [BTreeMap<u32, u8>]) -> usize {
     let mut drawn: BTreeMap<u32, u8> = cuts.iter().flatten().map(|(&node, &resolution)| (node, resolution)).collect();
     let mut pending: BTreeSet<u32> = drawn.keys().copied().collect();

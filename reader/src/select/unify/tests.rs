@@ -46,8 +46,9 @@ fn cover(hierarchy: &Hierarchy, nodes: &[Node]) -> Vec<Option<u8>> {
     (0..hierarchy.node_count()).map(|node| leaf_level(node).filter(|_| hierarchy.children(node).is_empty())).collect()
 }
 
-/// Checks that every tile covers what it shows, and that what two tiles show has one level in both. Borders are drawn at
-/// the finer of their sides, and both sides of a border that two tiles show are shown by both: so these agree as well.
+/// Checks that every tile covers what it shows, and that what two tiles show has one level in both. Borders are drawn
+/// at the finer of their sides, and both sides of a border that two tiles show are shown by both: so these agree as
+/// well.
 fn check_unified(hierarchy: &Hierarchy, queries: &[Query], tiles: &[Vec<Node>]) -> usize {
     let mut shared = 0;
     let mut levels = vec![None; hierarchy.node_count() as usize];

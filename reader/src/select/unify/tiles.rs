@@ -80,8 +80,8 @@ impl TileTree {
     ///
     /// > x_new = x_old time_right / (time_right x_old + time_left (1 - x_old)).
     ///
-    /// `times` are those of the tiles, of any unit, in the order of [`TileTree::tiles`]; others than one for each, or than
-    /// finite ones of zero or more, change nothing.
+    /// `times` are those of the tiles, of any unit, in the order of [`TileTree::tiles`]; others than one for each, or
+    /// than finite ones of zero or more, change nothing.
     pub fn rebalance(&mut self, times: &[f64]) {
         if times.len() != self.tile_count() || !times.iter().all(|time| *time >= 0.0 && time.is_finite()) {
             return;

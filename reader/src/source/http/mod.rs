@@ -16,7 +16,8 @@ use super::{ReadAt, Request, SourceError, start::Start};
 pub struct HttpOptions {
     /// Longest time for one request, from connecting to the last byte.
     pub timeout: Duration,
-    /// Attempts for a request whose failure may be temporary: no connection, a timeout, a short answer, or a status like 503.
+    /// Attempts for a request whose failure may be temporary: no connection, a timeout, a short answer, or a status
+    /// like 503.
     pub attempts: u32,
     /// Pause before the second attempt; it doubles before each further one.
     pub pause: Duration,

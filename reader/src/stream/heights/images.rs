@@ -1,7 +1,8 @@
 //! What tiles look like: normals of all samples, from the tile and those across its sides, and colours by height.
 //!
-//! A tile is drawn with few triangles where these are near the surface, but its normals still change from sample to sample. So light and
-//! colours have a resolution of their own, 65 x 65 samples a tile, and are images over its triangles.
+//! A tile is drawn with few triangles where these are near the surface, but its normals still change from sample to
+//! sample. So light and colours have a resolution of their own, 65 x 65 samples a tile, and are images over its
+//! triangles.
 
 use std::sync::Arc;
 
@@ -22,8 +23,9 @@ pub struct TileImages {
 }
 
 impl TileImages {
-    /// The normals as half floats, four for each: components from -1 to 1 become numbers from `low` to `high`, which lie from 0 to 1, and a 1
-    /// follows. Bytes would show steps on gentle slopes, where an angle of half a degree is seen.
+    /// The normals as half floats, four for each: components from -1 to 1 become numbers from `low` to `high`, which
+    /// lie from 0 to 1, and a 1 follows. Bytes would show steps on gentle slopes, where an angle of half a degree is
+    /// seen.
     pub fn half_floats(&self, [low, high]: [f32; 2]) -> Vec<u16> {
         let [scale, middle] = [0.5 * (high - low) / 32767.0, 0.5 * (high + low)];
         let texel = |normal: &Normal| {

@@ -1,7 +1,8 @@
 //! The tiles that are drawn, and the triangles along their borders, which take the samples of finer neighbours.
 //!
-//! A side along a border gets all samples that any tile draws between its ends (SPEC.md 22.6). So a tile's border depends on the tiles that have a
-//! part of a line in common with it, and is made anew where one of these comes or goes. The rest of a tile never changes.
+//! A side along a border gets all samples that any tile draws between its ends (SPEC.md 22.6). So a tile's border
+//! depends on the tiles that have a part of a line in common with it, and is made anew where one of these comes or
+//! goes. The rest of a tile never changes.
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},

@@ -20,7 +20,8 @@ use crate::{
     },
 };
 
-/// Draws a file of heights frame by frame while it is being loaded. It asks for reads and decoding as [`super::super::Session`] does.
+/// Draws a file of heights frame by frame while it is being loaded. It asks for reads and decoding as
+/// [`super::super::Session`] does.
 ///
 /// Times are counted from any moment that the caller chooses, and never go back.
 pub struct HeightsSession {
@@ -87,8 +88,8 @@ impl HeightsSession {
     }
 
     /// Begins a frame: `wanted` says what it shows, and `expected` what later ones will probably show, which only
-    /// [`Mode::AsynchronousWithPrefetch`] uses. A query's volume, view, tolerance and budgets of triangles and nodes count. What is outside is
-    /// never drawn.
+    /// [`Mode::AsynchronousWithPrefetch`] uses. A query's volume, view, tolerance and budgets of triangles and nodes
+    /// count. What is outside is never drawn.
     ///
     /// # Errors
     /// [`crate::Error::Query`] if something in a query is not finite or makes no sense, or if it has a budget of bytes.
@@ -175,8 +176,8 @@ impl HeightsSession {
         self.drawable().late > 0
     }
 
-    /// Ends the frame and updates the picture. Returns `None` in [`Mode::Synchronous`] while something is missing: do jobs and call
-    /// again.
+    /// Ends the frame and updates the picture. Returns `None` in [`Mode::Synchronous`] while something is missing: do
+    /// jobs and call again.
     pub fn end(&mut self, now: Duration) -> Option<Frame> {
         let waits = self.options.mode == Mode::Synchronous;
         let mut drawable = self.drawable();
@@ -248,7 +249,8 @@ impl HeightsSession {
         self.shared.finish(decoded, now);
     }
 
-    /// The picture to draw. Its roots are tiles: their numbers stay the same while they are drawn, and their levels are depths.
+    /// The picture to draw. Its roots are tiles: their numbers stay the same while they are drawn, and their levels are
+    /// depths.
     pub fn picture(&self) -> &Picture {
         &self.picture
     }
@@ -258,7 +260,8 @@ impl HeightsSession {
         self.seams.tile(root)
     }
 
-    /// The tiles that are drawn as a cut: its mesh ([`crate::heights::Heights::mesh`]) has the same triangles as the picture.
+    /// The tiles that are drawn as a cut: its mesh ([`crate::heights::Heights::mesh`]) has the same triangles as the
+    /// picture.
     pub fn cut(&self) -> HeightsCut {
         let grid = self.index().grid();
         let record = |id: TileId| self.wanted.tiles.get(&id).map(|tile| &tile.record);

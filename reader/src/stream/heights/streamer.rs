@@ -14,9 +14,11 @@ use crate::{
     stream::{Expecter, Loaders, Mode, Picture, Streamed, StreamerOptions},
 };
 
-/// Draws a file of heights from a moving camera, as a [`super::super::Streamer`] draws a mesh: a [`HeightsSession`] and its [`Loaders`].
+/// Draws a file of heights from a moving camera, as a [`super::super::Streamer`] draws a mesh: a [`HeightsSession`] and
+/// its [`Loaders`].
 ///
-/// In each frame, call [`HeightsStreamer::frame`]; then draw [`HeightsStreamer::picture`]. [`super::super::Frame::changes`] says what is new in it.
+/// In each frame, call [`HeightsStreamer::frame`]; then draw [`HeightsStreamer::picture`].
+/// [`super::super::Frame::changes`] says what is new in it.
 pub struct HeightsStreamer {
     session: HeightsSession,
     loaders: Loaders,
@@ -26,7 +28,8 @@ pub struct HeightsStreamer {
 }
 
 impl HeightsStreamer {
-    /// Starts threads that load from `source`, which has the bytes of the index's file. Of the options, `coherence` has no meaning.
+    /// Starts threads that load from `source`, which has the bytes of the index's file. Of the options, `coherence` has
+    /// no meaning.
     ///
     /// # Errors
     /// As [`HeightsSession::new`].

@@ -1,10 +1,13 @@
-//! Which tiles a frame wants, at which resolutions: the largest error on the screen becomes smaller first (Niski 2007, chapter 4).
+//! Which tiles a frame wants, at which resolutions: the largest error on the screen becomes smaller first (Niski 2007,
+//! chapter 4).
 //!
-//! Images of tiles have an error of their own, the size of a sample on the screen: where that is too large ([`Options::sample_px`]), a tile gives way
-//! to its quarters, too, and these are drawn with as few triangles as their errors allow.
+//! Images of tiles have an error of their own, the size of a sample on the screen: where that is too large
+//! ([`Options::sample_px`]), a tile gives way to its quarters, too, and these are drawn with as few triangles as their
+//! errors allow.
 //!
-//! It begins with the tiles at depth 0. As long as an error is larger than what is tolerated, the tile with the largest one becomes finer: the next
-//! resolution, or else its quarters, without those that the view does not show or that the globe hides. Everything is chosen from the index.
+//! It begins with the tiles at depth 0. As long as an error is larger than what is tolerated, the tile with the largest
+//! one becomes finer: the next resolution, or else its quarters, without those that the view does not show or that the
+//! globe hides. Everything is chosen from the index.
 
 use std::{
     cmp::Ordering,
@@ -142,7 +145,8 @@ impl Chooser {
         Self { boxes: HashMap::new(), ball: enclosed_ball(index), sample_px: options.sample_px }
     }
 
-    /// What decides whether a tile becomes finer: its error or, in a view, that of its images, of which the tolerance is a sample's size.
+    /// What decides whether a tile becomes finer: its error or, in a view, that of its images, of which the tolerance
+    /// is a sample's size.
     fn priority(&self, index: &HeightsIndex, tile: &WantedTile, sight: &Sight) -> f64 {
         let is_level = tile.record.lowest == tile.record.highest;
         if is_level || sight.projection.is_none() || !self.sample_px.is_finite() {

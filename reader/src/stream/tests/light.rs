@@ -129,8 +129,8 @@ fn is_near(a: Vec3, b: Vec3) -> bool {
     dot(sub(a, b), sub(a, b)) < 1e-6
 }
 
-/// Checks the normals of all roots against the reference. Returns how many corners at borders have normals, and how many of inserted vertices have those
-/// of a finer root and of their triangle.
+/// Checks the normals of all roots against the reference. Returns how many corners at borders have normals, and how
+/// many of inserted vertices have those of a finer root and of their triangle.
 fn check(picture: &Picture) -> [usize; 3] {
     let reference = Reference::new(picture);
     let normals = reference.normals();

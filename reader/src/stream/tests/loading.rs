@@ -14,7 +14,8 @@ use crate::{
 const NOW: Duration = Duration::ZERO;
 const MILLI: Duration = Duration::from_millis(1);
 
-/// Page `n` holds the byte `n` ten times. A unit needs the pages from the last multiple of ten on. Unit 60 cannot be decoded.
+/// Page `n` holds the byte `n` ten times. A unit needs the pages from the last multiple of ten on. Unit 60 cannot be
+/// decoded.
 struct Numbers;
 
 impl Content for Numbers {

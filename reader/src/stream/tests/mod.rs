@@ -122,7 +122,8 @@ fn session(file: &Arc<File<Vec<u8>>>, options: Options) -> Session {
     file.session(options).unwrap()
 }
 
-/// Offsets of the reads that a session does to draw a cut, by level of what they bring, if each page is read on its own.
+/// Offsets of the reads that a session does to draw a cut, by level of what they bring, if each page is read on its
+/// own.
 fn reads_of(file: &Arc<File<Vec<u8>>>, cuts: &[Vec<Node>]) -> Vec<u64> {
     let mut session = session(file, APART);
     let mut offsets = Vec::new();

@@ -85,8 +85,8 @@ fn expected(file: &File<Vec<u8>>, nodes: &[Node], channels: &[u8]) -> Vec<Shown>
     all
 }
 
-/// All places are the same, and so is what is shown there: except on folds and slivers of these random surfaces, where texels are not stored
-/// and have the values of others.
+/// All places are the same, and so is what is shown there: except on folds and slivers of these random surfaces, where
+/// texels are not stored and have the values of others.
 fn assert_same(shown: &[Shown], expected: &[Shown]) {
     assert_eq!(shown.len(), expected.len());
     let places = |shown: &[Shown]| shown.iter().map(|&(points, places, _)| (points, places)).collect::<Vec<_>>();

@@ -1,7 +1,7 @@
 //! A Delaunay triangulation of a rectangle to which points are added one by one.
 //!
-//! Triangles are three half edges each: edge `e` begins at `corners[e]` and belongs to triangle `e / 3`. Coordinates are integers, so every
-//! decision is exact.
+//! Triangles are three half edges each: edge `e` begins at `corners[e]` and belongs to triangle `e / 3`. Coordinates
+//! are integers, so every decision is exact.
 
 /// No triangle is on the other side.
 const NONE: u32 = u32::MAX;
@@ -203,7 +203,8 @@ impl Delaunay {
         self.waiting.extend([other_after, other_half + 2]);
     }
 
-    /// Flips an edge if the vertex behind it lies in the circle of its triangle. The vertex added last is opposite to it.
+    /// Flips an edge if the vertex behind it lies in the circle of its triangle. The vertex added last is opposite to
+    /// it.
     fn flip(&mut self, edge: u32) {
         let other = self.twin(edge);
         if other == NONE {

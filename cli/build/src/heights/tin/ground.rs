@@ -4,7 +4,8 @@ use lodpack::heights::{Line, Surface};
 
 use super::delaunay::Delaunay;
 
-/// How far from a side of a triangle a sample lies on it, in columns: sides pass others at a distance of at least one over their length.
+/// How far from a side of a triangle a sample lies on it, in columns: sides pass others at a distance of at least one
+/// over their length.
 const ON_SIDE: f64 = 1e-6;
 /// Distances are compared in this many lanes.
 const LANES: usize = 4;
@@ -85,7 +86,8 @@ impl Ground {
         if off.is_nan() { 0.0 } else { off }
     }
 
-    /// The sample that is furthest from a triangle, of those within it and on its sides; those without data count as on it.
+    /// The sample that is furthest from a triangle, of those within it and on its sides; those without data count as on
+    /// it.
     pub fn furthest(&self, all: &Delaunay, number: u32) -> Furthest {
         let corners = all.places(number);
         let found = match &self.round {

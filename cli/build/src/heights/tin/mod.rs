@@ -1,10 +1,11 @@
 //! Triangulated irregular networks: windows of a grid as few triangles of any shape, whose vertices are samples.
 //!
-//! Greedy insertion (Garland and Heckbert, "Fast polygonal approximation of terrains and height fields", 1995): a Delaunay triangulation
-//! gets the sample that is furthest from it, until none is further than the tolerance. Every sample of the window is compared, so the
-//! distance that is stated is exact. A window is divided into blocks, so that memory holds few of them; what lies on the line between two
-//! blocks is chosen from that line alone, so both have the same vertices there. Along the border of missing data all samples are vertices:
-//! sides of one cell are edges of every Delaunay triangulation of a grid, so triangles lie within or outside of what is drawn.
+//! Greedy insertion (Garland and Heckbert, "Fast polygonal approximation of terrains and height fields", 1995): a
+//! Delaunay triangulation gets the sample that is furthest from it, until none is further than the tolerance. Every
+//! sample of the window is compared, so the distance that is stated is exact. A window is divided into blocks, so that
+//! memory holds few of them; what lies on the line between two blocks is chosen from that line alone, so both have the
+//! same vertices there. Along the border of missing data all samples are vertices: sides of one cell are edges of every
+//! Delaunay triangulation of a grid, so triangles lie within or outside of what is drawn.
 //!
 //! - [`delaunay`]: the triangulation,
 //! - [`ground`]: samples, and how far they are from triangles,
@@ -45,7 +46,8 @@ pub struct Tin {
     pub samples: Vec<[u64; 2]>,
     /// Counter-clockwise seen from above.
     pub triangles: Vec<[u32; 3]>,
-    /// No sample that the heights were made from is further from it: along the vertical on a plane, in space on a globe.
+    /// No sample that the heights were made from is further from it: along the vertical on a plane, in space on a
+    /// globe.
     pub error: f64,
     /// How many samples were compared.
     pub sample_count: u64,
@@ -62,8 +64,9 @@ pub struct Patch {
     pub error: f64,
 }
 
-/// Triangulates a square of samples. `surface` says where its columns and rows are, of which none lies behind a pole; heights are in units of coordinates, row by row from
-/// the north-west. Vertices on a side depend on the samples on it alone, so squares beside each other have the same ones there.
+/// Triangulates a square of samples. `surface` says where its columns and rows are, of which none lies behind a pole;
+/// heights are in units of coordinates, row by row from the north-west. Vertices on a side depend on the samples on it
+/// alone, so squares beside each other have the same ones there.
 pub fn triangulate_patch(surface: &Surface, side: usize, heights: Vec<f64>, tolerance: f64) -> Patch {
     debug_assert!(heights.len() == side * side && heights.iter().all(|height| height.is_finite()));
     let lines = |axis: usize| (0..side as u64).map(|line| surface.line(axis, line)).collect();
@@ -85,7 +88,8 @@ struct Block {
 /// Triangulates what a box touches. `tolerance` bounds the distance of the samples that the heights were made from.
 ///
 /// # Errors
-/// [`Error::Query`] if nothing touches the box, or the file's heights are further off than the tolerance; those of reading the file.
+/// [`Error::Query`] if nothing touches the box, or the file's heights are further off than the tolerance; those of
+/// reading the file.
 pub fn triangulate<S: ReadAt>(
     file: &Heights<S>,
     bounds: Option<[[f64; 2]; 2]>,

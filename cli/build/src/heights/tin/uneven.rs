@@ -1,6 +1,7 @@
 //! Samples on columns and rows at any distances, as few triangles whose vertices are drawn at rounded places.
 //!
-//! Distances are those of the samples, where they really are, from triangles as they are drawn: roundings are part of them.
+//! Distances are those of the samples, where they really are, from triangles as they are drawn: roundings are part of
+//! them.
 
 use std::collections::BinaryHeap;
 
@@ -14,7 +15,8 @@ const ON_SIDE: f64 = 1e-6;
 
 /// Samples of a rectangle.
 pub struct Uneven<'a> {
-    /// Where columns and rows are, in units of which there are at most a million: each behind the one before, and the first at 0.
+    /// Where columns and rows are, in units of which there are at most a million: each behind the one before, and the
+    /// first at 0.
     pub columns: &'a [i32],
     /// From north to south.
     pub rows: &'a [i32],
@@ -88,7 +90,8 @@ impl Uneven<'_> {
         found
     }
 
-    /// Chooses vertices between the ends of a side, by the samples on it alone: the tile on the other side chooses the same ones.
+    /// Chooses vertices between the ends of a side, by the samples on it alone: the tile on the other side chooses the
+    /// same ones.
     fn choose_on_side(&self, [from, to]: [[usize; 2]; 2], tolerance: f64, out: &mut Vec<[i32; 2]>) {
         let axis = usize::from(from[0] == to[0]);
         let sample = |k: usize| {
@@ -116,8 +119,8 @@ impl Uneven<'_> {
     }
 }
 
-/// Triangulates all samples: none is further than the tolerance from what is drawn, unless rounding moves it by more. The vertices of the patch are numbers of
-/// columns and rows.
+/// Triangulates all samples: none is further than the tolerance from what is drawn, unless rounding moves it by more.
+/// The vertices of the patch are numbers of columns and rows.
 ///
 /// # Panics
 /// If there are fewer than two columns or rows.

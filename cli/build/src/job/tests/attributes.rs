@@ -10,8 +10,8 @@ use lodpack_runtime::progress::Silent;
 use lodpack_runtime::storage::JobId;
 use lodpack_stage::arcs::Seams;
 
-/// A surface whose vertices carry their position, and whose corners carry the number of their triangle. Its second half has another
-/// material, and is another chart.
+/// A surface whose vertices carry their position, and whose corners carry the number of their triangle. Its second half
+/// has another material, and is another chart.
 fn telling(mesh: Mesh) -> Surface {
     let mut layout = AttributeLayout::default();
     ["x", "y", "z", "triangle"].iter().for_each(|name| layout.add_scalar(name));

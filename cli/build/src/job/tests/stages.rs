@@ -93,8 +93,8 @@ fn all_formats_and_several_inputs_are_divided_alike() {
     }
 }
 
-/// A grid of quads with some triangles, and statements that are hard to divide: negative numbers, lines that go on, polygons before their
-/// vertices, faces without surface, ends of lines of every kind.
+/// A grid of quads with some triangles, and statements that are hard to divide: negative numbers, lines that go on,
+/// polygons before their vertices, faces without surface, ends of lines of every kind.
 fn odd_obj() -> Vec<u8> {
     let (columns, rows) = (40, 30);
     let height = |x: i32, y: i32| f64::from((x * 7 + y * 13) % 5) * 0.1;

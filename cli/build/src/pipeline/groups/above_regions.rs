@@ -1,5 +1,5 @@
-//! Groups above regions: made where the products of all regions are joined, from the tops of these alone, and from as much of what lies
-//! below them as stays small.
+//! Groups above regions: made where the products of all regions are joined, from the tops of these alone, and from as
+//! much of what lies below them as stays small.
 
 use lodpack::{
     LatticePoint,
@@ -48,7 +48,8 @@ pub(in super::super) struct TopSurface {
     pub surface: CoarseSurface,
     /// What it covers, from one level finer on, each level once; none for charts.
     pub below: Vec<CoarseSurface>,
-    /// For each half-arc of its loops the samples of the arc up to the finest of these levels, at least one finer than its own.
+    /// For each half-arc of its loops the samples of the arc up to the finest of these levels, at least one finer than
+    /// its own.
     pub samples: Vec<Vec<ArcSample>>,
     /// The texel streams of its block.
     pub texels: Vec<Vec<u8>>,
@@ -77,7 +78,8 @@ fn share(regions: u32) -> usize {
     MOST_BELOW / regions.max(1) as usize
 }
 
-/// How many levels below a top can be brought along: the first one, and further ones as long as all of them together have at most `most` triangles.
+/// How many levels below a top can be brought along: the first one, and further ones as long as all of them together
+/// have at most `most` triangles.
 fn fitting(triangles: impl Iterator<Item = usize>, most: usize) -> usize {
     let mut sum = 0;
     let fits = |(number, triangles): &(usize, usize)| {
@@ -140,7 +142,8 @@ pub(in super::super) struct AboveRegions {
     pub coarsest: Option<CoarseSurface>,
 }
 
-/// Counts groups above the tops of regions, by region, all of which have been counted. None if there is nothing to group.
+/// Counts groups above the tops of regions, by region, all of which have been counted. None if there is nothing to
+/// group.
 pub(in super::super) fn count_above(
     plan: &Plan,
     head: &Model,

@@ -1,8 +1,8 @@
 //! The levels of corners: which of them are vertices of the borders between groups.
 //!
-//! Where three nodes of a level meet, the corner is a vertex. Where only two are left, the border runs on, and the corner is a point
-//! of it like any other: it stays where the border would otherwise leave its points by more than the level allows (Douglas and
-//! Peucker 1973), or where two borders would become one edge.
+//! Where three nodes of a level meet, the corner is a vertex. Where only two are left, the border runs on, and the
+//! corner is a point of it like any other: it stays where the border would otherwise leave its points by more than the
+//! level allows (Douglas and Peucker 1973), or where two borders would become one edge.
 
 use std::collections::BTreeMap;
 
@@ -13,14 +13,14 @@ use lodpack_mesh::NONE;
 use lodpack_mesh::exact::power_of_two;
 use lodpack_stage::arcs::closest_on_segment;
 
-/// The top of a file has at least this many corners, so that its border is nearer than its level asks for: a few hundred triangles have no use for a rough
-/// outline.
+/// The top of a file has at least this many corners, so that its border is nearer than its level asks for: a few
+/// hundred triangles have no use for a rough outline.
 const CORNERS_OF_TOP: usize = 64;
 /// The most halvings, for that, of the distance that a border may have.
 const MOST_HALVINGS: i32 = 12;
 
-/// The coarsest level of each corner, above nodes of the level `bottom` up to the level `end`. `group_of` names, for each height above
-/// these nodes, the group of each.
+/// The coarsest level of each corner, above nodes of the level `bottom` up to the level `end`. `group_of` names, for
+/// each height above these nodes, the group of each.
 pub(super) fn corner_levels(net: &Net, scale: &Scale, [end, bottom]: [u8; 2], group_of: &[Vec<u32>]) -> Vec<u8> {
     let mut levels = net.corner_levels.clone();
     for level in (end..bottom).rev() {
@@ -122,7 +122,8 @@ impl Level<'_> {
             let candidate = points.iter().position(|p| p.candidate.is_some());
             let first = points.iter().position(|p| p.stays || p.candidate.is_some());
             let mut kept = self.ring(points.clone(), first.unwrap_or(0));
-            // The corner where it was begun was chosen freely, and coarser levels may lack it: with two others alone they would have no loop.
+            // The corner where it was begun was chosen freely, and coarser levels may lack it: with two others alone
+            // they would have no loop.
             let is_vertex = |p: &&Point| p.lasts || p.stays && p.candidate.is_some();
             if kept[1..].iter().filter(is_vertex).count() < 3 {
                 points[0].stays = false;
@@ -182,8 +183,8 @@ impl Level<'_> {
         points
     }
 
-    /// Keeps at least `count` points between the ends, if there are that many: those that are farthest off. Samples that coarser levels lack do not
-    /// count, since no corner between them could come back there.
+    /// Keeps at least `count` points between the ends, if there are that many: those that are farthest off. Samples
+    /// that coarser levels lack do not count, since no corner between them could come back there.
     fn keep_at_least(&self, points: &mut [Point], count: usize) {
         let lasts = |p: &&Point| p.lasts || p.stays && p.candidate.is_some();
         while points[1..points.len() - 1].iter().filter(lasts).count() < count {

@@ -1,4 +1,5 @@
-//! The levels of a group: simplified, coded and compared with the surface that they are made from, and again where a place is too far off.
+//! The levels of a group: simplified, coded and compared with the surface that they are made from, and again where a
+//! place is too far off.
 
 use glam::DVec3;
 use lodpack::{LatticePoint, decode::Patch, write::SymbolBuffer};
@@ -16,8 +17,8 @@ use lodpack_stage::simplify::{Early, LevelPatch, SimplifiedChart, SimplifyOption
 const GAP: f64 = 0.1;
 /// Distances below this share of a level's threshold need not be resolved.
 const FLOOR: f64 = 0.1;
-/// A group is simplified again if its finest level is farther off than this many times that level's tolerance: a group that is off in one
-/// place is drawn only where all of it might be.
+/// A group is simplified again if its finest level is farther off than this many times that level's tolerance: a group
+/// that is off in one place is drawn only where all of it might be.
 const TOO_FAR: f64 = 1.5;
 /// How often at most.
 const ATTEMPTS: u32 = 3;
@@ -106,7 +107,8 @@ impl Making<'_> {
         TOO_FAR * self.scale.levels[usize::from(level)].tolerance
     }
 
-    /// Makes the finest level. Where it is too far off, simplifies again with more weight there, and takes what is nearest.
+    /// Makes the finest level. Where it is too far off, simplifies again with more weight there, and takes what is
+    /// nearest.
     pub fn make_finest(
         &self,
         joined: &Joined,

@@ -1,11 +1,11 @@
-//! Groups: above the charts of a region nested groups of them, each drawn as one surface, up to one for the region; and above the tops
-//! of all regions groups of these, up to one for the file.
+//! Groups: above the charts of a region nested groups of them, each drawn as one surface, up to one for the region; and
+//! above the tops of all regions groups of these, up to one for the file.
 //!
-//! The members of a group are joined along the arcs between them, and their surface is simplified without these. So vertices are free
-//! where borders were, and a group has about as many triangles as each of its members, four times as far from the input. A group is
-//! made from what lies two heights below it where there is that, and certified against it: its bound is added, and is a sixteenth of
-//! what the group may be off. The top of a file, one node that everybody sees first, is made from a finer cut. Nothing here
-//! looks at the input.
+//! The members of a group are joined along the arcs between them, and their surface is simplified without these. So
+//! vertices are free where borders were, and a group has about as many triangles as each of its members, four times as
+//! far from the input. A group is made from what lies two heights below it where there is that, and certified against
+//! it: its bound is added, and is a sixteenth of what the group may be off. The top of a file, one node that everybody
+//! sees first, is made from a finer cut. Nothing here looks at the input.
 
 pub(super) mod above_regions;
 mod corners;
@@ -47,17 +47,17 @@ use parts::{InParts, collapsed, is_of_small_parts};
 use surface::{Joined, Part, join};
 use top::{Few, halve_levels, leave_out, reduce_top};
 
-/// The error of a group is raised above those of its members, unless theirs are more than this many times its own: then a bound of theirs is
-/// loose, and would make that of everything above it loose, too.
+/// The error of a group is raised above those of its members, unless theirs are more than this many times its own: then
+/// a bound of theirs is loose, and would make that of everything above it loose, too.
 const MOST_RAISED: f64 = 3.0;
 /// How often corners are kept because a border could not be simplified without them.
 const MAX_ROUNDS: usize = 4;
-/// A group keeps about this share of its members' triangles where parts decide, but never fewer than the number below by choice: so few
-/// cost nothing.
+/// A group keeps about this share of its members' triangles where parts decide, but never fewer than the number below
+/// by choice: so few cost nothing.
 const SHARE: f64 = 0.25;
 const FEWEST: usize = 400;
-/// The most triangles of the surface that a top is made from, and of what all regions together bring for it. More would not be seen in
-/// a top of a few hundred.
+/// The most triangles of the surface that a top is made from, and of what all regions together bring for it. More would
+/// not be seen in a top of a few hundred.
 const MOST_BELOW: usize = 50_000;
 /// Holes of the surface that are no wider than this share of the tolerance of a group's finest level are closed.
 const WIDEST_HOLE: f64 = 0.25;
@@ -69,8 +69,8 @@ pub(super) struct Node {
     pub loops: Vec<Vec<HalfArc>>,
     /// Its surface at its coarsest level.
     pub surface: NodeSurface,
-    /// What it covers, from one level finer on, each level once; none for charts. Beyond the first one no more than [`MOST_BELOW`]
-    /// triangles.
+    /// What it covers, from one level finer on, each level once; none for charts. Beyond the first one no more than
+    /// [`MOST_BELOW`] triangles.
     pub below: Vec<NodeSurface>,
     /// How far its border is from finer samples than those that are known here; 0 if all are.
     pub border_deviation: f64,
@@ -157,8 +157,8 @@ fn positions(net: &Net, scale: &Scale, loops: &[Vec<HalfArc>], level: u8, interi
 }
 
 impl<'a> Forest<'a> {
-    /// Nodes without groups. `levels` are the one up to which there will be groups, and that of the nodes; `records` are theirs, and `drawn`
-    /// what is drawn of these, empty if it is not wanted.
+    /// Nodes without groups. `levels` are the one up to which there will be groups, and that of the nodes; `records`
+    /// are theirs, and `drawn` what is drawn of these, empty if it is not wanted.
     pub fn new(
         net: &'a Net<'a>,
         scale: &'a Scale,
@@ -252,9 +252,9 @@ impl<'a> Forest<'a> {
         self.nodes = nodes;
     }
 
-    /// Builds a group of nodes at some levels, coarse to fine. If it cannot be simplified, returns corners that may be missing as
-    /// vertices, and from which level on; none where no corner would help. With `capped`, levels that cannot be simplified get any
-    /// surface instead.
+    /// Builds a group of nodes at some levels, coarse to fine. If it cannot be simplified, returns corners that may be
+    /// missing as vertices, and from which level on; none where no corner would help. With `capped`, levels that cannot
+    /// be simplified get any surface instead.
     fn build(
         &self,
         members: &[u32],
@@ -273,7 +273,8 @@ impl<'a> Forest<'a> {
         // A hole takes five triangles at least, and scans have hundreds of small ones.
         let holes = members.holes(self.net, coarsest, scale.levels[usize::from(finest)].tolerance * WIDEST_HOLE);
         let members = members.with_caps(&holes);
-        // Few of many parts stay, however they are made: four times the triangles would cost a quarter of the build for nothing.
+        // Few of many parts stay, however they are made: four times the triangles would cost a quarter of the build for
+        // nothing.
         let is_of_small_parts = is_of_small_parts(&members);
         let depths = if is_of_small_parts { 0..0 } else { 0..scale.levels.len() };
         let parts_below = depths.map_while(|depth| below_of(&nodes, depth));
@@ -309,7 +310,8 @@ impl<'a> Forest<'a> {
         let is_bare = simplified.levels[usize::from(coarsest)..].contains(&None);
         if is_bare {
             let wishes = simplified.stuck.iter().flat_map(|stuck| joined.corners_beside(stuck.vertex, stuck.level));
-            // What the members have as a vertex, too: groups below that lack it are made already, and would border on another line.
+            // What the members have as a vertex, too: groups below that lack it are made already, and would border on
+            // another line.
             let is_of_members = |&(corner, _): &(u32, u8)| self.corner_levels[corner as usize] <= finest + 1;
             let wishes: Vec<(u32, u8)> = wishes.filter(is_of_members).collect();
             if !capped && !wishes.is_empty() {
@@ -469,8 +471,8 @@ fn members_of<'a>(nodes: &[&'a Node]) -> Vec<Part<'a>> {
     nodes.iter().map(|node| Part { loops: &node.loops, surface: &node.surface }).collect()
 }
 
-/// The surfaces of nodes `depth` levels below those that are one level finer; none unless all have one of the same level, and not too
-/// many triangles.
+/// The surfaces of nodes `depth` levels below those that are one level finer; none unless all have one of the same
+/// level, and not too many triangles.
 fn below_of<'a>(nodes: &[&'a Node], depth: usize) -> Option<Vec<Part<'a>>> {
     let parts: Option<Vec<Part>> =
         nodes.iter().map(|node| Some(Part { loops: &node.loops, surface: node.below.get(depth)? })).collect();
@@ -480,7 +482,8 @@ fn below_of<'a>(nodes: &[&'a Node], depth: usize) -> Option<Vec<Part<'a>>> {
         .filter(|parts| depth == 0 || triangles(parts) <= MOST_BELOW)
 }
 
-/// Gives the levels fewer small parts where these are too many, or where `is_bare` says that they are missing. Returns whether any did.
+/// Gives the levels fewer small parts where these are too many, or where `is_bare` says that they are missing. Returns
+/// whether any did.
 fn thin_parts(
     joined: &Joined,
     members: &Joined,

@@ -8,8 +8,8 @@ use lodpack_stage::arcs::HalfArc;
 /// The arcs around the nodes that groups are made of: those of a region's charts, or those between regions.
 pub(in super::super) struct Net<'a> {
     pub corners: &'a [LatticePoint],
-    /// Of each corner the coarsest level at which it is a vertex of the nodes at the bottom; at most the level of these where they all
-    /// have it.
+    /// Of each corner the coarsest level at which it is a vertex of the nodes at the bottom; at most the level of these
+    /// where they all have it.
     pub corner_levels: Vec<u8>,
     /// Whether what lies beyond is not known here, so that the corner has to stay.
     pub is_fixed: Vec<bool>,

@@ -1,5 +1,6 @@
-//! Small parts inside groups: every part keeps its topology under collapses, so a group of many has too many triangles. First errors
-//! cease to matter, then parts do: of several parts nearby the largest stays, or vertices are clustered, whichever is nearer.
+//! Small parts inside groups: every part keeps its topology under collapses, so a group of many has too many triangles.
+//! First errors cease to matter, then parts do: of several parts nearby the largest stays, or vertices are clustered,
+//! whichever is nearer.
 
 use super::surface::Joined;
 use crate::reduce::clustered;
@@ -42,9 +43,9 @@ impl<'a> InParts<'a> {
         Some(Self { joined, rest, small: Mesh { positions: joined.positions.clone(), triangles: small } })
     }
 
-    /// A patch with about `wanted` triangles for a level; `patch` is the one that the level has so far, if it has all parts. Small parts
-    /// keep at least `share` of their triangles: where the rest has too many, they do not pay for it. None if the patch has hardly more, or there is no
-    /// other.
+    /// A patch with about `wanted` triangles for a level; `patch` is the one that the level has so far, if it has all
+    /// parts. Small parts keep at least `share` of their triangles: where the rest has too many, they do not pay for
+    /// it. None if the patch has hardly more, or there is no other.
     pub fn with_fewer(
         &self,
         patch: Option<&LevelPatch>,
@@ -112,7 +113,8 @@ pub(super) fn collapsed(surface: &Joined, level: usize, wanted: usize) -> Option
     simplify_chart(&surface.chart(), &options).levels.pop().flatten()
 }
 
-/// Keeps only the largest small part of each of several sets nearby, so that they have at least about `least` triangles.
+/// Keeps only the largest small part of each of several sets nearby, so that they have at least about `least`
+/// triangles.
 fn thinned(patch: &LevelPatch, wanted: usize, least: usize) -> LevelPatch {
     let border_count = patch.border.len() as u32;
     let vertex_count = patch.border.len() + patch.interior.len();

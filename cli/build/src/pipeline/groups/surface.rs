@@ -36,8 +36,8 @@ pub(super) struct Joined {
     pub error: f64,
 }
 
-/// Joins parts along the arcs between them. Corners are joined only where arcs are, so that surfaces which touch in a corner stay
-/// apart there. Each loop begins with a vertex of the level `coarsest`.
+/// Joins parts along the arcs between them. Corners are joined only where arcs are, so that surfaces which touch in a
+/// corner stay apart there. Each loop begins with a vertex of the level `coarsest`.
 pub(super) fn join(borders: &Borders, parts: &[Part], coarsest: u8) -> Joined {
     let members = Members::new(parts.iter().map(|part| part.loops).collect());
     let mut vertices = Vertices::new(borders, parts);
@@ -98,8 +98,9 @@ pub(super) fn join(borders: &Borders, parts: &[Part], coarsest: u8) -> Joined {
     Joined { level, positions, triangles, areas, loops, border, error }
 }
 
-/// The triangles of a part in the numbers of all, each as those that it becomes. Where edges of several parts run between the same two vertices, those inside a part
-/// get a vertex of their own, so that no edge has more than two triangles.
+/// The triangles of a part in the numbers of all, each as those that it becomes. Where edges of several parts run
+/// between the same two vertices, those inside a part get a vertex of their own, so that no edge has more than two
+/// triangles.
 fn divided(
     surface: &NodeSurface,
     crowded: impl Fn([u32; 2]) -> bool,
@@ -154,9 +155,9 @@ impl Joined {
         NodeSurface { level: self.level, positions, triangles, areas: self.areas.clone(), error: self.error }
     }
 
-    /// For each loop whether it goes around a hole of the surface that is no wider than this, or would be no loop any more at the level
-    /// `coarsest`. Where a seam of regions ends at a hole and goes on behind it, neither region knows that its arc of the hole has a partner,
-    /// so both may come to be the same edge.
+    /// For each loop whether it goes around a hole of the surface that is no wider than this, or would be no loop any
+    /// more at the level `coarsest`. Where a seam of regions ends at a hole and goes on behind it, neither region knows
+    /// that its arc of the hole has a partner, so both may come to be the same edge.
     pub fn holes(&self, net: &Net, coarsest: u8, widest: f64) -> Vec<bool> {
         let is_loop = |points: &[(BorderPoint, u32)]| points.iter().filter(|(p, _)| p.level <= coarsest).count() > 2;
         let is_hole = |(half_arcs, points): (&Vec<HalfArc>, &Vec<(BorderPoint, u32)>)| {
@@ -179,8 +180,8 @@ impl Joined {
         (middle, (0..points.len()).map(reach).fold(0.0, f64::max))
     }
 
-    /// The same surface, closed over some of its loops, each by triangles around a vertex in its middle: so no edge has more than two
-    /// triangles. A slit is closed as it is.
+    /// The same surface, closed over some of its loops, each by triangles around a vertex in its middle: so no edge has
+    /// more than two triangles. A slit is closed as it is.
     pub fn with_caps(mut self, is_closed: &[bool]) -> Self {
         let mut widest: f64 = 0.0;
         let caps = self.border.iter().zip(is_closed).filter(|(points, is_closed)| **is_closed && !is_slit(points));
@@ -206,8 +207,8 @@ impl Joined {
         self
     }
 
-    /// The same surface, where every edge inside with the given number of ends at the border, one or two, has a vertex in its middle: then no border
-    /// vertex is kept only because removing it would pinch the surface.
+    /// The same surface, where every edge inside with the given number of ends at the border, one or two, has a vertex
+    /// in its middle: then no border vertex is kept only because removing it would pinch the surface.
     pub fn with_divided_edges(mut self, ends: usize) -> Self {
         let mut on_border = vec![false; self.positions.len()];
         self.border.iter().flatten().for_each(|&(_, vertex)| on_border[vertex as usize] = true);
@@ -223,8 +224,8 @@ impl Joined {
         self
     }
 
-    /// The surface with a flap beside each part of the border where one of some vertices lies: between the points that a level leaves out
-    /// and the chord past them. So these points lie inside.
+    /// The surface with a flap beside each part of the border where one of some vertices lies: between the points that
+    /// a level leaves out and the chord past them. So these points lie inside.
     pub fn with_flaps(&self, vertices: &[u32], level: u8) -> Self {
         let mut triangles = self.triangles.clone();
         let mut border = vec![];

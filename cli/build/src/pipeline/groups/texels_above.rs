@@ -1,4 +1,5 @@
-//! Texels of groups above regions: means of those of the tops of regions, since the input is not at hand where regions are joined.
+//! Texels of groups above regions: means of those of the tops of regions, since the input is not at hand where regions
+//! are joined.
 
 use glam::DVec3;
 use lodpack::decode::texels::Map;
@@ -61,8 +62,8 @@ impl KnownTop {
     }
 }
 
-/// Gives groups texels. The first records are those of nodes, `count` of them, of which each node names its own; `drawn` is what the blocks of
-/// all records decode to.
+/// Gives groups texels. The first records are those of nodes, `count` of them, of which each node names its own;
+/// `drawn` is what the blocks of all records decode to.
 pub(super) fn paint_above(
     records: &mut [RootRecord],
     count: usize,

@@ -1,4 +1,5 @@
-//! The top of a file without a border, a group or its only chart: where its topology needs many triangles, another one takes its place.
+//! The top of a file without a border, a group or its only chart: where its topology needs many triangles, another one
+//! takes its place.
 
 use glam::DVec3;
 use lodpack::write::{BlockRecord, OverviewRecord};
@@ -37,8 +38,9 @@ pub(super) fn leave_out(blocks: &mut [Option<BlockRecord>]) {
     }
 }
 
-/// Makes coarse levels of a top with a border anew where they have hardly fewer triangles than finer ones: each has half of the finer level's, as
-/// far as its border allows. `coarser` makes a level of about the number of triangles that it is given.
+/// Makes coarse levels of a top with a border anew where they have hardly fewer triangles than finer ones: each has
+/// half of the finer level's, as far as its border allows. `coarser` makes a level of about the number of triangles
+/// that it is given.
 pub(super) fn halve_levels(
     levels: &mut [Option<LevelPatch>],
     most: usize,
@@ -77,9 +79,10 @@ pub(in super::super) struct ReducedTop {
     pub replaced: Option<(u8, CoarseSurface)>,
 }
 
-/// Replaces the coarsest blocks of a top by one of few triangles, if these have more or are farther off; one that has no block gets one at
-/// its finest level. `surface` is what it stands for, `drawn` what is drawn of it, and `bounds` the box around all of that, relative to
-/// the lattice's origin. Where the top `has_children`, it keeps its finest level.
+/// Replaces the coarsest blocks of a top by one of few triangles, if these have more or are farther off; one that has
+/// no block gets one at its finest level. `surface` is what it stands for, `drawn` what is drawn of it, and `bounds`
+/// the box around all of that, relative to the lattice's origin. Where the top `has_children`, it keeps its finest
+/// level.
 pub(in super::super) fn reduce_top(
     surface: &CoarseSurface,
     blocks: &mut [Option<BlockRecord>],

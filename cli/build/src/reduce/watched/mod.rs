@@ -1,7 +1,8 @@
 //! What a patch would show of a surface while its vertices are moved, one at a time.
 //!
-//! It is what [`Sampled::seen`] says, but of each point of the surface it is known which triangle is closest and how far off that is. So where a
-//! vertex moves, only those points are looked at which a triangle around it has, or gets. Points come in groups of those that lie together.
+//! It is what [`Sampled::seen`] says, but of each point of the surface it is known which triangle is closest and how
+//! far off that is. So where a vertex moves, only those points are looked at which a triangle around it has, or gets.
+//! Points come in groups of those that lie together.
 
 mod moves;
 mod parts;
@@ -17,8 +18,8 @@ use parts::{Cell, Found, Reach, Totals, Triangle};
 
 /// About this many points of a patch tell how far it is from the surface.
 const OWN_POINTS: f64 = 4096.0;
-/// A patch with this many times the cells of the surface, or more, is not watched. A triangle has those of the rectangle around it, so usual patches have twice
-/// as many.
+/// A patch with this many times the cells of the surface, or more, is not watched. A triangle has those of the
+/// rectangle around it, so usual patches have twice as many.
 const MUCH_LARGER: f64 = 8.0;
 
 /// A patch whose vertices are moved.
@@ -140,8 +141,8 @@ impl<'a> Watched<'a> {
         lengths.fold(f64::INFINITY, f64::min)
     }
 
-    /// How many cells a patch may have that is much larger than the surface, as where parts that lie far apart have merged: most show nothing, and each
-    /// move makes those of some triangles anew.
+    /// How many cells a patch may have that is much larger than the surface, as where parts that lie far apart have
+    /// merged: most show nothing, and each move makes those of some triangles anew.
     fn most_cells(&self) -> u64 {
         let Grouped { surface, area, .. } = self.points;
         // The conversion saturates.

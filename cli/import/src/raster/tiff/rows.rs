@@ -119,7 +119,8 @@ impl TiffRows {
         let is_tiled = image.has(TILE_OFFSETS);
         let short = |count: u64| u32::try_from(count).unwrap_or(u32::MAX);
         let bytes = |count: u64| if is_patched { count.saturating_mul(bits).div_ceil(8) } else { count };
-        // Tiles are read as a whole, with what they have beyond the image: the crate stumbles over parts of rows in LZW.
+        // Tiles are read as a whole, with what they have beyond the image: the crate stumbles over parts of rows in
+        // LZW.
         let whole = [(IMAGE_WIDTH, TILE_WIDTH, columns), (IMAGE_LENGTH, TILE_LENGTH, rows)];
         for (image_tag, tile_tag, count) in whole {
             let is_width = image_tag == IMAGE_WIDTH;
@@ -308,8 +309,8 @@ impl Band<'_> {
         values.len() >= count * stride * each
     }
 
-    /// The same of samples that share bytes: they follow each other bit by bit. Those of 24 bits are turned around in files whose numbers begin
-    /// with their highest byte, as GDAL has it.
+    /// The same of samples that share bytes: they follow each other bit by bit. Those of 24 bits are turned around in
+    /// files whose numbers begin with their highest byte, as GDAL has it.
     fn unpack(&mut self, bytes: &[u8]) -> bool {
         let Some(Bits { count: bits, layout }) = self.samples.packed else { return false };
         let row_bytes = (self.samples.stride * bits).div_ceil(8);

@@ -15,20 +15,22 @@ use std::path::PathBuf;
 /// The options that the bytes of a file depend on.
 #[derive(Args, Debug)]
 pub struct ModelArgs {
-    /// Largest certified error of the finest level: how far its surface and the input may be apart, measured both ways. A length
-    /// in input units (0.05), with a unit (0.05mm), a share of the diagonal (0.01%), a multiple of the mean edge (0.4edge), or auto.
+    /// Largest certified error of the finest level: how far its surface and the input may be apart, measured both ways.
+    /// A length in input units (0.05), with a unit (0.05mm), a share of the diagonal (0.01%), a multiple of the mean
+    /// edge (0.4edge), or auto.
     #[arg(long, default_value = "auto", value_name = "T", allow_hyphen_values = true)]
     pub tolerance: Tolerance,
-    /// Unit of the input's coordinates (um, mm, cm, dm, m, km, in, ft, yd), for a tolerance with a unit; the file keeps it beside --crs, --origin or --up. glTF is in
-    /// metres unless this says otherwise.
+    /// Unit of the input's coordinates (um, mm, cm, dm, m, km, in, ft, yd), for a tolerance with a unit; the file keeps
+    /// it beside --crs, --origin or --up. glTF is in metres unless this says otherwise.
     #[arg(long)]
     pub unit: Option<Unit>,
-    /// The coordinate reference system of the coordinates, for exports to globes: EPSG:4978, EPSG:32632 or another number, or WKT. It is
-    /// kept in the file and shown by `lodpack info`. With EPSG:4326 or EPSG:4979, coordinates are lengths to the east, the north and up from
-    /// --origin, which is a longitude, a latitude and a height.
+    /// The coordinate reference system of the coordinates, for exports to globes: EPSG:4978, EPSG:32632 or another
+    /// number, or WKT. It is kept in the file and shown by `lodpack info`. With EPSG:4326 or EPSG:4979, coordinates are
+    /// lengths to the east, the north and up from --origin, which is a longitude, a latitude and a height.
     #[arg(long, value_name = "CRS", value_parser = parse_crs)]
     pub crs: Option<String>,
-    /// What has to be added to coordinates, in metres and with z up, to get those of the CRS: the offset that was taken off them.
+    /// What has to be added to coordinates, in metres and with z up, to get those of the CRS: the offset that was taken
+    /// off them.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub origin: Option<Place>,
     /// The axis that points up, for exports and viewers; it is kept in the file.
@@ -37,26 +39,29 @@ pub struct ModelArgs {
     /// Run time against bytes and triangles. Every bound is certified at every effort.
     #[arg(long, default_value_t, value_parser = parse_choice(Effort::ALL))]
     pub effort: Effort,
-    /// Which levels the file gets. With the finest alone it is a plain compressed mesh: smaller, but nothing coarser can be drawn.
+    /// Which levels the file gets. With the finest alone it is a plain compressed mesh: smaller, but nothing coarser
+    /// can be drawn.
     #[arg(long, default_value_t, value_parser = parse_choice(LevelChoice::ALL))]
     pub levels: LevelChoice,
-    /// Fillings of charts. A grid has nested levels of its own, so a file that may have some gets no tree above its charts.
+    /// Fillings of charts. A grid has nested levels of its own, so a file that may have some gets no tree above its
+    /// charts.
     #[arg(long, default_value_t, value_parser = parse_choice(Fillings::ALL))]
     pub fillings: Fillings,
-    /// Divide the input by position instead of by amount, so that `lodpack add` can add to it later. Needs a tolerance that is a
-    /// length. Regions become smaller and less even, which costs some tenths of a percent in bytes.
+    /// Divide the input by position instead of by amount, so that `lodpack add` can add to it later. Needs a tolerance
+    /// that is a length. Regions become smaller and less even, which costs some tenths of a percent in bytes.
     #[arg(long)]
     pub extensible: bool,
-    /// What to keep beside the shape: auto for the colour (of vertices, materials and textures) and every number per vertex that the
-    /// input has, all for these and all normals, none for the shape alone, or names, as colour,quality.
+    /// What to keep beside the shape: auto for the colour (of vertices, materials and textures) and every number per
+    /// vertex that the input has, all for these and all normals, none for the shape alone, or names, as colour,quality.
     #[arg(long, default_value_t, value_name = "auto|all|none|NAME,...")]
     pub channels: Channels,
-    /// How good stored colours are, and normals and factors of materials: from 1 (smallest) to 100 (almost exact), or lossless, which keeps the texels
-    /// that are made of the input, in 8 bits, as they are. Files get larger for it, and readers of earlier versions draw them without these channels.
+    /// How good stored colours are, and normals and factors of materials: from 1 (smallest) to 100 (almost exact), or
+    /// lossless, which keeps the texels that are made of the input, in 8 bits, as they are. Files get larger for it,
+    /// and readers of earlier versions draw them without these channels.
     #[arg(long, value_name = "QUALITY", default_value_t, alias = "colour-quality")]
     pub color_quality: ColourQuality,
-    /// Cut the surface of an atlas into charts as that of a mesh: fewer and larger ones, which take fewer bytes. By default each chart of
-    /// the atlas becomes a root, where it is in one piece and not too large.
+    /// Cut the surface of an atlas into charts as that of a mesh: fewer and larger ones, which take fewer bytes. By
+    /// default each chart of the atlas becomes a root, where it is in one piece and not too large.
     #[arg(long)]
     pub new_charts: bool,
     /// Most triangles in a region, for tests.
@@ -89,8 +94,8 @@ impl ModelArgs {
         }
     }
 
-    /// Where the surface is in the world, if anything of that was typed. The unit alone does not count: it may only be that of the tolerance,
-    /// on which no byte of the file depends.
+    /// Where the surface is in the world, if anything of that was typed. The unit alone does not count: it may only be
+    /// that of the tolerance, on which no byte of the file depends.
     fn placement(&self) -> Option<Placement> {
         if self.up.is_none() && self.origin.is_none() && self.crs.is_none() {
             return None;
@@ -107,8 +112,8 @@ pub struct RunArgs {
     /// Worker threads; 0 takes all cores. The result does not depend on it.
     #[arg(long, default_value_t = 0, value_parser = parse_threads)]
     pub threads: usize,
-    /// Memory that the build may take, as 512MiB or 2GB; data that does not fit goes to temporary files. By default half of the
-    /// machine's memory. The result does not depend on it.
+    /// Memory that the build may take, as 512MiB or 2GB; data that does not fit goes to temporary files. By default
+    /// half of the machine's memory. The result does not depend on it.
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub memory: Option<u64>,
     /// How progress is shown.
@@ -129,18 +134,20 @@ pub struct BuildArgs {
     pub model: ModelArgs,
     #[command(flatten)]
     pub run: RunArgs,
-    /// Build with this number of processes of this machine, which share memory and threads evenly. The result does not depend on it.
+    /// Build with this number of processes of this machine, which share memory and threads evenly. The result does not
+    /// depend on it.
     #[arg(long, value_name = "N", conflicts_with = "job", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub workers: Option<u32>,
-    /// Keep the grid of rasters: the file gets a height for each sample in place of triangles, which makes it smaller and its build many times
-    /// faster. `extract`, `export`, `info`, `verify`, the viewers, JavaScript, Python and C read such files. The
-    /// tolerance is how far a height may be off: 0 keeps integers as they are, and auto is half of what a sample is off the middle of its
-    /// neighbours, on average.
+    /// Keep the grid of rasters: the file gets a height for each sample in place of triangles, which makes it smaller
+    /// and its build many times faster. `extract`, `export`, `info`, `verify`, the viewers, JavaScript, Python and C
+    /// read such files. The tolerance is how far a height may be off: 0 keeps integers as they are, and auto is half of
+    /// what a sample is off the middle of its neighbours, on average.
     #[arg(long, conflicts_with_all = ["job", "workers", "resume", "extensible", "drape", "channels", "color_quality", "effort", "levels", "fillings", "up"])]
     pub heights: bool,
-    /// What a mesh stands on: a raster of heights, which may be given several times for a mosaic, or one file that was built with --heights. The file
-    /// then holds both, and everything that reads it has both: a city and its ground. --crs, --origin and the tolerance count for rasters, too. `lodpack merge --ground` puts
-    /// a ground under a file that is there already.
+    /// What a mesh stands on: a raster of heights, which may be given several times for a mosaic, or one file that was
+    /// built with --heights. The file then holds both, and everything that reads it has both: a city and its ground.
+    /// --crs, --origin and the tolerance count for rasters, too. `lodpack merge --ground` puts a ground under a file
+    /// that is there already.
     #[arg(long, value_name = "DEM", conflicts_with_all = ["job", "heights"])]
     pub ground: Vec<PathBuf>,
     /// Directory for temporary files. By default that of the output.
@@ -175,14 +182,16 @@ pub struct AtlasArgs {
     /// Resolution r: images of 2^r + 1 samples per side. By default about one sample per vertex.
     #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=11))]
     pub resolution: Option<u32>,
-    /// Resolution of images of colours and of what else materials have. By default about one texel per texel of the input, or per vertex.
+    /// Resolution of images of colours and of what else materials have. By default about one texel per texel of the
+    /// input, or per vertex.
     #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=11))]
     pub texels: Option<u32>,
     /// Write all coarser resolutions, too, each as an atlas in a folder of its own: mip_01, mip_02 ...
     #[arg(long)]
     pub mips: bool,
-    /// What to write images of beside the shape: auto for the colour (of vertices, materials and textures), maps of materials and every number
-    /// per vertex that the input has, all for these and all normals, none for the shape alone, or names, as colour,quality.
+    /// What to write images of beside the shape: auto for the colour (of vertices, materials and textures), maps of
+    /// materials and every number per vertex that the input has, all for these and all normals, none for the shape
+    /// alone, or names, as colour,quality.
     #[arg(long, default_value_t, value_name = "auto|all|none|NAME,...")]
     pub channels: Channels,
     /// Overwrite the images in an existing directory.

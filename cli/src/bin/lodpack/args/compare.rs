@@ -9,12 +9,14 @@ use std::path::PathBuf;
 /// Arguments of `compare`.
 #[derive(Args, Debug)]
 pub struct CompareArgs {
-    /// A surface: a mesh or a raster of heights as `lodpack build` reads it, a .lodpack file (path or address), glTF with levels (MSFT_lod),
-    /// a tileset (tileset.json or .3tz), or terrain tiles (layer.json). Of levels, A is the finest.
+    /// A surface: a mesh or a raster of heights as `lodpack build` reads it, a .lodpack file (path or address), glTF
+    /// with levels (MSFT_lod), a tileset (tileset.json or .3tz), or terrain tiles (layer.json). Of levels, A is the
+    /// finest.
     pub a: PathBuf,
     /// Another one. Both are held in memory, a level of B at a time: some 200 bytes a triangle.
     pub b: PathBuf,
-    /// The levels of B: all, finest, or the number of one. By default the finest of a .lodpack file, and all of everything else.
+    /// The levels of B: all, finest, or the number of one. By default the finest of a .lodpack file, and all of
+    /// everything else.
     #[arg(long, value_name = "all|finest|N")]
     pub level: Option<LevelChoice>,
     /// In place of --level: what B draws where this error is asked for, in its units.
@@ -26,11 +28,12 @@ pub struct CompareArgs {
     /// Points on each surface for root mean squares.
     #[arg(long, value_name = "N", default_value_t = 200_000, value_parser = clap::value_parser!(u32).range(100..=100_000_000))]
     pub samples: u32,
-    /// Where A goes before it is compared: 16 numbers, column after column as in 3D Tiles, in place of what the files say of their axes, units
-    /// and places.
+    /// Where A goes before it is compared: 16 numbers, column after column as in 3D Tiles, in place of what the files
+    /// say of their axes, units and places.
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = parse_matrix)]
     pub matrix: Option<[f64; 16]>,
-    /// The axis of a mesh that points up, where the other surface is a tileset. By default as `lodpack export` takes it.
+    /// The axis of a mesh that points up, where the other surface is a tileset. By default as `lodpack export` takes
+    /// it.
     #[arg(long, value_enum)]
     pub up: Option<UpAxis>,
     /// Leave places on the globe out, as `lodpack export --local` does.

@@ -12,16 +12,18 @@ pub struct PlanArgs {
     /// Input meshes, joined into one model; rasters of heights, joined into one mosaic; or one atlas directory.
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
-    /// The job's directory, which everyone who builds parts must see; it takes about 80 bytes per triangle. By default it lies
-    /// beside the (first) input and has its name: mesh.obj becomes mesh.job.
+    /// The job's directory, which everyone who builds parts must see; it takes about 80 bytes per triangle. By default
+    /// it lies beside the (first) input and has its name: mesh.obj becomes mesh.job.
     #[arg(short, long, value_name = "JOB")]
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub model: ModelArgs,
-    /// Keep the grid of rasters, as `build --heights` does. Regions are then squares of about 1,024 cells, and the job takes 4 bytes a sample.
+    /// Keep the grid of rasters, as `build --heights` does. Regions are then squares of about 1,024 cells, and the job
+    /// takes 4 bytes a sample.
     #[arg(long, conflicts_with_all = ["stages", "extensible", "drape", "channels", "color_quality", "effort", "levels", "fillings", "up"])]
     pub heights: bool,
-    /// What the mesh stands on, as with `build --ground`. The job keeps the ground beside its parts, and `lodpack merge` puts it under the mesh.
+    /// What the mesh stands on, as with `build --ground`. The job keeps the ground beside its parts, and `lodpack
+    /// merge` puts it under the mesh.
     #[arg(long, value_name = "DEM", conflicts_with_all = ["heights", "extensible"])]
     pub ground: Vec<PathBuf>,
     #[command(flatten)]
@@ -46,8 +48,8 @@ pub struct AddArgs {
 /// How a job is planned.
 #[derive(Args, Debug)]
 pub struct JobArgs {
-    /// Number of parts. By default one for each region (of at most two million triangles), and with --heights one for 16 million samples;
-    /// there cannot be more than regions that have anything to do.
+    /// Number of parts. By default one for each region (of at most two million triangles), and with --heights one for
+    /// 16 million samples; there cannot be more than regions that have anything to do.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub parts: Option<u32>,
     /// Memory available to each part. The plan is refused if a part needs more, and kept for --resume with more memory.
@@ -147,8 +149,9 @@ pub struct MergeArgs {
     /// A job, a directory of parts, or parts one by one; with --ground also a finished file of a mesh.
     #[arg(required = true, value_name = "PARTS")]
     pub parts: Vec<PathBuf>,
-    /// Put this file of heights, built with --heights, under the mesh: the file then holds both. A ground that it had, or that the job was planned with, is replaced. Nothing is built
-    /// again, so no other byte of the mesh changes. Both must be in the same coordinate reference system, as far as they name one.
+    /// Put this file of heights, built with --heights, under the mesh: the file then holds both. A ground that it had,
+    /// or that the job was planned with, is replaced. Nothing is built again, so no other byte of the mesh changes.
+    /// Both must be in the same coordinate reference system, as far as they name one.
     #[arg(long, value_name = "TERRAIN.lodpack")]
     pub ground: Option<PathBuf>,
     /// The file to write. By default it lies beside the job (or the directory of parts) and has the planned name.
@@ -178,8 +181,8 @@ pub enum Engine {
 pub struct SubmitArgs {
     /// The job's directory, which all nodes must see under the same name.
     pub job: PathBuf,
-    /// The file that the merge writes; an existing one is overwritten. By default it lies beside the job, has the planned name,
-    /// and must not exist.
+    /// The file that the merge writes; an existing one is overwritten. By default it lies beside the job, has the
+    /// planned name, and must not exist.
     #[arg(short, long, value_name = "OUT.lodpack")]
     pub output: Option<PathBuf>,
     /// The scheduler.

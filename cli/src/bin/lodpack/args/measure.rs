@@ -12,8 +12,8 @@ use std::path::PathBuf;
 pub struct VerifyArgs {
     /// The file: a path or an address (http://, https://; s3://, gs://, az:// where built in).
     pub file: Option<PathBuf>,
-    /// The meshes or rasters that the file was built from: measures every stored error against them. They are held in memory. If no
-    /// FILE comes before this option, its last value is the file.
+    /// The meshes or rasters that the file was built from: measures every stored error against them. They are held in
+    /// memory. If no FILE comes before this option, its last value is the file.
     #[arg(long, value_name = "MESH", num_args = 1..)]
     pub against: Vec<PathBuf>,
     /// Number of random cuts to stitch and check.
@@ -64,18 +64,19 @@ pub struct SelftestArgs {
 /// Arguments of `report`.
 #[derive(Args, Debug)]
 pub struct ReportArgs {
-    /// A mesh: builds it at many settings, then queries the default file. Or a .lodpack file (path or address): only queries it.
+    /// A mesh: builds it at many settings, then queries the default file. Or a .lodpack file (path or address): only
+    /// queries it.
     #[arg(value_name = "MESH|FILE")]
     pub input: Option<PathBuf>,
     /// The directory for report.html, report.csv and report.json.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// With a .lodpack file: the mesh that it was built from, to measure errors against. If no FILE comes before this option, its
-    /// last value is the file.
+    /// With a .lodpack file: the mesh that it was built from, to measure errors against. If no FILE comes before this
+    /// option, its last value is the file.
     #[arg(long, value_name = "MESH", num_args = 1..)]
     pub against: Vec<PathBuf>,
-    /// Results of other programs to draw on the same axes: a table with columns name, mesh, cpu_seconds, bytes, triangles, rms,
-    /// max. Lengths are in input units; mesh is the input's name without extension, or empty.
+    /// Results of other programs to draw on the same axes: a table with columns name, mesh, cpu_seconds, bytes,
+    /// triangles, rms, max. Lengths are in input units; mesh is the input's name without extension, or empty.
     #[arg(long, value_name = "CSV")]
     pub peers: Option<PathBuf>,
     /// How often each build and query runs. By default 3 times; once above 300,000 triangles.

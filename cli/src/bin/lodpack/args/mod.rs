@@ -25,7 +25,8 @@ pub use values::{BoundingBox, LevelChoice, PartRange, ProgressStyle, UpAxis};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
 
-/// Turns triangle meshes and terrain of any size into one compact, streamable file with proven error bounds, and reads it back.
+/// Turns triangle meshes and terrain of any size into one compact, streamable file with proven error bounds, and reads
+/// it back.
 #[derive(Debug, Parser)]
 #[command(name = "lodpack", version, propagate_version = true, after_help = examples::LODPACK)]
 pub struct Cli {
@@ -37,8 +38,8 @@ pub struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Build a .lodpack file from meshes (OBJ, OFF, PLY, STL, glTF/GLB), from rasters of heights (GeoTIFF, HGT, ASC, BIL, PNG), or from an
-    /// atlas directory.
+    /// Build a .lodpack file from meshes (OBJ, OFF, PLY, STL, glTF/GLB), from rasters of heights (GeoTIFF, HGT, ASC,
+    /// BIL, PNG), or from an atlas directory.
     #[command(after_help = examples::BUILD)]
     Build(BuildArgs),
     /// Show a file in a window; starts the viewer, `lodpack-view`, which is installed separately.
@@ -56,7 +57,8 @@ pub enum Command {
     /// Write one mesh out of a file, chosen by tolerance, triangle budget or box.
     #[command(after_help = examples::EXTRACT)]
     Extract(ExtractArgs),
-    /// Write a file in a format of levels that other viewers know: 3D Tiles 1.1, which stream, or one GLB with all levels.
+    /// Write a file in a format of levels that other viewers know: 3D Tiles 1.1, which stream, or one GLB with all
+    /// levels.
     #[command(after_help = examples::EXPORT)]
     Export(ExportArgs),
     /// Check a file: every checksum and rule, random cuts, and with --against the stored errors themselves.
@@ -65,8 +67,8 @@ pub enum Command {
         after_help = examples::VERIFY
     )]
     Verify(VerifyArgs),
-    /// Measure how far two surfaces are apart, between certified bounds in both directions: meshes, rasters, .lodpack files, glTF with levels,
-    /// tilesets and terrain tiles of any maker, beside what they claim.
+    /// Measure how far two surfaces are apart, between certified bounds in both directions: meshes, rasters, .lodpack
+    /// files, glTF with levels, tilesets and terrain tiles of any maker, beside what they claim.
     #[command(after_help = examples::COMPARE)]
     Compare(Box<CompareArgs>),
     /// Prepare a build in parts, for several machines, or for little memory and many interruptions.

@@ -28,7 +28,8 @@ pub enum OutputFormat {
     Obj,
     /// Binary STL, single precision.
     Stl,
-    /// Binary glTF, single precision relative to the middle of the mesh; in metres with y up where the file says its unit and axis.
+    /// Binary glTF, single precision relative to the middle of the mesh; in metres with y up where the file says its
+    /// unit and axis.
     Glb,
 }
 
@@ -69,56 +70,60 @@ pub enum ImagesChoice {
 pub struct ExtractArgs {
     /// The file: a path or an address (http://, https://; s3://, gs://, az:// where built in).
     pub file: PathBuf,
-    /// The mesh to write: .ply, .obj, .stl or .glb; - writes to stdout and needs --format. Of a file of heights also .tif: a GeoTIFF of the
-    /// samples that the box touches, or of every second, fourth ... of them where that meets the tolerance.
+    /// The mesh to write: .ply, .obj, .stl or .glb; - writes to stdout and needs --format. Of a file of heights also
+    /// .tif: a GeoTIFF of the samples that the box touches, or of every second, fourth ... of them where that meets the
+    /// tolerance.
     #[arg(short, long, value_name = "MESH")]
     pub output: PathBuf,
     /// Format of the mesh. By default the extension of the output tells.
     #[arg(long, value_enum)]
     pub format: Option<OutputFormat>,
-    /// Largest certified error, within the box if there is one: in input units (0.05), a share of the diagonal (0.1%), or a
-    /// multiple of the input's mean edge (0.4edge). By default the mesh is as fine as the file.
+    /// Largest certified error, within the box if there is one: in input units (0.05), a share of the diagonal (0.1%),
+    /// or a multiple of the input's mean edge (0.4edge). By default the mesh is as fine as the file.
     #[arg(long, value_name = "T", allow_hyphen_values = true)]
     pub tolerance: Option<Tolerance>,
     /// Most triangles. A finer cut is simplified to that number as a whole, and certified again; see --raw.
     #[arg(long, value_name = "N", value_parser = parse_count::<u64>)]
     pub triangles: Option<u64>,
-    /// With --triangles: write a cut as the file holds it, which is a mixture of two levels, and simplify nothing. So it is with --nodes and
-    /// --context, too.
+    /// With --triangles: write a cut as the file holds it, which is a mixture of two levels, and simplify nothing. So
+    /// it is with --nodes and --context, too.
     #[arg(long, requires = "triangles")]
     pub raw: bool,
-    /// Of a file of heights: the fewest triangles of any shape within --tolerance, not those of its tiles. All samples that the box touches are
-    /// read and compared.
+    /// Of a file of heights: the fewest triangles of any shape within --tolerance, not those of its tiles. All samples
+    /// that the box touches are read and compared.
     #[arg(long, requires = "tolerance", conflicts_with_all = ["triangles", "nodes", "context"])]
     pub tin: bool,
     /// Most nodes. A node is one root at one level.
     #[arg(long, value_name = "N", value_parser = parse_count::<u64>)]
     pub nodes: Option<u64>,
-    /// What to write beside the shape: auto for the colour, if the file and the format have one, or none. GLB gets images inside, OBJ a
-    /// material file and images beside it, PLY colours of vertices. Of a mesh that is simplified to --triangles, images are made anew.
+    /// What to write beside the shape: auto for the colour, if the file and the format have one, or none. GLB gets
+    /// images inside, OBJ a material file and images beside it, PLY colours of vertices. Of a mesh that is simplified
+    /// to --triangles, images are made anew.
     #[arg(long, value_name = "auto|none", default_value = "auto", value_parser = ["auto", "none"])]
     pub channels: String,
-    /// Normals of vertices where the file stores none: smooth for means of the triangles around them, which end at edges of 30 degrees and
-    /// more, or none. By default GLB has them, and PLY and OBJ have none. A vertex of PLY has one normal, which does not end at edges. STL has no
-    /// room for them. Heights keep their own.
+    /// Normals of vertices where the file stores none: smooth for means of the triangles around them, which end at
+    /// edges of 30 degrees and more, or none. By default GLB has them, and PLY and OBJ have none. A vertex of PLY has
+    /// one normal, which does not end at edges. STL has no room for them. Heights keep their own.
     #[arg(long, value_enum, value_name = "smooth|none")]
     pub normals: Option<NormalsChoice>,
-    /// Most texels along each side of the images of a GLB or OBJ, into which what the nodes show is packed by its shape. What belongs together and is larger
-    /// has an image of its own.
+    /// Most texels along each side of the images of a GLB or OBJ, into which what the nodes show is packed by its
+    /// shape. What belongs together and is larger has an image of its own.
     #[arg(long, value_name = "N", default_value_t = lodpack::decode::PagedMesh::SIDE,
         value_parser = clap::value_parser!(u32).range(64..=16384))]
     pub page_size: u32,
-    /// Images of a GLB or OBJ: png, which is exact; jpeg, which codes opaque colours and emitted light once more at quality 90 (normals,
-    /// factors, and colours with opacity stay PNG); or webp, of GLB alone, which is exact, too, and smaller, for programs that know EXT_texture_webp.
+    /// Images of a GLB or OBJ: png, which is exact; jpeg, which codes opaque colours and emitted light once more at
+    /// quality 90 (normals, factors, and colours with opacity stay PNG); or webp, of GLB alone, which is exact, too,
+    /// and smaller, for programs that know EXT_texture_webp.
     #[arg(long, value_enum, default_value_t = ImagesChoice::Png, value_name = "png|jpeg|webp", hide_possible_values = true)]
     pub images: ImagesChoice,
-    /// Only roots that touch this box, in input units. Of a file of heights on a globe: degrees of longitude and latitude, and a number that has
-    /// no meaning; 170 to 190 crosses the date line.
+    /// Only roots that touch this box, in input units. Of a file of heights on a globe: degrees of longitude and
+    /// latitude, and a number that has no meaning; 170 to 190 crosses the date line.
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]
     pub bbox: Option<BoundingBox>,
-    /// Of a file whose mesh stands on a ground: auto writes both, none the mesh alone, only the ground alone. --tolerance holds for each, and so for both;
-    /// --triangles for their sum, which is divided so that both have about the same error. GLB gets two nodes, each with its look; other formats get
-    /// one mesh of the shape alone. A .tif is of the ground.
+    /// Of a file whose mesh stands on a ground: auto writes both, none the mesh alone, only the ground alone.
+    /// --tolerance holds for each, and so for both; --triangles for their sum, which is divided so that both have about
+    /// the same error. GLB gets two nodes, each with its look; other formats get one mesh of the shape alone. A .tif is
+    /// of the ground.
     #[arg(long, value_enum, default_value_t, value_name = "auto|none|only")]
     pub ground: GroundChoice,
     /// With --bbox: also write the rest of the model, at its coarsest.

@@ -214,8 +214,8 @@ pub enum ProgressStyle {
     /// Bars on a terminal, lines elsewhere.
     #[default]
     Auto,
-    /// One JSON object per line on stderr: stage, percent, remaining seconds (null while unknown), memory and disk; also notes,
-    /// and the error if the command fails.
+    /// One JSON object per line on stderr: stage, percent, remaining seconds (null while unknown), memory and disk;
+    /// also notes, and the error if the command fails.
     Json,
     /// No progress.
     None,

@@ -110,8 +110,8 @@ fn remove_old(dir: &Path) -> Result<()> {
     Ok(())
 }
 
-/// How far the input and the surface of the images, as they were written, are apart at most: the bounds of the larger direction, and the
-/// larger root mean square.
+/// How far the input and the surface of the images, as they were written, are apart at most: the bounds of the larger
+/// direction, and the larger root mean square.
 fn distance_between(input: &Mesh, images: &Mesh) -> OneSided {
     let [input, images] = [input, images].map(|mesh| Side::new(&mesh.positions, &mesh.triangles));
     let one_way = |from: &Side, to: &Side| from.measured(to, SAMPLES, (RELATIVE_GAP, FLOOR * input.mean_edge), &|| {});

@@ -43,7 +43,8 @@ struct ExtractSummary {
     kind_of_nodes: &'static str,
     /// Triangles of the cut that was simplified to meet the budget; none for a cut as the file holds it.
     simplified_from: Option<u64>,
-    /// "kept", or how the budget changed it: "resampled" (handles are closed, thin parts gone) or "clustered" (parts have merged).
+    /// "kept", or how the budget changed it: "resampled" (handles are closed, thin parts gone) or "clustered" (parts
+    /// have merged).
     topology: Topology,
     /// Of everything written, as the format holds it.
     certified_error: f64,
@@ -53,8 +54,8 @@ struct ExtractSummary {
     rounding: f64,
     /// The tolerance asked for, in input units.
     tolerance: Option<f64>,
-    /// What keeps the mesh from being finer: "tolerance" (it is as fine as was asked for), "finest" (the file has nothing finer),
-    /// "triangles" or "nodes" (a budget).
+    /// What keeps the mesh from being finer: "tolerance" (it is as fine as was asked for), "finest" (the file has
+    /// nothing finer), "triangles" or "nodes" (a budget).
     limited_by: &'static str,
     bytes_read: u64,
     requests: u64,
@@ -179,7 +180,8 @@ fn tell_of_channels(
     }
 }
 
-/// What is written with their names, the tolerance in units of the file, how many nodes that is, and bytes and requests.
+/// What is written with their names, the tolerance in units of the file, how many nodes that is, and bytes and
+/// requests.
 type Answer = (Vec<(&'static str, Drawn)>, Option<f64>, (u64, &'static str), [u64; 2]);
 
 /// A mesh, its ground or both.

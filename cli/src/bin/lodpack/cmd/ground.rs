@@ -47,8 +47,9 @@ pub struct Under {
     pub inputs: Vec<PathBuf>,
 }
 
-/// Heights of the rasters that were typed, or of one file that holds heights already; none where nothing was typed. What will not fit under the mesh of
-/// `options` is refused here, and not after a long build. Options of rasters are said of the ground, so the mesh loses them.
+/// Heights of the rasters that were typed, or of one file that holds heights already; none where nothing was typed.
+/// What will not fit under the mesh of `options` is refused here, and not after a long build. Options of rasters are
+/// said of the ground, so the mesh loses them.
 pub fn open(typed: &[PathBuf], options: &mut BuildOptions, run: &RunArgs, folder: &Path) -> Result<Option<Under>> {
     let paths = find_inputs(typed)?;
     let Some(first) = paths.first() else { return Ok(None) };

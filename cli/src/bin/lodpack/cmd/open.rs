@@ -20,7 +20,8 @@ pub const BEGINNING: &[u8] = Opener::MAGIC.split_at(4).0;
 /// A file of either kind.
 pub type Opened = lodpack::Opened<Source>;
 
-/// Opens a file of a mesh for reading: a path, an address with `http` or `https` or, with the feature `object-store`, `s3`, `gs` or `az`.
+/// Opens a file of a mesh for reading: a path, an address with `http` or `https` or, with the feature `object-store`,
+/// `s3`, `gs` or `az`.
 pub fn open(path: &Path) -> Result<File<Source>> {
     match open_any(path)? {
         Opened::Mesh(file) => Ok(file),
@@ -37,7 +38,8 @@ pub fn open_any(path: &Path) -> Result<Opened> {
     try_open(path)?
 }
 
-/// [`open_any`] with two results: the outer one fails if nothing can be read, the inner one if it is not a sound lodpack file.
+/// [`open_any`] with two results: the outer one fails if nothing can be read, the inner one if it is not a sound
+/// lodpack file.
 pub fn try_open(path: &Path) -> Result<Result<Opened>> {
     let source = source_of(path)?;
     match Opened::open(Counting::new(Box::new(source.clone())), Limits::default()) {
@@ -80,7 +82,8 @@ fn source_of(path: &Path) -> Result<Arc<dyn ReadAt + Send + Sync>> {
     })
 }
 
-/// The ground of a file as a file of heights of its own, with requests that are counted apart, and how it lies under the mesh; none if the file has none.
+/// The ground of a file as a file of heights of its own, with requests that are counted apart, and how it lies under
+/// the mesh; none if the file has none.
 pub fn open_ground(path: &Path, file: &File<Source>) -> Result<Option<(Heights<Source>, GroundFrame)>> {
     let Some(range) = file.index().ground_range() else { return Ok(None) };
     let source: Box<dyn ReadAt + Send + Sync> = Box::new(Within::new(source_of(path)?, range));

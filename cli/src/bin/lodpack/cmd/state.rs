@@ -11,7 +11,8 @@ use lodpack_cli::storage::WorkError;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The path of a product that was not named: beside the first input that was typed, with its name; beside the first file of a pattern.
+/// The path of a product that was not named: beside the first input that was typed, with its name; beside the first
+/// file of a pattern.
 pub fn beside_first(typed: &[PathBuf], files: &[PathBuf], extension: &str) -> Result<PathBuf> {
     let inputs = if typed.first().is_some_and(|first| first.exists()) { typed } else { files };
     let Some(first) = inputs.first() else { bail!("name at least one input") };
@@ -119,8 +120,8 @@ fn is_device(output: &Path) -> bool {
     output.exists() && !output.is_file()
 }
 
-/// Adds the output's name to an error of writing it, and advice that depends on the command: `elsewhere` is the option that names
-/// another directory.
+/// Adds the output's name to an error of writing it, and advice that depends on the command: `elsewhere` is the option
+/// that names another directory.
 pub fn naming(error: BuildError, output: &Path, elsewhere: Option<&str>) -> anyhow::Error {
     let advice = error.work().and_then(WorkError::advice).map(|(advice, has_choice)| match elsewhere {
         Some(option) if has_choice => format!("{advice}, or name a directory elsewhere with {option}"),

@@ -66,7 +66,8 @@ pub fn run(args: &SubmitArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The file with the planned name, which must not exist: the merge overwrites files, and there is no one to ask when it runs.
+/// The file with the planned name, which must not exist: the merge overwrites files, and there is no one to ask when it
+/// runs.
 fn planned_file(job: &Path) -> Result<PathBuf> {
     let Some(output) = merged_file(&[job.to_owned()])? else {
         bail!("{} is no job's directory; name one that `lodpack plan` has made", job.display());

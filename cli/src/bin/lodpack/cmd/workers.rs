@@ -27,7 +27,8 @@ const MERGE_SHARE: f64 = 0.02;
 /// How often the progress is looked at.
 const INTERVAL: Duration = Duration::from_millis(200);
 
-/// Builds a file with the given number of processes, which share a job in the directory `work`. `finish` gets the written file, and its result is handed on.
+/// Builds a file with the given number of processes, which share a job in the directory `work`. `finish` gets the
+/// written file, and its result is handed on.
 pub fn run<T>(
     args: &BuildArgs,
     workers: u32,

@@ -66,7 +66,8 @@ impl Terminal {
         Self::with(style, Course::new(stages.iter().copied()), None, true)
     }
 
-    /// For a command that is quick as a rule, of which nobody knows how long it may take: the user sees that it is alive, and no line stays behind.
+    /// For a command that is quick as a rule, of which nobody knows how long it may take: the user sees that it is
+    /// alive, and no line stays behind.
     pub fn while_waiting() -> Self {
         Self::with(ProgressStyle::Auto, Course::new([]), None, false)
     }

@@ -1,4 +1,5 @@
-//! The few triangles that may be closest to points which lie together: found once, they alone are looked at for each point.
+//! The few triangles that may be closest to points which lie together: found once, they alone are looked at for each
+//! point.
 
 use glam::{DVec3, Vec4};
 
@@ -84,8 +85,8 @@ impl TriangleBvh {
         around.slots.into_iter().take(around.count).filter_map(|slot| self.original.get(slot as usize).copied())
     }
 
-    /// Calls a function for the slots of triangles within a squared distance of a point, relative to `origin`, until it returns false; says
-    /// whether it never did.
+    /// Calls a function for the slots of triangles within a squared distance of a point, relative to `origin`, until it
+    /// returns false; says whether it never did.
     fn for_each_within(&self, local: DVec3, square: f64, mut visit: impl FnMut(u32) -> bool) -> bool {
         if self.nodes.is_empty() {
             return true;

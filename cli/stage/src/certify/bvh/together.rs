@@ -1,5 +1,5 @@
-//! Which of a few triangles is closest to each of many points that lie near one another: in single precision, sixteen points at a time, in loops that
-//! compilers turn into vectors.
+//! Which of a few triangles is closest to each of many points that lie near one another: in single precision, sixteen
+//! points at a time, in loops that compilers turn into vectors.
 
 use glam::DVec3;
 
@@ -35,7 +35,8 @@ pub struct Single {
 pub struct Feet {
     /// The number of the triangle.
     pub which: [u32; TOGETHER],
-    /// How far the closest point is from where the triangle's longest side starts: along that side, and across it in the triangle's plane.
+    /// How far the closest point is from where the triangle's longest side starts: along that side, and across it in
+    /// the triangle's plane.
     pub at: [Numbers; 2],
     /// The square of its distance.
     pub squares: Numbers,
@@ -128,7 +129,8 @@ impl TriangleBvh {
         few
     }
 
-    /// Of some triangles where the longest side starts, and unit vectors along it and across it, as the feet of [`Few::closest`] count them.
+    /// Of some triangles where the longest side starts, and unit vectors along it and across it, as the feet of
+    /// [`Few::closest`] count them.
     pub fn frames(&self, around: &Around) -> impl Iterator<Item = [DVec3; 3]> {
         around.slots().iter().map(|&slot| {
             let [start, along, across] = self.prepared[slot as usize].frame();

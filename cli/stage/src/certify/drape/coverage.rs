@@ -1,9 +1,9 @@
 //! Components of the coarser surface without a border: proof that the image covers them.
 //!
-//! The image is a chain without a boundary there, so it contains all tiles of such a component or none (counted modulo two). One
-//! point tells which: it lies in an odd number of images of parts, or in an even one. The point is chosen on one tile, the
-//! *anchor*, so far from the edges of all images that rounding them cannot change the count, and so that no triangle that is not
-//! mapped needs to have an image there.
+//! The image is a chain without a boundary there, so it contains all tiles of such a component or none (counted modulo
+//! two). One point tells which: it lies in an odd number of images of parts, or in an even one. The point is chosen on
+//! one tile, the *anchor*, so far from the edges of all images that rounding them cannot change the count, and so that
+//! no triangle that is not mapped needs to have an image there.
 
 use std::collections::BTreeSet;
 
@@ -12,7 +12,8 @@ use glam::{DVec2, DVec3};
 use super::Drape;
 use super::parts::Parts;
 
-/// Points of an anchor that are tried, as weights of its corners: in no regular place, since images have edges at regular places.
+/// Points of an anchor that are tried, as weights of its corners: in no regular place, since images have edges at
+/// regular places.
 const POINTS: [[f64; 3]; 6] = [
     [0.357, 0.329, 0.314],
     [0.521, 0.262, 0.217],
@@ -26,9 +27,9 @@ const CLEAR_OF_TILE: f64 = 1e-6;
 const CLEAR_OF_SURFACE: f64 = 1e-10;
 
 impl Drape {
-    /// For each component without a border, a tile that is all covered. None unless the image covers all of them. `moves` are
-    /// the squares of the most that the points of each triangle of the finer surface move. Those that are not mapped need no
-    /// image in these tiles.
+    /// For each component without a border, a tile that is all covered. None unless the image covers all of them.
+    /// `moves` are the squares of the most that the points of each triangle of the finer surface move. Those that are
+    /// not mapped need no image in these tiles.
     pub(super) fn find_anchors(&mut self, moves: &[f64]) -> Option<()> {
         if self.tiles.closed.is_empty() {
             return Some(());
@@ -58,7 +59,8 @@ impl Drape {
         Some(())
     }
 
-    /// Whether a point of a tile, given by the weights of the corners, lies in an odd number of images; none where that is in doubt.
+    /// Whether a point of a tile, given by the weights of the corners, lies in an odd number of images; none where that
+    /// is in doubt.
     fn is_covered_oddly(&self, anchor: u32, [u, v, w]: [f64; 3], moves: &[f64], parts: &mut Parts) -> Option<bool> {
         let corners = self.coarse.triangles[anchor as usize].map(|v| self.corners[v as usize]);
         let [a, b, c] = corners;

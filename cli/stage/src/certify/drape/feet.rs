@@ -121,8 +121,8 @@ impl Drape {
         }
     }
 
-    /// Moves feet to a vertex of their tiles where that is within a threshold. Where the vertices of both surfaces are nearly the same, most
-    /// triangles lie in one tile then, and their ways around vertices need not be followed.
+    /// Moves feet to a vertex of their tiles where that is within a threshold. Where the vertices of both surfaces are
+    /// nearly the same, most triangles lie in one tile then, and their ways around vertices need not be followed.
     pub(super) fn snap_feet(&mut self, threshold: f64) {
         let is_plain = self.tiles.plain_vertices();
         for (foot, &at) in self.feet.iter_mut().zip(&self.points) {
@@ -158,7 +158,8 @@ impl Drape {
         }
     }
 
-    /// Asks the hierarchy about vertices that move far: either they really are far, or there is a better foot. Marks those that get one.
+    /// Asks the hierarchy about vertices that move far: either they really are far, or there is a better foot. Marks
+    /// those that get one.
     pub(super) fn improve_feet(&mut self, search: &mut Search, changed: &mut [bool]) {
         let farthest = (0..self.feet.len()).max_by(|&a, &b| self.feet[a].square.total_cmp(&self.feet[b].square));
         for v in farthest.into_iter().chain(0..self.feet.len()) {
@@ -185,8 +186,9 @@ impl Drape {
         }
     }
 
-    /// Brings `squares` up to date, where feet have changed: for each triangle the square of the most that its points move; infinity if it
-    /// is not mapped. Feet may be moved for the sake of triangles that move by more than the threshold.
+    /// Brings `squares` up to date, where feet have changed: for each triangle the square of the most that its points
+    /// move; infinity if it is not mapped. Feet may be moved for the sake of triangles that move by more than the
+    /// threshold.
     pub(super) fn lay_all(&mut self, threshold: f64, squares: &mut [f64], mut changed: Vec<bool>) {
         let mut parts = Parts::default();
         for gatherings in 0..=GATHERINGS {

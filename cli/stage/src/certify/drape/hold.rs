@@ -9,7 +9,8 @@ pub(super) enum Hold {
     Edge(u32),
     /// It is a vertex of its tile, on the border.
     Vertex(u32),
-    /// It is a vertex of its tile, a plain one (see [`Tiles::plain_vertices`](super::tiles::Tiles::plain_vertices)), and may become another point.
+    /// It is a vertex of its tile, a plain one (see [`Tiles::plain_vertices`](super::tiles::Tiles::plain_vertices)),
+    /// and may become another point.
     Corner(u32),
 }
 

@@ -24,9 +24,10 @@
 //! Hence every point of the coarser surface is the image of some point, which lies within the length of its move.
 //! Components and handles do not matter. If any step fails, there is no map, and branch and bound gives the answer.
 //!
-//! Where both surfaces have nearly the same vertices, feet are moved to vertices of tiles. Such a foot lies in all tiles around its vertex.
-//! If both feet of an edge lie in one tile, its image is straight there: as a way it goes around those vertices, and crosses
-//! between tiles at them. If all feet of a triangle lie in one tile, it is mapped linearly, and its edges are the same straight ones.
+//! Where both surfaces have nearly the same vertices, feet are moved to vertices of tiles. Such a foot lies in all
+//! tiles around its vertex. If both feet of an edge lie in one tile, its image is straight there: as a way it goes
+//! around those vertices, and crosses between tiles at them. If all feet of a triangle lie in one tile, it is mapped
+//! linearly, and its edges are the same straight ones.
 //!
 //! A triangle that moves by more than asked for is left to branch and bound, together with its image. A triangle that
 //! is not mapped is left to it together with tiles in which it could have an image (`unmapped`); that is enough,
@@ -98,7 +99,8 @@ type Move = (f64, u32);
 /// A map from the finer surface onto the coarser, kept from one question about the two to the next.
 pub(super) struct Map {
     drape: Drape,
-    /// For each triangle of the finer surface, by slot, the square of the most that its points move; empty before the first question.
+    /// For each triangle of the finer surface, by slot, the square of the most that its points move; empty before the
+    /// first question.
     moves: Vec<f64>,
 }
 
@@ -151,7 +153,8 @@ impl Map {
         Some(Bound { upper: bound.upper.max(Search::inflate(moved, &fine, &coarse)), ..bound })
     }
 
-    /// The triangles of the finer and of the coarser surface at which one is not proven to lie within `target` of the other, like
+    /// The triangles of the finer and of the coarser surface at which one is not proven to lie within `target` of the
+    /// other, like
     /// [`super::exceeding`] both ways; none if there is no map.
     pub(super) fn exceeding(&mut self, target: f64, work_limit: u64) -> Option<[Vec<u32>; 2]> {
         let [fine, coarse] = [&self.drape.fine, &self.drape.coarse].map(Arc::clone);
@@ -171,7 +174,8 @@ impl Map {
         ])
     }
 
-    /// Moves feet for the sake of triangles that move by more than the threshold of a search. None if there is no map then, or hardly any.
+    /// Moves feet for the sake of triangles that move by more than the threshold of a search. None if there is no map
+    /// then, or hardly any.
     fn improve(&mut self, forward: &mut Search) -> Option<()> {
         let mut changed = vec![self.moves.is_empty(); self.drape.feet.len()];
         if self.moves.is_empty() && self.drape.are_alike() {

@@ -213,8 +213,8 @@ impl Drape {
         Some(square)
     }
 
-    /// Appends the tiles that the image of an edge passes. Where both feet lie in one tile, it is straight there: then the way goes around
-    /// those feet that are vertices of it.
+    /// Appends the tiles that the image of an edge passes. Where both feet lie in one tile, it is straight there: then
+    /// the way goes around those feet that are vertices of it.
     pub(super) fn way(&self, ends: [u32; 2], way: &mut Vec<u32>) -> bool {
         let start = way.len();
         let [from, to] = ends.map(|v| &self.feet[v as usize]);
@@ -240,7 +240,8 @@ impl Drape {
         is_direct || self.tiles.way(from.tile, to.tile, way)
     }
 
-    /// A tile in which all feet of a triangle lie, if one is known. The images of its edges are straight there, see [`Self::way`].
+    /// A tile in which all feet of a triangle lie, if one is known. The images of its edges are straight there, see
+    /// [`Self::way`].
     fn common_tile(&self, triangle: [u32; 3]) -> Option<u32> {
         let feet = triangle.map(|v| &self.feet[v as usize]);
         let lies_in = |tile: u32| {

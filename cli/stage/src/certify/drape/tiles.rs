@@ -142,13 +142,14 @@ impl Tiles {
         self.way_around(vertex, from, to, found) || self.shortest_way(from, to, found)
     }
 
-    /// Appends the tiles around a vertex of two tiles from one to the other, the shorter way, without the first tile. Nothing is appended
-    /// where the surface does not go on around the vertex.
+    /// Appends the tiles around a vertex of two tiles from one to the other, the shorter way, without the first tile.
+    /// Nothing is appended where the surface does not go on around the vertex.
     pub(super) fn way_around(&self, vertex: u32, from: u32, to: u32, found: &mut Vec<u32>) -> bool {
         self.turn(vertex, from, found, |tile| tile == to)
     }
 
-    /// Appends the tiles around a vertex from a tile of it to the nearest one that is asked for, without the first tile.
+    /// Appends the tiles around a vertex from a tile of it to the nearest one that is asked for, without the first
+    /// tile.
     fn turn(&self, vertex: u32, from: u32, found: &mut Vec<u32>, is_end: impl Fn(u32) -> bool) -> bool {
         let Some((_, steps, forward)) = self.look_around(vertex, from, is_end) else { return false };
         let mut tile = from;
@@ -159,7 +160,8 @@ impl Tiles {
         true
     }
 
-    /// The nearest tile around a vertex that is asked for, from one of its tiles on; how many steps away it is, and whether forward.
+    /// The nearest tile around a vertex that is asked for, from one of its tiles on; how many steps away it is, and
+    /// whether forward.
     fn look_around(&self, vertex: u32, from: u32, is_it: impl Fn(u32) -> bool) -> Option<(u32, usize, bool)> {
         let is_it = |tile| tile != NONE && is_it(tile);
         let (mut forth, mut back) = (from, from);
@@ -215,7 +217,8 @@ impl Tiles {
         self.look_around(vertex, from, is_it).map(|(tile, ..)| tile)
     }
 
-    /// Appends the tiles around a vertex from a tile of it to the nearest one that has another vertex, too, without the first tile.
+    /// Appends the tiles around a vertex from a tile of it to the nearest one that has another vertex, too, without the
+    /// first tile.
     pub(super) fn way_to_edge(&self, vertex: u32, from: u32, other: u32, found: &mut Vec<u32>) -> bool {
         self.turn(vertex, from, found, |tile| self.has(tile, other))
     }

@@ -3,9 +3,9 @@
 //! The edges of these triangles do have images, on the ways from tile to tile. They are loops, which may be moved
 //! within these tiles until only one thing about them matters: which edges between tiles they cross, modulo two. Call
 //! every vertex of the coarser surface *enclosed* or not, such that exactly the crossed edges have one enclosed end,
-//! and such that no vertex of the border or of an anchor is enclosed. The thirds of all tiles next to enclosed vertices are then bounded by
-//! just those crossings. So the loops are a boundary within the tiles that they pass and the tiles around enclosed
-//! vertices: there, the triangles could have an image (a chain of parts of tiles, counted modulo two).
+//! and such that no vertex of the border or of an anchor is enclosed. The thirds of all tiles next to enclosed vertices
+//! are then bounded by just those crossings. So the loops are a boundary within the tiles that they pass and the tiles
+//! around enclosed vertices: there, the triangles could have an image (a chain of parts of tiles, counted modulo two).
 //!
 //! Which vertices are enclosed follows from tile to tile, beginning at the border and at anchors.
 
@@ -47,7 +47,8 @@ impl Drape {
         Some(tiles)
     }
 
-    /// Visits the ways of the edges of some triangles of the finer surface. None if one has no way, or the visitor ends it.
+    /// Visits the ways of the edges of some triangles of the finer surface. None if one has no way, or the visitor ends
+    /// it.
     pub(super) fn visit_ways(
         &self,
         slots: impl Iterator<Item = u32>,

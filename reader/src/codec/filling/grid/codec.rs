@@ -1,4 +1,5 @@
-//! Coding of a level: its shape, then, depth by depth, the split flag of each candidate cell with the middles of its edges and its own.
+//! Coding of a level: its shape, then, depth by depth, the split flag of each candidate cell with the middles of its
+//! edges and its own.
 //!
 //! Encoder and decoder run the same walk ([`code_level`]), each with its own [`Coder`], so they cannot drift apart.
 
@@ -22,7 +23,8 @@ use crate::{
 pub trait GridTarget: Slide<GridSite> {
     /// How the inside is drawn.
     fn shape(&self) -> GridShape;
-    /// Whether a cell is split at this level. Nobody asks about cells that are split at a coarser level: they stay split.
+    /// Whether a cell is split at this level. Nobody asks about cells that are split at a coarser level: they stay
+    /// split.
     fn is_split(&self, cell: GridCell) -> bool;
     /// The wanted position of the vertex at a site, in lattice units.
     fn position(&self, site: GridSite) -> [f64; 3];
@@ -31,8 +33,8 @@ pub trait GridTarget: Slide<GridSite> {
 /// Encodes one level, and returns the state that a decoder will have.
 ///
 /// # Errors
-/// As a decoder: if sides do not fit, positions exceed 2^40, or there are too many vertices. [`Error::Query`] if the target asks
-/// for a coarser shape than that of the level before.
+/// As a decoder: if sides do not fit, positions exceed 2^40, or there are too many vertices. [`Error::Query`] if the
+/// target asks for a coarser shape than that of the level before.
 pub fn encode_level(
     target: &dyn GridTarget,
     previous: Option<GridState>,
@@ -64,7 +66,8 @@ struct NewVertex {
     site: GridSite,
     prediction: Vec3,
     frame: LocalFrame,
-    /// The context of the normal component, and those of the tangential ones: after a zero, and after a non-zero normal component.
+    /// The context of the normal component, and those of the tangential ones: after a zero, and after a non-zero normal
+    /// component.
     normal_context: Context,
     tangent_contexts: [[Context; 2]; 2],
 }
@@ -254,8 +257,8 @@ fn code_level(
     Ok(state)
 }
 
-/// The number of inner edges of a cell that have a split cell on their other side. None if the cell cannot be split, because the middle
-/// of an edge on the border is no sample.
+/// The number of inner edges of a cell that have a split cell on their other side. None if the cell cannot be split,
+/// because the middle of an edge on the border is no sample.
 fn finer_neighbour_count(state: &GridState, border: &Border, node: &QuadNode) -> Option<usize> {
     let GridCell { quad, x, y, .. } = node.cell;
     let (x, y, size) = (u32::from(x), u32::from(y), node.cell.size());

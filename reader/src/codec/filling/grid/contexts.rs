@@ -16,8 +16,8 @@ const _: () = assert!(TANGENT + 8 * SIZE_CLASSES as Context == GRID.end);
 /// What these contexts are for.
 pub(super) const USES: &[Use] = &[Use { name: "grids", first: SHAPE }];
 
-/// Split flag of a cell: whether the cell is new at this level, the size class of the split that made it, and how many of its
-/// edges have a split cell beyond.
+/// Split flag of a cell: whether the cell is new at this level, the size class of the split that made it, and how many
+/// of its edges have a split cell beyond.
 pub(super) fn split(is_new: bool, size_class: usize, finer_neighbour_count: usize) -> Context {
     let size = match size_class {
         0 | 1 => 0,

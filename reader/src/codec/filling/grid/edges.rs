@@ -1,4 +1,5 @@
-//! The edges between a grid's vertices. The cells on both sides know an edge by its number, so neither has to search for the other.
+//! The edges between a grid's vertices. The cells on both sides know an edge by its number, so neither has to search
+//! for the other.
 
 /// A vertex of a grid, at all levels: an inner vertex by its number, or a border sample by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +38,8 @@ impl Vertex {
 struct Edge {
     /// The vertex that divides it.
     middle: Vertex,
-    /// Index of its first half, the one of smaller coordinates, which the second one follows; 0 where it is not divided.
+    /// Index of its first half, the one of smaller coordinates, which the second one follows; 0 where it is not
+    /// divided.
     halves: u32,
 }
 

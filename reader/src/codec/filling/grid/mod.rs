@@ -1,13 +1,16 @@
-//! The grid filling: a disk with n >= 3 sides as n quadtrees of cells, nested from level to level (SPEC.md, "Grid blocks").
+//! The grid filling: a disk with n >= 3 sides as n quadtrees of cells, nested from level to level (SPEC.md, "Grid
+//! blocks").
 //!
-//! The corners of quad i are, counter-clockwise, the centre, the middle of side i - 1, corner i, and the middle of side i. Its coordinates
-//! (x, y) run from (0, 0) at the centre to ([`UNIT`], [`UNIT`]) at corner i. Quads meet along **spokes**, which lead from the centre to
-//! the middle of a side. A level draws every leaf of its trees as a polygon through all vertices on the leaf's edges, so a coarse cell may
-//! lie beside finer ones without a crack; `triangulate` derives the triangles from the positions. Coarser than one cell per quad, a disk
-//! is drawn as a fan around its centre, or as one polygon (see [`GridShape`]).
+//! The corners of quad i are, counter-clockwise, the centre, the middle of side i - 1, corner i, and the middle of side
+//! i. Its coordinates (x, y) run from (0, 0) at the centre to ([`UNIT`], [`UNIT`]) at corner i. Quads meet along
+//! **spokes**, which lead from the centre to the middle of a side. A level draws every leaf of its trees as a polygon
+//! through all vertices on the leaf's edges, so a coarse cell may lie beside finer ones without a crack; `triangulate`
+//! derives the triangles from the positions. Coarser than one cell per quad, a disk is drawn as a fan around its
+//! centre, or as one polygon (see [`GridShape`]).
 //!
-//! Levels are nested: a level keeps all cells and vertices of the coarser level, splits more cells, and moves no vertex.
-//! format-spec/trials/simplification.md compares these adaptive grids, which keep their T-vertices, with uniform ones.
+//! Levels are nested: a level keeps all cells and vertices of the coarser level, splits more cells, and moves no
+//! vertex. format-spec/trials/simplification.md compares these adaptive grids, which keep their T-vertices, with
+//! uniform ones.
 
 mod block;
 mod codec;
@@ -56,8 +59,8 @@ pub const MAX_SIDE_COUNT: usize = 4096;
 /// Samples of a disk's sides at one level, in the winding of its triangles.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GridSides {
-    /// Per side, ascending, the parameters (0 to 65535, in 1/65536 of the side) and positions of its samples. The corner where the side
-    /// begins (parameter 0) is included; the next corner is not.
+    /// Per side, ascending, the parameters (0 to 65535, in 1/65536 of the side) and positions of its samples. The
+    /// corner where the side begins (parameter 0) is included; the next corner is not.
     pub sides: Vec<Vec<(u32, LatticePoint)>>,
 }
 
@@ -134,7 +137,8 @@ impl<'a> Border<'a> {
         self.positions.len() as u32
     }
 
-    /// The patch vertex of the sample of `side` at `param`, if there is one. Parameter 65536 is the corner of the next side.
+    /// The patch vertex of the sample of `side` at `param`, if there is one. Parameter 65536 is the corner of the next
+    /// side.
     fn vertex(&self, side: usize, param: u32) -> Option<u32> {
         if param == 2 * UNIT {
             return Some(self.first[(side + 1) % self.side_count()]);

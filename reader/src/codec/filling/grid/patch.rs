@@ -34,7 +34,8 @@ impl Polygon {
 }
 
 impl GridState {
-    /// The triangles of this level. `sides` has the samples of the level, which are the border of the patch, side after side.
+    /// The triangles of this level. `sides` has the samples of the level, which are the border of the patch, side after
+    /// side.
     ///
     /// # Errors
     /// [`crate::Error::Format`] if the sides do not fit the cells.
@@ -42,7 +43,8 @@ impl GridState {
         self.patch_by_cell(sides).map(|(patch, _)| patch)
     }
 
-    /// As [`Self::patch`]. Also returns the first triangle of each leaf (or sector, or of the polygon), followed by the number of triangles.
+    /// As [`Self::patch`]. Also returns the first triangle of each leaf (or sector, or of the polygon), followed by the
+    /// number of triangles.
     ///
     /// # Errors
     /// As [`Self::patch`].
@@ -158,8 +160,8 @@ impl Outline<'_> {
         }
     }
 
-    /// The vertices strictly between the ends of an inner edge: those that splits beyond it have made, its middle first.
-    /// Every step halves the edge, so the recursion ends within 15 steps.
+    /// The vertices strictly between the ends of an inner edge: those that splits beyond it have made, its middle
+    /// first. Every step halves the edge, so the recursion ends within 15 steps.
     fn between(&self, index: u32, edge: u16, polygon: &mut Polygon) {
         let Some((middle, halves)) = self.state.edges.halves(index) else { return };
         // The upper and the left edge run towards smaller coordinates.

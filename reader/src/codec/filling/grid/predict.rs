@@ -2,8 +2,8 @@
 
 use crate::codec::vector::{Vec3, add, cross, scale, sub};
 
-/// The middle of an edge, from its ends and, where they exist, the next vertices beyond either end at the same spacing: by the cubic
-/// through four points, the quadratic through three, or the mean of two.
+/// The middle of an edge, from its ends and, where they exist, the next vertices beyond either end at the same spacing:
+/// by the cubic through four points, the quadratic through three, or the mean of two.
 pub(super) fn edge_middle(before: Option<Vec3>, ends: [Vec3; 2], after: Option<Vec3>) -> Vec3 {
     let [a, b] = ends;
     let quadratic =

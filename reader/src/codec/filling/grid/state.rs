@@ -59,7 +59,8 @@ pub struct GridSite {
     pub quad: u16,
     /// Coordinate below [`UNIT`]: points on a side are border samples, not sites.
     pub x: u16,
-    /// Coordinate below [`UNIT`]. It is 0 only at the centre, because the lower edge of quad i is the left edge of quad i - 1.
+    /// Coordinate below [`UNIT`]. It is 0 only at the centre, because the lower edge of quad i is the left edge of quad
+    /// i - 1.
     pub y: u16,
 }
 
@@ -155,8 +156,8 @@ impl GridState {
         self.nodes.iter().filter(|node| node.children == 0).map(|node| node.cell)
     }
 
-    /// The state after further `splits`, without coding: for planning. A cell must come after the cell that it is part of. New vertices lie
-    /// at the origin until [`Self::set_positions`] moves them.
+    /// The state after further `splits`, without coding: for planning. A cell must come after the cell that it is part
+    /// of. New vertices lie at the origin until [`Self::set_positions`] moves them.
     ///
     /// # Errors
     /// [`Error::Query`] if a split cell is not a leaf or too deep, the shape is coarser than before, or there are fewer
@@ -215,8 +216,8 @@ impl GridState {
         self.nodes.iter().map(number).collect()
     }
 
-    /// For each point (quad, and coordinates below [`UNIT`]), the number of the leaf that contains it, in the order of [`Self::leaves`];
-    /// none if the quad does not exist.
+    /// For each point (quad, and coordinates below [`UNIT`]), the number of the leaf that contains it, in the order of
+    /// [`Self::leaves`]; none if the quad does not exist.
     pub fn leaves_at(&self, places: impl Iterator<Item = (u16, [u32; 2])>) -> Vec<Option<u32>> {
         let numbers = self.leaf_numbers();
         places.map(|(quad, at)| self.leaf_node(quad, at).map(|node| numbers[node])).collect()
@@ -269,8 +270,8 @@ impl GridState {
         (place, self.edges.halves(node.edges[edge]).map(|(middle, _)| middle))
     }
 
-    /// Splits a leaf, given the vertices at the middles of its edges and at its own. `magnitude` is the mean size of their residuals.
-    /// Returns the index of the first of four children.
+    /// Splits a leaf, given the vertices at the middles of its edges and at its own. `magnitude` is the mean size of
+    /// their residuals. Returns the index of the first of four children.
     pub(super) fn divide(&mut self, index: usize, middles: [Vertex; 4], middle: Vertex, magnitude: u64) -> u32 {
         let children = self.nodes.len() as u32;
         let QuadNode { cell, corners: [a, b, c, d], edges, .. } = self.nodes[index];
@@ -303,7 +304,8 @@ impl GridState {
     pub(super) fn inner_vertex(&self, quad: u16, at: [u32; 2]) -> Option<Vertex> {
         let node = &self.nodes[self.leaf_node(quad, at)?];
         let (cell, size) = (node.cell, node.cell.size());
-        // A leaf contains its smallest coordinates but not its largest ones; those belong to other leaves with the same edges.
+        // A leaf contains its smallest coordinates but not its largest ones; those belong to other leaves with the same
+        // edges.
         match [at[0] - u32::from(cell.x), at[1] - u32::from(cell.y)] {
             [0, 0] => Some(node.corners[0]),
             [along, 0] => self.edges.vertex_at(node.edges[0], size, along),

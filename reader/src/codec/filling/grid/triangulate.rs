@@ -1,8 +1,10 @@
-//! Triangles of the convex polygons that a grid is drawn with. They are derived from decoded positions, so no bits are spent on them.
+//! Triangles of the convex polygons that a grid is drawn with. They are derived from decoded positions, so no bits are
+//! spent on them.
 //!
-//! The rule (SPEC.md, "Triangles of a polygon"): among the triangulations without a triangle whose three vertices lie on one side of the
-//! polygon in the parameter square, take the one with the least sum of squared diagonal lengths, by dynamic programming. The order
-//! of sums is fixed, and ties go to the smaller apex, so every platform draws the same triangles.
+//! The rule (SPEC.md, "Triangles of a polygon"): among the triangulations without a triangle whose three vertices lie
+//! on one side of the polygon in the parameter square, take the one with the least sum of squared diagonal lengths, by
+//! dynamic programming. The order of sums is fixed, and ties go to the smaller apex, so every platform draws the same
+//! triangles.
 
 use crate::codec::vector::{Vec3, dot, sub};
 
@@ -29,8 +31,8 @@ fn is_flat(a: Lines, b: Lines, c: Lines) -> bool {
 }
 
 impl Triangulator {
-    /// Appends the triangles, as indices into `points`, of a convex polygon whose vertices run counter-clockwise. Both slices have the same
-    /// length. Fewer than three vertices have no triangles.
+    /// Appends the triangles, as indices into `points`, of a convex polygon whose vertices run counter-clockwise. Both
+    /// slices have the same length. Fewer than three vertices have no triangles.
     pub(crate) fn triangulate(&mut self, points: &[Vec3], lines: &[Lines], triangles: &mut Vec<[u32; 3]>) {
         match points {
             [] | [_] | [_, _] => {}

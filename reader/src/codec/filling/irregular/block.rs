@@ -1,7 +1,7 @@
 //! The irregular filling's side of the interface of fillings.
 //!
-//! Each triangle waits for the one before it: the next gate and its statistics follow from where the last vertex came to lie. So
-//! the blocks of several lanes are decoded in turn, a triangle each; while one waits, the other continues.
+//! Each triangle waits for the one before it: the next gate and its statistics follow from where the last vertex came
+//! to lie. So the blocks of several lanes are decoded in turn, a triangle each; while one waits, the other continues.
 
 use super::{PatchLimits, decode::PatchDecoder};
 use crate::{

@@ -1,11 +1,11 @@
 //! The cut-border machine: which triangle comes next, and how the active loops change.
 //!
-//! The machine follows Gumhold and Strasser, "Real time compression of triangle mesh connectivity" (1998), with the geometric contexts
-//! of later angle coders (Kaelberer et al., "FreeLence", 2005). Encoder and decoder run the same code, each with its own [`Driver`],
-//! so they cannot drift apart.
+//! The machine follows Gumhold and Strasser, "Real time compression of triangle mesh connectivity" (1998), with the
+//! geometric contexts of later angle coders (Kaelberer et al., "FreeLence", 2005). Encoder and decoder run the same
+//! code, each with its own [`Driver`], so they cannot drift apart.
 //!
-//! An active loop surrounds a part of the surface that is still unknown and lies to its left. The machine asks for the triangle to the left
-//! of one of its edges, the gate. The answer is an [`Operation`].
+//! An active loop surrounds a part of the surface that is still unknown and lies to its left. The machine asks for the
+//! triangle to the left of one of its edges, the gate. The answer is an [`Operation`].
 
 use super::geometry::{self, Angle, Forecast};
 use crate::{
@@ -20,8 +20,8 @@ use crate::{
 /// "No vertex", "no slot".
 pub(super) const NONE: u32 = u32::MAX;
 
-/// The most vertices of a patch. With at most 2^32 / 3 triangles, slot numbers fit 32 bits: each slot belongs to a new vertex, or to the
-/// triangle of a Split or Union.
+/// The most vertices of a patch. With at most 2^32 / 3 triangles, slot numbers fit 32 bits: each slot belongs to a new
+/// vertex, or to the triangle of a Split or Union.
 const VERTEX_LIMIT: u64 = 1 << 31;
 
 /// The third vertex of the triangle to the left of the gate a -> b.
@@ -33,7 +33,8 @@ pub(super) enum Operation {
     Next,
     /// The vertex before a.
     Previous,
-    /// Another vertex of the same loop: `offset` > 0 counts from b forward (at least 2), < 0 from a backward (at most -2).
+    /// Another vertex of the same loop: `offset` > 0 counts from b forward (at least 2), < 0 from a backward (at most
+    /// -2).
     Split { offset: i64 },
     /// A vertex of a pending loop, `index` places below the top of the stack and `offset` slots from its gate's start.
     Union { index: u64, offset: i64 },
@@ -213,7 +214,8 @@ impl Machine {
         Ok(())
     }
 
-    /// Makes room for a disk with the triangles that the index gives, so that little has to be moved. A large count may be a lie.
+    /// Makes room for a disk with the triangles that the index gives, so that little has to be moved. A large count may
+    /// be a lie.
     fn reserve(&mut self, loops: &[Vec<LatticePoint>]) {
         const MOST: u64 = 1 << 16;
         if self.limits.triangles > MOST {
@@ -244,7 +246,8 @@ impl Machine {
         Ok(self.push_vertex(to_f64(point), [0.0; 3]))
     }
 
-    /// Inline, so that the corners stay in registers: storing them one by one and loading them together would stall the processor.
+    /// Inline, so that the corners stay in registers: storing them one by one and loading them together would stall the
+    /// processor.
     #[inline(always)]
     fn push_triangle(&mut self, corners: [u32; 3]) -> Result<(), Violation> {
         let [a, b, c] = corners;
@@ -285,10 +288,11 @@ impl Machine {
         Ok(())
     }
 
-    /// The edge that ends at the sharpest of five corners of the loop: the end of the edge `gate`, and two corners on either side.
+    /// The edge that ends at the sharpest of five corners of the loop: the end of the edge `gate`, and two corners on
+    /// either side.
     ///
-    /// Most sharp corners are closed by a single triangle, so the operation there is easy to predict, and loops rarely split. Searching the
-    /// whole loop would save one percent more.
+    /// Most sharp corners are closed by a single triangle, so the operation there is easy to predict, and loops rarely
+    /// split. Searching the whole loop would save one percent more.
     #[inline]
     fn sharpest_gate(&self, gate: u32) -> u32 {
         let here = self.slots[gate as usize];
@@ -367,7 +371,8 @@ impl Machine {
             }
             Operation::Split { offset } => {
                 let distance = offset.unsigned_abs();
-                // Next and Previous are operations of their own, and the walk takes the shorter way. So both parts have at least three slots.
+                // Next and Previous are operations of their own, and the walk takes the shorter way. So both parts have
+                // at least three slots.
                 if distance < 2 || distance > (self.length - 1) / 2 {
                     return Err(Violation(&"a loop is split at an offset outside it").into());
                 }
@@ -396,7 +401,8 @@ impl Machine {
         }
     }
 
-    /// Adds the triangle from the gate to a vertex that stays active: its slot `far` follows a, and a second slot precedes b.
+    /// Adds the triangle from the gate to a vertex that stays active: its slot `far` follows a, and a second slot
+    /// precedes b.
     fn bridge(&mut self, gate: u32, far: u32) -> Result<u32, Violation> {
         let Slot { vertex: a, next: after, .. } = self.slots[gate as usize];
         let b = self.slots[after as usize].vertex;
@@ -415,8 +421,9 @@ impl Machine {
         Ok(slot)
     }
 
-    /// The slot `offset` places from `start`. All walks together may take 64 steps per vertex known so far. That is far more than meshes
-    /// need (shorter parts sum to at most half log2 n per slot), and keeps any stream from making decoding quadratic.
+    /// The slot `offset` places from `start`. All walks together may take 64 steps per vertex known so far. That is far
+    /// more than meshes need (shorter parts sum to at most half log2 n per slot), and keeps any stream from making
+    /// decoding quadratic.
     fn walk(&mut self, start: u32, offset: i64) -> Result<u32, Violation> {
         self.walked += offset.unsigned_abs();
         if self.walked > 64 * self.vertices.len() as u64 {

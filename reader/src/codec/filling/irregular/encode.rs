@@ -64,11 +64,12 @@ impl From<Violation> for EncodeError {
     }
 }
 
-/// Encodes a patch: appends its symbols to `out`. Returns the patch exactly as a decoder will decode it, and the `order` of its
-/// vertices: interior vertex i of the patch is interior vertex `order[i]` of the target.
+/// Encodes a patch: appends its symbols to `out`. Returns the patch exactly as a decoder will decode it, and the
+/// `order` of its vertices: interior vertex i of the patch is interior vertex `order[i]` of the target.
 ///
 /// # Errors
-/// [`EncodeError`] if the target is not a manifold bounded by its loops, or leaves the lattice. `out` is then unchanged.
+/// [`EncodeError`] if the target is not a manifold bounded by its loops, or leaves the lattice. `out` is then
+/// unchanged.
 pub fn encode_patch(
     target: &PatchTarget,
     quantisation: Quantisation,
@@ -78,8 +79,8 @@ pub fn encode_patch(
     encode_refined_patch(target, quantisation, 0, slide, out)
 }
 
-/// As [`encode_patch`], with a tangential step 2^`refinement` times smaller than that of the level, but not below the normal step: for
-/// patches that need smaller steps than others. `refinement` is at most 3.
+/// As [`encode_patch`], with a tangential step 2^`refinement` times smaller than that of the level, but not below the
+/// normal step: for patches that need smaller steps than others. `refinement` is at most 3.
 ///
 /// # Errors
 /// As [`encode_patch`].

@@ -1,7 +1,8 @@
-//! Where a new vertex is expected, in which frame its residual is coded, and which statistics fit the shape of the loop.
+//! Where a new vertex is expected, in which frame its residual is coded, and which statistics fit the shape of the
+//! loop.
 //!
-//! All contexts follow from decoded positions: angles predict operations, and lengths predict the size of residuals. Since tables are
-//! static, this replaces adaptive coding. The numbers below were fitted to simplified scans.
+//! All contexts follow from decoded positions: angles predict operations, and lengths predict the size of residuals.
+//! Since tables are static, this replaces adaptive coding. The numbers below were fitted to simplified scans.
 
 use super::{
     connectivity::{Machine, NONE, Vertex},
@@ -14,7 +15,8 @@ use crate::codec::{
     vector::{Vec3, add, cross, dot, scale, sub, to_f64},
 };
 
-/// Bounds of the classes of the angle at the gate's end, the sharpest one nearby. They are quantiles of the pseudo-angle.
+/// Bounds of the classes of the angle at the gate's end, the sharpest one nearby. They are quantiles of the
+/// pseudo-angle.
 const END_BOUNDS: [Angle; 7] = Angle::all([0.1, 0.25, 0.45, 0.65, 0.9, 1.2, 1.5]);
 /// Bounds of the classes of the angle at the gate's start.
 const START_BOUNDS: [Angle; 3] = Angle::all([1.9, 2.2, 3.0]);
@@ -26,8 +28,8 @@ const SIN_60: f64 = 0.866_025_403_784_438_6;
 /// The pseudo-angle (about 150 degrees) from which a corner is expected to take more than two triangles.
 const WIDE: Angle = Angle::of(1.875);
 
-/// A pseudo-angle as an integer, in the order of [`f64::total_cmp`]. The next gate and its context wait for comparisons of angles, and
-/// integers are compared in one cycle.
+/// A pseudo-angle as an integer, in the order of [`f64::total_cmp`]. The next gate and its context wait for comparisons
+/// of angles, and integers are compared in one cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Angle(i64);
 
@@ -75,8 +77,9 @@ pub(super) fn polygon_area_vector(polygon: &[LatticePoint]) -> Vec3 {
     sum
 }
 
-/// The angle at a slot on the unknown side, from the edge that leaves the slot (to `next`) to the edge that enters it (from `previous`):
-/// 1 - cos up to a straight angle (0 to 2), and 3 + cos beyond (2 to 4). It is 2 where an edge has no length.
+/// The angle at a slot on the unknown side, from the edge that leaves the slot (to `next`) to the edge that enters it
+/// (from `previous`): 1 - cos up to a straight angle (0 to 2), and 3 + cos beyond (2 to 4). It is 2 where an edge has
+/// no length.
 #[inline]
 pub(super) fn pseudo_angle(at: &Vertex, next: &Vec3, previous: &Vec3) -> Angle {
     let leaving = sub(*next, at.position);
@@ -117,8 +120,9 @@ pub(super) struct Forecast {
 
 /// What is known about the vertex c of the triangle a, b, c to the left of the gate a -> b.
 ///
-/// The forecast is a mean of three: with weight one half, that c halves the corner at b (or takes 60 degrees of a wide one) at the mean
-/// length of the corner's edges; with weight one quarter each, the parallelograms across the gate and in the corner.
+/// The forecast is a mean of three: with weight one half, that c halves the corner at b (or takes 60 degrees of a wide
+/// one) at the mean length of the corner's edges; with weight one quarter each, the parallelograms across the gate and
+/// in the corner.
 #[inline]
 pub(super) fn forecast(machine: &Machine, gate: u32) -> Forecast {
     let start = machine.slots[gate as usize];
@@ -159,8 +163,8 @@ pub(super) fn forecast(machine: &Machine, gate: u32) -> Forecast {
 }
 
 impl Forecast {
-    /// The expected height of the surface above `point`: a quarter of the heights of the tangent planes at both ends of the gate. The
-    /// parallelograms have the remaining weight. A plane that is steep in the frame counts as nothing.
+    /// The expected height of the surface above `point`: a quarter of the heights of the tangent planes at both ends of
+    /// the gate. The parallelograms have the remaining weight. A plane that is steep in the frame counts as nothing.
     #[inline]
     pub(super) fn bend(&self, point: Vec3) -> f64 {
         0.25 * (self.plane_height(point, 0) + self.plane_height(point, 1))

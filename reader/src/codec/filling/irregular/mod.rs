@@ -1,14 +1,14 @@
-//! The irregular filling: triangles and interior vertices of one root at one level, given the samples of its border (SPEC.md,
-//! "Irregular blocks").
+//! The irregular filling: triangles and interior vertices of one root at one level, given the samples of its border
+//! (SPEC.md, "Irregular blocks").
 //!
-//! A cut-border machine ([`connectivity`]) grows the patch from its border loops inward, triangle by triangle. Each new vertex is coded
-//! as a residual from a forecast ([`geometry`]), coarsely along the surface and finely across it. Every orientable topology is possible:
-//! disks, holes, handles, several components, components without a border.
+//! A cut-border machine ([`connectivity`]) grows the patch from its border loops inward, triangle by triangle. Each new
+//! vertex is coded as a residual from a forecast ([`geometry`]), coarsely along the surface and finely across it. Every
+//! orientable topology is possible: disks, holes, handles, several components, components without a border.
 //!
-//! The first symbol is four times the number of components without a border, plus the refinement of the tangential step. Then, while
-//! unknown loops are left, each triangle has one operation with its operands: three residuals for a new vertex, an offset for a
-//! Split, an index and an offset for a Union. When no loop is left, the nine coordinates of the first triangle of the next component
-//! without a border follow, and so on.
+//! The first symbol is four times the number of components without a border, plus the refinement of the tangential
+//! step. Then, while unknown loops are left, each triangle has one operation with its operands: three residuals for a
+//! new vertex, an offset for a Split, an index and an offset for a Union. When no loop is left, the nine coordinates of
+//! the first triangle of the next component without a border follow, and so on.
 
 mod block;
 mod connectivity;
@@ -38,6 +38,6 @@ pub(super) const DESCRIPTOR: Descriptor = Descriptor {
     decoder: || Box::<BlockDecoder>::default(),
 };
 
-/// The number of refinements of the tangential step. The first symbol of a block is the number of components without a border times
-/// this, plus the refinement.
+/// The number of refinements of the tangential step. The first symbol of a block is the number of components without a
+/// border times this, plus the refinement.
 const REFINEMENTS: u64 = 4;

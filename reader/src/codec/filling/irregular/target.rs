@@ -1,4 +1,5 @@
-//! The encoder's view of its target: half-edges, which triangles are coded, and which half-edge each active slot stands for.
+//! The encoder's view of its target: half-edges, which triangles are coded, and which half-edge each active slot stands
+//! for.
 
 use super::{connectivity::NONE, encode::EncodeError};
 
@@ -151,7 +152,8 @@ impl<'a> Wavefront<'a> {
         !std::mem::replace(&mut self.reached[vertex as usize], true)
     }
 
-    /// Makes the far side of `half_edge`, whose triangle is now known, the edge of `slot`: of an existing slot or of the next new one.
+    /// Makes the far side of `half_edge`, whose triangle is now known, the edge of `slot`: of an existing slot or of
+    /// the next new one.
     pub(super) fn bind(&mut self, slot: u32, half_edge: u32) {
         let unknown = self.opposite[half_edge as usize];
         match self.half_edge_of.get_mut(slot as usize) {
@@ -163,8 +165,8 @@ impl<'a> Wavefront<'a> {
         }
     }
 
-    /// Turns around the origin of `leaving`, a half-edge of the triangle just entered, through unknown triangles to the active edge that
-    /// bounds them.
+    /// Turns around the origin of `leaving`, a half-edge of the triangle just entered, through unknown triangles to the
+    /// active edge that bounds them.
     pub(super) fn active_slot(&self, leaving: u32) -> Result<u32, EncodeError> {
         let mut h = leaving;
         loop {

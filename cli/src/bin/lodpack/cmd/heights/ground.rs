@@ -91,7 +91,8 @@ impl GroundInfo {
     }
 }
 
-/// The mesh of the ground that was asked for, and how many tiles it has. The tolerance and the error are in units of the surface.
+/// The mesh of the ground that was asked for, and how many tiles it has. The tolerance and the error are in units of
+/// the surface.
 pub fn drawn_of((heights, frame): &Ground, tolerance: Option<f64>, args: &ExtractArgs) -> Result<(Drawn, Nodes)> {
     let bbox = args.bbox.map(|bbox| BoundingBox(frame.bounds_of_ground(bbox.0)));
     let args = &ExtractArgs { bbox, ..args.clone() };
@@ -115,8 +116,8 @@ pub fn tolerance_alone((heights, frame): &Ground, args: &ExtractArgs) -> Result<
     Ok(tolerance.map(|tolerance| tolerance * frame.scale()))
 }
 
-/// What a mesh and its ground are asked for together: each gets its share of a budget of triangles, and none is asked for that has nothing in
-/// the box.
+/// What a mesh and its ground are asked for together: each gets its share of a budget of triangles, and none is asked
+/// for that has nothing in the box.
 pub fn shares(
     surface: &File<Source>,
     (heights, frame): &Ground,
@@ -161,8 +162,9 @@ pub fn shares(
 /// Nodes and triangles: of a surface, of its ground.
 type Counts = [(usize, u64); 2];
 
-/// The counts at the least tolerance at which both together keep a budget, so that both have about the same error; those at the largest one where none
-/// does. Tolerances become finer step by step, so little more of an index is read than is drawn.
+/// The counts at the least tolerance at which both together keep a budget, so that both have about the same error;
+/// those at the largest one where none does. Tolerances become finer step by step, so little more of an index is read
+/// than is drawn.
 fn within_budget(
     most: u64,
     least: Option<f64>,

@@ -136,7 +136,8 @@ fn announce(served: &[Served], json: bool) -> Result<()> {
             say!("{}", page.as_ref().unwrap_or(address));
         }
     }
-    // Programs that started this one wait for it. One that has read enough may have closed the pipe: that is no reason to stop.
+    // Programs that started this one wait for it. One that has read enough may have closed the pipe: that is no reason
+    // to stop.
     let _ = std::io::stdout().flush();
     Ok(())
 }

@@ -8,7 +8,8 @@ use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-// `EMBEDDED`: paths and bytes of the page, none if the program was built outside of lodpack's repository. Made by build.rs.
+// `EMBEDDED`: paths and bytes of the page, none if the program was built outside of lodpack's repository. Made by
+// build.rs.
 include!(concat!(env!("OUT_DIR"), "/page.rs"));
 
 /// How to get the page.

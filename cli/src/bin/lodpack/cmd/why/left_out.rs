@@ -47,7 +47,8 @@ const ENTRY_BYTES: u64 = 32;
 const SOURCE_BYTES: u64 = 32;
 /// Bytes of the section PLACEMENT without a CRS.
 const PLACEMENT_BYTES: u64 = 40;
-/// Bytes of a level in the section LEVELS with the steps of one filling, and the least for each cluster in the section CLUSTERS.
+/// Bytes of a level in the section LEVELS with the steps of one filling, and the least for each cluster in the section
+/// CLUSTERS.
 const LEVEL_BYTES: u64 = 42;
 const CLUSTER_LEVEL_BYTES: u64 = 5;
 /// Bytes that every stream takes: the state of its decoder and its checksum, and its size, which is stored elsewhere.

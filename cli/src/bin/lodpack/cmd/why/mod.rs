@@ -1,5 +1,5 @@
-//! An account of a file: everything it holds, with the reason why that is needed, and everything that the format could hold but
-//! this file does not, with the reason and the bytes saved.
+//! An account of a file: everything it holds, with the reason why that is needed, and everything that the format could
+//! hold but this file does not, with the reason and the bytes saved.
 //!
 //! All of this follows from the index; no page is read.
 
@@ -202,7 +202,8 @@ struct BlockReasons {
     base: u64,
     /// All other blocks.
     other: u64,
-    /// Roots without a block because the coarser one keeps the level's tolerance, and the triangles they are drawn with.
+    /// Roots without a block because the coarser one keeps the level's tolerance, and the triangles they are drawn
+    /// with.
     coarser_suffices: [u64; 2],
     /// Roots without a block because it would not have been better by a fifth, and their triangles.
     coarser_as_good: [u64; 2],
