@@ -45,7 +45,7 @@ FIGURES = [
         (README, "8 M: {} CPU s, 396 MiB", 1), (RESULTS, "limited to 512 MB (its pyramid goes down to the input) | 8,009,868 | {} |", 1),
     ]),
     ("requests for a hundredth of the dragon", [
-        (README, "**{} requests, 13 kB**", 1), (READER, "| dragon, a hundredth at the finest level | {} |", 1),
+        (README, "**{} requests, 16 kB**", 1), (READER, "| dragon, a hundredth at the finest level | {} |", 1),
     ]),
     ("bytes of a hundredth of the dragon", [
         (README, "requests, {} kB**", K), (READER, "| dragon, a hundredth at the finest level | 4 | {} |", 1),
