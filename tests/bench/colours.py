@@ -1,7 +1,8 @@
 """Colour over the surface: how far what a mesh shows is from what another shows.
 
-    python3 tests/bench/colours.py [--points N] INPUT OUTPUT [OUTPUT ...]     (OBJ with MTL and images, GLB, or PLY with
-                                                                              colours of vertices)
+    python3 tests/bench/colours.py [--points N] INPUT OUTPUT [OUTPUT ...]
+
+INPUT and OUTPUT are OBJ with MTL and images, GLB, or PLY with colours of vertices.
 
 Spreads 100,000 points (or N) by area over the input, takes the closest point of each on the output, and compares
 colours: PSNR over the three components, in sRGB as screens show it. Between texels and between vertices, colours of

@@ -2,9 +2,8 @@
 """Files of other makers: builds, verifies and extracts every mesh and raster that certain packages ship, and compares
 what comes out with what other readers see in the file.
 
-usage: corpus.py CACHE [--lodpack PROGRAM] [--node DIR] [--json OUT] [--only TEXT] [--most N] [--largest MB] [--minutes
-N]
-       [--again]
+usage: corpus.py CACHE [--lodpack PROGRAM] [--node DIR] [--json OUT] [--only TEXT] [--most N] [--largest MB]
+       [--minutes N] [--again]
 
 Packages (corpus/packages.py) are downloaded once, into CACHE, by pip, npm and apt. Needs numpy, scipy, trimesh 5.2.0,
 plyfile 1.1.5, meshio 5.3.5, tinyobjloader 2.0.0rc13, rasterio 1.4.4, OpenEXR 3.5.3 and Pillow, and in DIR (CACHE/node)

@@ -3,7 +3,7 @@
 compare with one.
 
 usage: stages.py MESH [--parts 16] [--range-bytes 64MiB] [--memory 512MiB] [--runs 3] [--work DIR] [--lodpack PATH]
-[--costs COSTS.json] [--known COSTS.json]
+                 [--costs COSTS.json] [--known COSTS.json]
 
 Every task is a process of its own with one thread, as on a cluster, so its CPU seconds hold its start, too. Then one
 and two workers do the whole job, `--runs` times each. Others may load the machine, so the time for which workers had no

@@ -3,7 +3,7 @@
 and compared with Nexus for the same regions. Prints Markdown.
 
 usage: streams.py [--regions N] [--mesh MESH]... [--simplified] [--equal-triangles] [--nginx PROGRAM] [--work DIR]
-FILE.lodpack...
+                  FILE.lodpack...
 
 For each file: opening, the first complete picture (the overview, or all roots at their coarsest level), and cubes that
 contain a hundredth of the roots, around evenly chosen roots, at the finest level and at the error of the next coarser

@@ -1,10 +1,10 @@
 """What colours and normals cost, beside what peers take for a surface that shows the same.
 
-    python3 tests/bench/texel_bytes.py textures LODPACK MODEL [MODEL ...] [--gltfpack PROGRAM]     (OBJ with MTL, or
-                                                                                                   GLB)
-    python3 tests/bench/texel_bytes.py colours LODPACK MESH.ply [...]                              (painted, where it
-                                                                                                   has no colours)
+    python3 tests/bench/texel_bytes.py textures LODPACK MODEL [MODEL ...] [--gltfpack PROGRAM]
+    python3 tests/bench/texel_bytes.py colours LODPACK MESH.ply [...]
     python3 tests/bench/texel_bytes.py normals LODPACK MESH.ply [...]
+
+A MODEL is an OBJ with MTL, or a GLB. A mesh without colours is painted.
 
 Colours are compared over the surface by `colours.py` and normals by `normals.py`, at the same points for all. Peers of
 textures keep the input's mesh and coordinates and code its images: WebP (pillow, method 6) and KTX2 of Basis Universal
