@@ -1,5 +1,5 @@
-//! Prints what the samples of a grid of heights cost in blocks, and how fast one thread codes them: heights_bench
-//! GRID...
+//! Prints what the samples of a grid of heights cost in blocks, and how fast one thread codes them:
+//! heights_bench GRID...
 //!
 //! A grid is a file of two little-endian 32-bit numbers, its rows and columns of samples, and then as many 32-bit
 //! steps, row by row. A file `NAME.lerc` beside it, if there is one, says how many bytes LERC takes for the same

@@ -1,6 +1,6 @@
 //! Prints how many requests and bytes it takes to open files, to draw them at their coarsest, and to draw a hundredth
-//! of them at their finest level and at the error of the next coarser one: requests [--regions N] [--csv]
-//! FILE|ADDRESS...
+//! of them at their finest level and at the error of the next coarser one:
+//! requests [--regions N] [--csv] FILE|ADDRESS...
 //!
 //! An address needs the feature `http` (http://, https://) or `object-store` (s3://, gs://, az://).
 //! `tests/bench/streams.py` runs this on a disk, a web server and an S3 server, and beside Nexus.
