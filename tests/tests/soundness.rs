@@ -1,6 +1,7 @@
 //! Certified errors hold, cuts are watertight, and budgets are kept.
 
 use crate::{build_file, build_mesh, open, scan};
+use glam::DVec3;
 use lodpack::{Outside, Query, index::Filling};
 use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::measure::verify::{VerifyOptions, inspect_edges, verify};
@@ -49,6 +50,35 @@ fn closed_meshes_stay_closed_at_every_level() {
             let edges = inspect_edges(&drawn.triangles);
             assert_eq!((edges.boundary.len(), edges.repeated, edges.degenerate), (0, 0, 0), "level {level}");
         }
+    }
+}
+
+#[test]
+fn finest_cuts_have_no_flat_triangle_and_no_edge_of_four() {
+    // Specks smaller than a lattice step, as scans have them beside their surface, open and closed.
+    let mut specks = bumpy_sphere(40);
+    for k in 0..12 {
+        let at = DVec3::new(1.5 + f64::from(k), 0.3, -0.7) * 0.2;
+        let first = specks.positions.len() as u32;
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+        let count = if k % 2 == 0 { 3 } else { 4 };
+        specks.positions.extend(corners.iter().take(count).map(|&corner| at + corner * 1e-7 * f64::from(k + 1)));
+        let sides = [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]];
+        let sides = sides.iter().take(if count == 3 { 1 } else { 4 });
+        specks.triangles.extend(sides.map(|side| side.map(|corner| first + corner)));
+    }
+    for (name, (bytes, summary)) in [("specks", build_mesh(&specks, "auto")), ("scan", build_file(&scan(), "auto"))] {
+        assert!(summary.certified_error <= summary.tolerance, "{name}");
+        let file = open(&bytes);
+        let finest = file.uniform_cut(file.level_count() as u8 - 1).expect("a level");
+        let drawn = file.extract(&finest).expect("decodable");
+        let edges = inspect_edges(&drawn.triangles);
+        assert_eq!((edges.crowded, edges.degenerate), (0, 0), "{name}");
+        let is_flat = |corners: &&[u32; 3]| {
+            let [a, b, c] = corners.map(|v| DVec3::from_array(drawn.positions[v as usize]));
+            (b - a).cross(c - a) == DVec3::ZERO
+        };
+        assert_eq!(drawn.triangles.iter().filter(is_flat).count(), 0, "{name}");
     }
 }
 

@@ -1,5 +1,6 @@
 //! One chart on its way to a root: what all fillings share.
 
+use super::divided::{self, Edge, border_vertices};
 use super::drawn::{DrawnBlocks, DrawnPatch};
 use super::groups::top::{Few, reduce_top};
 use super::overview::OVERVIEW_TRIANGLES;
@@ -44,6 +45,8 @@ pub(super) struct Root {
     pub vertices: u64,
     /// Root mean square distance of some hundreds of input vertices from the finest level, in input units.
     pub rms: f64,
+    /// The edges inside its finest patch between vertices of its border.
+    pub chords: Vec<Edge>,
 }
 
 /// The outcome of one attempt to fill a chart.
@@ -60,6 +63,8 @@ pub(super) struct ChartWork<'a> {
     pub charted: &'a ChartedMesh<'a>,
     pub arcs: &'a SharedArcs,
     pub chart: u32,
+    /// Edges that get a vertex in their middle.
+    pub divided: Vec<Edge>,
     pub times: Times,
 }
 
@@ -197,7 +202,7 @@ impl ChartWork<'_> {
         let (mut best, mut vertices, mut coarser) = (f64::INFINITY, 0, 0);
         // The stored error of a block includes what finer neighbours move at its border while finer levels are missing.
         let mut best_stored = f64::INFINITY;
-        let mut coarsest = Patch::default();
+        let (mut coarsest, mut chords) = (Patch::default(), vec![]);
         for (level, coded_level) in coded.into_iter().enumerate() {
             let Some(coded_level) = coded_level else {
                 blocks.push(None);
@@ -225,6 +230,7 @@ impl ChartWork<'_> {
             if best.is_infinite() && self.charted.coarsest > 0 {
                 coarsest = coded_level.patch.clone();
             }
+            chords = divided::chords(&coded_level.patch, &border_vertices(self.charted, cut, level as u8));
             if let Some(drawn) = drawn.get_mut(level) {
                 let Patch { interior, triangles, .. } = &coded_level.patch;
                 let border = border_loops(cut, level as u8);
@@ -259,7 +265,7 @@ impl ChartWork<'_> {
             bounds: bounds.map(|p| (p + origin).to_array()),
             blocks,
         };
-        Root { record, coarsest, drawn, vertices, rms }
+        Root { record, coarsest, drawn, vertices, rms, chords }
     }
 
     /// Root mean square distance of evenly chosen input vertices from the patch.

@@ -2,6 +2,7 @@
 
 use super::Scale;
 use super::chart_work::{ALMOST, ChartWork, CodedLevel, Outcome, border_loops};
+use super::divided::{behind_flat_ears, border_vertices, divide};
 use super::fill::{ChartFilling, FillingRow};
 use super::shared_arcs::{CutChart, SampleWish};
 use glam::DVec3;
@@ -18,6 +19,7 @@ use lodpack_stage::areas::{Areas, Jumps};
 use lodpack_stage::certify::{self, Comparison};
 use lodpack_stage::chart::NEVER;
 use lodpack_stage::simplify::{Early, LevelPatch, SimplifiedChart, SimplifyOptions, simplify_again};
+use std::borrow::Cow;
 use std::collections::HashMap;
 
 /// How often a chart is simplified again before its finest level is the input itself.
@@ -167,6 +169,9 @@ impl ChartWork<'_> {
             // The stuck vertices lie on seams, whose samples are fixed.
             simplified.cap_missing(&cut.mesh, usize::from(self.charted.coarsest));
         }
+        if !self.divided.is_empty() {
+            self.divide(cut, &mut simplified);
+        }
         let coded: Vec<Option<CodedLevel>> = (0..)
             .zip(&simplified.levels)
             .map(|(level, patch)| patch.as_ref().map(|patch| self.encode(cut, patch, level, failures)))
@@ -211,6 +216,20 @@ impl ChartWork<'_> {
         let simplified = simplify_again(&cut.mesh, &options, (failures < LOCAL_FAILURES).then_some(early));
         self.times.simplify += thread_cpu_time() - start;
         simplified
+    }
+
+    /// Divides the edges that are not to be.
+    fn divide(&self, cut: &CutChart, simplified: &mut SimplifiedChart) {
+        for (level, patch) in (0..).zip(&mut simplified.levels) {
+            let Some(patch) = patch else { continue };
+            let vertices = border_vertices(self.charted, cut, level);
+            // A border may touch a vertex twice.
+            let places = |vertex: u32| (0..).zip(&vertices).filter(move |&(_, &v)| v == vertex).map(|(place, _)| place);
+            let edges =
+                self.divided.iter().flat_map(|&[a, b]| places(a).flat_map(move |a| places(b).map(move |b| [a, b])));
+            let border: Vec<DVec3> = patch.border.iter().map(|&v| cut.mesh.positions[v as usize]).collect();
+            divide(patch, &border, &edges.collect::<Vec<_>>());
+        }
     }
 
     fn encode(&mut self, cut: &CutChart, level_patch: &LevelPatch, level: u8, failures: u32) -> CodedLevel {
@@ -263,6 +282,14 @@ pub(super) fn code(
     refinement: u32,
 ) -> Result<Coded, lodpack::write::EncodeError> {
     let step = scale.step();
+    let border: Vec<LatticePoint> = loops.iter().flatten().copied().collect();
+    let flat = behind_flat_ears(level_patch, &border);
+    let mut level_patch = Cow::Borrowed(level_patch);
+    if !flat.is_empty() {
+        let border: Vec<DVec3> = border.iter().map(|&point| scale.local_from_lattice(point)).collect();
+        divide(level_patch.to_mut(), &border, &flat);
+    }
+    let level_patch = &*level_patch;
     let interior: Vec<[f64; 3]> = level_patch.interior.iter().map(|&p| (p / step).to_array()).collect();
     let target = PatchTarget { loops, interior: &interior, triangles: &level_patch.triangles };
     let quantisation = scale.levels[usize::from(level)].quantisation;

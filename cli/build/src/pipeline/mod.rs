@@ -11,6 +11,7 @@
 //! | `roots`, `root_builder`, `chart_work` | charts become roots, again and again until their borders are settled |
 //! | `fill`, `fillings` | what a filling is, and the table by which all other steps know them |
 //! | `irregular`, `grid`, `choose` | the fillings of a chart, and which one it gets |
+//! | `divided` | edges that charts would have in common, and flat ears, get a vertex |
 //! | `groups` | groups of charts above them, up to one for the region |
 //! | `paint`, `texels` | blocks get images of what the input shows |
 //! | `redundant_levels` | levels that add nothing are removed |
@@ -23,6 +24,7 @@ mod chart_work;
 mod choose;
 mod coarse;
 mod density;
+mod divided;
 mod drawn;
 mod fill;
 mod fillings;

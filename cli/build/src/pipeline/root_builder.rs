@@ -2,6 +2,7 @@
 
 use super::ChartedMesh;
 use super::chart_work::{ChartWork, Outcome, Root};
+use super::divided::Edge;
 use super::fill::BoxedFilling;
 use super::irregular::{IrregularFilling, MAX_FAILURES};
 use super::shared_arcs::SharedArcs;
@@ -20,6 +21,8 @@ pub(super) struct ChartState {
     pub failures: u32,
     /// Whether the chart is left without a root: see [`Unfit::Drop`].
     pub is_dropped: bool,
+    /// Edges that get a vertex in their middle, because others have them, too.
+    pub divided: Vec<Edge>,
     pub root: Option<Root>,
 }
 
@@ -32,7 +35,7 @@ impl Default for ChartState {
 impl ChartState {
     /// A chart that has not been tried yet.
     pub fn new(filling: BoxedFilling) -> Self {
-        Self { filling, failures: 0, is_dropped: false, root: None }
+        Self { filling, failures: 0, is_dropped: false, divided: vec![], root: None }
     }
 }
 
@@ -118,7 +121,8 @@ impl RootBuilder<'_> {
 
     /// Runs a task on a chart and adds the time that it takes to the sum.
     pub fn work<T>(&self, arcs: &SharedArcs, chart: u32, task: impl FnOnce(&mut ChartWork) -> T) -> T {
-        let mut work = ChartWork { charted: self.charted, arcs, chart, times: Times::default() };
+        let (charted, times) = (self.charted, Times::default());
+        let mut work = ChartWork { charted, arcs, chart, divided: vec![], times };
         let result = task(&mut work);
         if let Ok(mut times) = self.times.lock() {
             times.add(&work.times);
@@ -136,6 +140,7 @@ impl RootBuilder<'_> {
 impl ChartWork<'_> {
     /// Fills the chart with the filling that is chosen for it.
     fn fill(&mut self, state: &mut ChartState) -> Outcome {
+        self.divided.clone_from(&state.divided);
         let cut = self.cut();
         let original = certify::Surface::new(&cut.original, &cut.mesh.triangles);
         state.filling.fill(self, &cut, &original, &mut state.failures)

@@ -93,9 +93,38 @@ impl SharedArcs {
             })
             .collect();
         let mut arcs = Self { sampled, corners, samples: vec![] };
+        arcs.spread_corners(charted);
         let numbers = (0..charted.atlas.arcs.len()).into_par_iter();
         arcs.samples = numbers.map(|arc| arcs.quantise(charted, arc)).collect::<lodpack::Result<_>>()?;
         Ok(arcs)
+    }
+
+    /// Gives loops of three corners, which nobody else borders on, an area: triangles smaller than a lattice step,
+    /// which scans have beside their surface, would be points.
+    fn spread_corners(&mut self, charted: &ChartedMesh) {
+        let atlas = charted.atlas;
+        let is_bare = |half: &HalfArc| {
+            let (arc, levels) = (&atlas.arcs[half.arc as usize], &self.sampled[half.arc as usize].levels);
+            half.neighbour(atlas) == NONE
+                && arc.seam.is_none()
+                && (1..arc.path.len() - 1).all(|index| levels[index] == NEVER)
+        };
+        let alone =
+            atlas.charts.iter().flat_map(|chart| &chart.loops).filter(|half_arcs| half_arcs.iter().all(is_bare));
+        let loops: Vec<[u32; 3]> = alone
+            .filter_map(|half_arcs| <&[HalfArc; 3]>::try_from(half_arcs.as_slice()).ok())
+            .map(|half_arcs| half_arcs.map(|half| half.ends(atlas)[0]))
+            .collect();
+        for corners in loops {
+            let points = corners.map(|corner| self.corners[corner as usize]);
+            let wanted = corners.map(|corner| {
+                let position = charted.mesh.positions[atlas.corners[corner as usize] as usize];
+                charted.scale.local(position) / charted.scale.step()
+            });
+            for (corner, point) in corners.into_iter().zip(with_area(points, wanted)) {
+                self.corners[corner as usize] = point;
+            }
+        }
     }
 
     fn quantise(&self, charted: &ChartedMesh, arc: usize) -> lodpack::Result<Vec<ArcSample>> {
@@ -196,6 +225,20 @@ impl SharedArcs {
         Some(samples[found].position)
     }
 
+    /// The edges of the arcs at the finest level, as vertices of the mesh, the smaller one first.
+    pub fn edges(&self, charted: &ChartedMesh) -> impl Iterator<Item = [u32; 2]> {
+        let arcs = charted.atlas.arcs.iter().zip(&self.sampled);
+        arcs.flat_map(|(arc, sampled)| {
+            let last = arc.path.len() - 1;
+            let drawn = (0..=last).filter(move |&i| i == 0 || i == last || sampled.levels[i] != NEVER);
+            let mut from = None;
+            drawn.filter_map(move |i| {
+                let to = arc.path[i];
+                from.replace(to).map(|from: u32| [from.min(to), from.max(to)])
+            })
+        })
+    }
+
     /// Points from which a chart's border runs on along the boundary of the mesh.
     pub fn along_boundary(&self, charted: &ChartedMesh, chart: u32) -> HashSet<LatticePoint> {
         let atlas = charted.atlas;
@@ -225,5 +268,53 @@ impl SharedArcs {
             }
         }
         worst
+    }
+}
+
+/// Three points of the lattice, with the last two moved by a step where they have no area: as near as can be to where
+/// they are wanted, and not turned over.
+fn with_area(points: [LatticePoint; 3], wanted: [DVec3; 3]) -> [LatticePoint; 3] {
+    let normal = (wanted[1] - wanted[0]).cross(wanted[2] - wanted[0]);
+    let area = |points: [LatticePoint; 3]| {
+        let [a, b, c] = points.map(|p| DVec3::from(p.map(|x| x as f64)));
+        (b - a).cross(c - a)
+    };
+    if area(points) != DVec3::ZERO {
+        return points;
+    }
+    let steps = |i: i64| [i / 9 % 3, i / 3 % 3, i % 3].map(|k| k - 1);
+    let moved = (0..27 * 27).map(|i| {
+        let by = [[0; 3], steps(i / 27), steps(i % 27)];
+        [0, 1, 2].map(|corner| [0, 1, 2].map(|k| points[corner][k] + by[corner][k]))
+    });
+    let cost = |points: &[LatticePoint; 3]| {
+        let off = |(p, wanted): (&LatticePoint, DVec3)| DVec3::from(p.map(|x| x as f64)).distance_squared(wanted);
+        let is_turned = area(*points).dot(normal) < 0.0;
+        (is_turned, points.iter().zip(wanted).map(off).sum::<f64>())
+    };
+    let spread = moved.filter(|&points| area(points) != DVec3::ZERO);
+    let costs = spread.map(|points| (cost(&points), points));
+    let nearest = costs.reduce(|best, next| if next.0 < best.0 { next } else { best });
+    nearest.map_or(points, |(_, points)| points)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_below_a_step_get_an_area_and_are_not_turned_over() {
+        let up = [DVec3::new(0.1, 0.1, 7.0), DVec3::new(0.3, 0.1, 7.0), DVec3::new(0.1, 0.2, 7.2)];
+        for (turned, wanted) in [up, [up[0], up[2], up[1]]].into_iter().enumerate() {
+            let [a, b, c] = with_area([[0, 0, 7]; 3], wanted).map(|p| DVec3::from(p.map(|x| x as f64)));
+            let normal = (b - a).cross(c - a);
+            assert!(normal.dot((wanted[1] - wanted[0]).cross(wanted[2] - wanted[0])) > 0.0, "{turned}: {normal}");
+            assert!([a, b, c].into_iter().zip(wanted).all(|(p, wanted)| p.distance(wanted) < 2.0), "{a} {b} {c}");
+        }
+        let sound = [[0, 0, 0], [5, 0, 0], [0, 5, 0]];
+        assert_eq!(with_area(sound, up), sound);
+        // On a line.
+        let spread = with_area([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [DVec3::ZERO, DVec3::X, DVec3::new(2.0, 0.3, 0.0)]);
+        assert_eq!(spread[1][1].max(spread[2][1].abs()), 1, "{spread:?}");
     }
 }

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use super::{
     PatchLimits, REFINEMENTS,
+    area::Placed,
     connectivity::{Driver, Machine, Operation},
     contexts,
     decode::{NEW, NEXT, PREVIOUS, SPLIT, UNION, place, place_level},
@@ -66,6 +67,7 @@ impl From<Violation> for EncodeError {
 
 /// Encodes a patch: appends its symbols to `out`. Returns the patch exactly as a decoder will decode it, and the
 /// `order` of its vertices: interior vertex i of the patch is interior vertex `order[i]` of the target.
+/// Interior vertices are moved a few steps where a triangle would have no area on the lattice.
 ///
 /// # Errors
 /// [`EncodeError`] if the target is not a manifold bounded by its loops, or leaves the lattice. `out` is then
@@ -108,8 +110,10 @@ struct Encoder<'a> {
     out: &'a mut SymbolBuffer,
     wavefront: Wavefront<'a>,
     border_count: u32,
-    /// The interior vertex that the next call of `vertex` places.
+    placed: Placed<'a>,
+    /// The interior vertex that the next call of `vertex` places, and a half-edge that leaves it.
     new_vertex: u32,
+    leaving: u32,
     order: Vec<u32>,
 }
 
@@ -124,8 +128,21 @@ impl<'a> Encoder<'a> {
         let lengths: Vec<usize> = target.loops.iter().map(Vec::len).collect();
         let border_count = lengths.iter().sum::<usize>() as u32;
         let wavefront = Wavefront::new(target.triangles, &lengths, target.interior.len())?;
-        let order = Vec::with_capacity(target.interior.len());
-        Ok(Self { target, quantisation, refinement, slide, out, wavefront, border_count, new_vertex: 0, order })
+        let (placed, order) = (Placed::new(target.loops, target.interior), Vec::with_capacity(target.interior.len()));
+        let (new_vertex, leaving) = (0, 0);
+        Ok(Self {
+            target,
+            quantisation,
+            refinement,
+            slide,
+            out,
+            wavefront,
+            border_count,
+            placed,
+            new_vertex,
+            leaving,
+            order,
+        })
     }
 
     fn run(mut self) -> Result<(Patch, Vec<u32>), EncodeError> {
@@ -187,22 +204,27 @@ impl Driver for Encoder<'_> {
     }
 
     fn seed(&mut self, machine: &Machine) -> Result<[LatticePoint; 3], EncodeError> {
-        let vertices = self.wavefront.seed(machine.slots.len() as u32)?;
+        let half_edges = self.wavefront.seed(machine.slots.len() as u32)?;
         let mut corners = [[0; 3]; 3];
         let step = self.quantisation.steps().0;
         let mut last = machine.seed_reference();
-        for (corner, v) in corners.iter_mut().zip(vertices) {
-            let vertex = self.take(v);
-            for (x, wanted) in last.iter_mut().zip(self.target.interior[vertex as usize]) {
-                let residual = round((wanted - *x as f64) / step);
-                let moved = *x as f64 + residual * step;
-                if moved.is_nan() || moved.abs() > COORDINATE_LIMIT {
-                    return Err(EncodeError::Position { vertex });
-                }
-                self.out.put_signed(contexts::SEED, residual as i64);
-                *x = moved as i64;
+        for (corner, half_edge) in corners.iter_mut().zip(half_edges) {
+            let number = self.wavefront.origin(half_edge);
+            let vertex = self.take(number);
+            let wanted = self.target.interior[vertex as usize];
+            let residual = [0, 1, 2].map(|k| round((wanted[k] - last[k] as f64) / step) as i64);
+            let moved = |residual: [i64; 3]| {
+                let moved = [0, 1, 2].map(|k| last[k] as f64 + residual[k] as f64 * step);
+                moved.iter().all(|x| x.abs() <= COORDINATE_LIMIT).then(|| moved.map(|x| x as i64))
+            };
+            let is_finite = wanted.iter().all(|x| x.is_finite());
+            let placed =
+                self.placed.place(number, self.wavefront.around(half_edge), residual, moved).filter(|_| is_finite);
+            let (residual, point) = placed.ok_or(EncodeError::Position { vertex })?;
+            for component in residual {
+                self.out.put_signed(contexts::SEED, component);
             }
-            *corner = last;
+            (*corner, last) = (point, point);
         }
         Ok(corners)
     }
@@ -225,7 +247,7 @@ impl Driver for Encoder<'_> {
         let c = front.origin(behind);
         let operation = if front.reach(c) {
             self.out.put(context, NEW);
-            self.new_vertex = self.take(c);
+            (self.new_vertex, self.leaving) = (self.take(c), behind);
             Operation::New
         } else {
             // Neither edge of the triangle at c is active, so the slot of c is found by way of the triangles beyond.
@@ -262,9 +284,13 @@ impl Driver for Encoder<'_> {
         residual[2] = round(offset / normal_step) as i64;
         // Twice the size of the lattice suffices for the residual between any two of its points. NaN fails, too.
         let reach = 4.0 * COORDINATE_LIMIT;
-        let placed = (along.abs() <= reach && across.abs() <= reach && offset.abs() <= reach)
-            .then(|| place(forecast, residual, self.quantisation))
-            .flatten()
+        let is_near = along.abs() <= reach && across.abs() <= reach && offset.abs() <= reach;
+        let (residual, placed) = Some(residual)
+            .filter(|_| is_near)
+            .and_then(|residual| {
+                let place = |residual| place(forecast, residual, self.quantisation);
+                self.placed.place(vertex + self.border_count, self.wavefront.around(self.leaving), residual, place)
+            })
             .ok_or(EncodeError::Position { vertex })?;
         for (component, context) in residual.into_iter().zip(forecast.contexts(self.quantisation.steps())) {
             self.out.put_signed(context, component);

@@ -10,6 +10,7 @@
 //! new vertex, an offset for a Split, an index and an offset for a Union. When no loop is left, the nine coordinates of
 //! the first triangle of the next component without a border follow, and so on.
 
+mod area;
 mod block;
 mod connectivity;
 mod contexts;

@@ -91,6 +91,13 @@ impl<'a> Wavefront<'a> {
         self.triangles[half_edge as usize / 3][half_edge as usize % 3]
     }
 
+    /// The other two vertices of each triangle around the vertex that `leaving` leaves, as far as these go on from one
+    /// to the next.
+    pub(super) fn around(&self, leaving: u32) -> impl Iterator<Item = [u32; 2]> + Clone {
+        let next = move |&h: &u32| Some(self.opposite[preceding(h) as usize]).filter(|&h| h != NONE && h != leaving);
+        std::iter::successors(Some(leaving), next).map(move |h| [following(h), preceding(h)].map(|h| self.origin(h)))
+    }
+
     /// The number of components without a border.
     pub(super) fn closed_components(&self) -> u64 {
         let mut seen = vec![false; self.known.len()];
@@ -113,6 +120,7 @@ impl<'a> Wavefront<'a> {
     }
 
     /// Begins a closed component: its first triangle is now known, and the three slots from `slot` on surround it.
+    /// Returns its half-edges.
     pub(super) fn seed(&mut self, slot: u32) -> Result<[u32; 3], EncodeError> {
         let Some(triangle) = (self.first_unknown..self.known.len()).find(|&t| !self.known[t]) else {
             return Err(EncodeError::Rule { what: "a closed component has no triangle" });
@@ -130,7 +138,7 @@ impl<'a> Wavefront<'a> {
         for (slot, half_edge) in (slot..).zip([h + 2, h + 1, h]) {
             self.bind(slot, half_edge);
         }
-        Ok(corners)
+        Ok([h, h + 1, h + 2])
     }
 
     /// The half-edge of a gate. Its triangle is known from now on.

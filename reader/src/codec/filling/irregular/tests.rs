@@ -6,7 +6,7 @@ use crate::{
         entropy::{Replay, SymbolBuffer, SymbolSource, context::Context},
         filling::{Quantisation, Slide},
         patch::{LatticePoint, Patch},
-        vector::{Vec3, dot, sub},
+        vector::{Vec3, cross, dot, sub},
     },
     error::Violation,
 };
@@ -188,6 +188,17 @@ impl Model {
     }
 
     fn round_trip(&self) {
+        let (patch, order) = self.survives();
+        // Half a step in each direction of the frame, and half a lattice step for the final rounding.
+        let (normal, tangent) = QUANTISATION.steps();
+        let tolerance = (0.25 * normal * normal + 0.5 * tangent * tangent).sqrt() + 0.75f64.sqrt() + 1e-6;
+        for (point, &v) in patch.interior.iter().zip(&order) {
+            assert!(length(sub(point.map(|x| x as f64), self.interior[v as usize])) <= tolerance);
+        }
+    }
+
+    /// The patch has the same triangles, wherever its vertices are, and is decoded as it was encoded.
+    fn survives(&self) -> (Patch, Vec<u32>) {
         let (symbols, patch, order) = self.encode();
         let mut replay = Replay::new(&symbols);
         assert_eq!(decode_patch(&mut replay, &self.loops, QUANTISATION, LIMITS).unwrap(), patch);
@@ -197,13 +208,18 @@ impl Model {
         assert_eq!(border as usize, self.loops.iter().map(Vec::len).sum::<usize>());
         let named = |v: u32| if v < border { v } else { border + order[(v - border) as usize] };
         assert_eq!(canonical(patch.triangles.iter().map(|t| t.map(named))), canonical(self.triangles.iter().copied()));
-        // Half a step in each direction of the frame, and half a lattice step for the final rounding.
-        let (normal, tangent) = QUANTISATION.steps();
-        let tolerance = (0.25 * normal * normal + 0.5 * tangent * tangent).sqrt() + 0.75f64.sqrt() + 1e-6;
         assert_eq!(order.len(), self.interior.len());
-        for (point, &v) in patch.interior.iter().zip(&order) {
-            assert!(length(sub(point.map(|x| x as f64), self.interior[v as usize])) <= tolerance);
-        }
+        (patch, order)
+    }
+
+    /// The triangles of a patch of the model that have a vertex inside and lie on one line.
+    fn flat(&self, patch: &Patch) -> usize {
+        let points: Vec<LatticePoint> = self.loops.iter().flatten().chain(&patch.interior).copied().collect();
+        let is_flat = |corners: &&[u32; 3]| {
+            let [a, b, c] = corners.map(|v| points[v as usize].map(|x| x as f64));
+            corners.iter().any(|&v| v >= patch.border_count) && cross(sub(b, a), sub(c, a)) == [0.0; 3]
+        };
+        patch.triangles.iter().filter(is_flat).count()
     }
 }
 
@@ -277,7 +293,37 @@ fn vertices_that_coincide_do_not_disturb() {
     for border in &mut model.loops {
         border.fill(point.map(|x| x as i64));
     }
-    model.round_trip();
+    model.survives();
+}
+
+#[test]
+fn no_triangle_loses_its_area_to_the_lattice() {
+    // Pairs of neighbours that are nearer to each other than a step, alone or with a border vertex.
+    for seed in 1..40 {
+        let mut model = Model::flipped(seed);
+        let border = model.loops.iter().flatten().count();
+        let at = |model: &Model, v: usize| match v.checked_sub(border) {
+            Some(inside) => model.interior[inside],
+            None => model.loops.concat()[v].map(|x| x as f64),
+        };
+        for t in (0..model.triangles.len()).step_by(9) {
+            let [a, b, _] = model.triangles[t].map(|v| v as usize);
+            if let Some(inside) = a.checked_sub(border) {
+                model.interior[inside] = at(&model, b).map(|x| x + 0.2);
+            }
+        }
+        let (patch, _) = model.survives();
+        assert_eq!(model.flat(&patch), 0, "{seed}");
+    }
+    // Closed surfaces that are smaller than a step.
+    for rounds in 0..3 {
+        let mut model = Model::sphere(rounds);
+        for p in &mut model.interior {
+            *p = p.map(|x| 5000.0 + (x - 5000.0) / 3000.0);
+        }
+        let (patch, _) = model.survives();
+        assert_eq!(model.flat(&patch), 0, "{rounds}");
+    }
 }
 
 #[test]
