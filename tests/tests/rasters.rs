@@ -331,6 +331,65 @@ fn world_files_say_where_rasters_and_images_are() {
     assert_eq!(of_file(&south)[&[0, 5]], 20.0);
 }
 
+/// What GDAL writes beside a raster that lies at the place of [`grey`]. Heights are two more than what is stored.
+const AUX: &str = "<PAMDataset><SRS>EPSG:32633</SRS><GeoTransform>1000, 10, 0, 2000, 0, -10</GeoTransform><PAMRasterBand band=\"1\">\
+    <NoDataValue>20</NoDataValue><UnitType>ft</UnitType><Offset>2</Offset></PAMRasterBand></PAMDataset>";
+
+#[test]
+fn what_gdal_writes_beside_rasters_counts() {
+    let folder = Folder::new();
+    let expected: BTreeMap<[i64; 2], f64> = (heights().into_iter().enumerate().skip(1))
+        .map(|(i, height)| ([i as i64 % 11, i as i64 / 11], (f64::from(height) + 2.0) * 0.3048))
+        .collect();
+    let agrees = |path: &Path| {
+        let found = of_file(path);
+        assert_eq!(found.len(), 65, "{}", path.display());
+        assert!(found.iter().all(|(at, z)| (z - expected[at]).abs() < 1e-9), "{}", path.display());
+    };
+    let picture = folder.0.path().join("a.png");
+    image::save_buffer(&picture, &heights(), 11, 6, ExtendedColorType::L8).expect("writable");
+    folder.write("a.png.aux.xml", AUX);
+    agrees(&picture);
+    // Those of a TIFF are later news than its tags.
+    let elsewhere = Image::grey(SIZE, 8, 1, heights()).at([7.0, 7.0, 1.0, 1.0]).with(42113, Values::Text("23".into()));
+    folder.write("b.tif.aux.xml", AUX);
+    agrees(&folder.write("b.tif", file(&[elsewhere], false)));
+    // A format with numbers of its own keeps them.
+    let rows: Vec<String> = heights().chunks(11).map(|row| row.iter().map(|h| format!("{h} ")).collect()).collect();
+    let text = format!(
+        "ncols 11\nnrows 6\nxllcorner 1000\nyllcorner 1940\ncellsize 10\nNODATA_value 20\n{}\n",
+        rows.join("\n")
+    );
+    let own = folder.write("c.asc", text);
+    folder.write("c.asc.AUX.XML", AUX.replace("1000, 10", "5, 1").replace(">20<", ">23<"));
+    agrees(&own);
+    // So does a world file beside.
+    folder.write("a.png.aux.xml", AUX.replace("1000, 10", "5, 1"));
+    folder.write("a.pgw", "10\n0\n0\n-10\n1005\n1995\n");
+    agrees(&picture);
+    folder.write("a.png.aux.xml", AUX.replace("</SRS>", ""));
+    assert!(refused(&picture, &RasterOptions::default()).contains("a.png.aux.xml"));
+}
+
+#[test]
+fn an_image_lies_where_the_metadata_beside_it_say() {
+    let folder = Folder::new();
+    let grid = folder.write("grid.tif", file(&[grey()], false));
+    let picture = image::RgbImage::from_pixel(22, 12, image::Rgb([200, 90, 40]));
+    for name in ["drape.png", "drape.tif"] {
+        let drape = folder.0.path().join(name);
+        picture.save(&drape).expect("writable");
+        let lies = |corner: &str| {
+            let text = format!("<PAMDataset><GeoTransform>{corner}, 5, 0, 2000, 0, -5</GeoTransform></PAMDataset>");
+            folder.write(&format!("{name}.aux.xml"), text);
+            String::from_utf8_lossy(&draped(&folder, &grid, &drape).stderr).into_owned()
+        };
+        assert!(lies("9000").contains("lies beside the grid"), "{name}");
+        let said = lies("1000");
+        assert!(!said.contains("only a part") && !said.contains("error"), "{said}");
+    }
+}
+
 #[test]
 fn headers_beside_samples_say_their_kind_in_many_ways_and_capitals() {
     let folder = Folder::new();

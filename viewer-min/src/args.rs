@@ -232,3 +232,28 @@ impl Args {
         Ok(path.into_iter().map(|view| self.view(view)).collect())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use lodpack::index::UpAxis;
+
+    use super::*;
+    use crate::camera::Subject;
+
+    #[test]
+    fn a_file_is_shown_with_the_axis_up_that_it_says_unless_another_one_is_typed() {
+        let shown = |up: UpAxis, typed: &[&str]| {
+            let words = [&["lodpack-view", "a.lodpack"][..], typed].concat();
+            let extent = Extent::of([[0.0; 3], [3.0, 2.0, 1.0]], Subject::Mesh { up, has_ground: false });
+            Args::try_parse_from(words).expect("sound").whole_model(extent)
+        };
+        let [y, z] = [UpAxis::Y, UpAxis::Z].map(|up| shown(up, &[]));
+        assert_eq!((y.up, z.up), ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]));
+        assert_ne!(y, z);
+        assert_eq!((shown(UpAxis::Z, &["--up", "z"]), shown(UpAxis::Z, &["--up", "y"])), (z, y));
+        assert_eq!((shown(UpAxis::Y, &["--up", "z"]), shown(UpAxis::Unknown, &[])), (z, y));
+        for subject in [Subject::Heights, Subject::Mesh { up: UpAxis::Unknown, has_ground: true }] {
+            assert_eq!(Extent::of([[0.0; 3], [1.0; 3]], subject).up, "z");
+        }
+    }
+}

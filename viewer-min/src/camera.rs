@@ -3,6 +3,7 @@
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use lodpack::View;
+use lodpack::index::UpAxis;
 
 /// A box in world coordinates: smallest and largest.
 pub type Bounds = [[f64; 3]; 2];
@@ -16,6 +17,34 @@ pub struct Extent {
     pub up: &'static str,
     /// The near plane, as a share of where it is for models that are looked at from outside.
     pub near_share: f64,
+}
+
+/// What is looked at.
+#[derive(Clone, Copy, Debug)]
+pub enum Subject {
+    /// A grid of heights.
+    Heights,
+    /// A mesh.
+    Mesh {
+        /// What its file says.
+        up: UpAxis,
+        /// Whether it stands on heights.
+        has_ground: bool,
+    },
+}
+
+impl Extent {
+    /// A mesh has the axis up that its file says, or else y. Heights go along z, and are looked at from near the
+    /// ground; so is a mesh that stands on some, unless it says that y is up.
+    pub fn of(bounds: Bounds, subject: Subject) -> Self {
+        let (up, near_share) = match subject {
+            Subject::Mesh { up: UpAxis::Y, has_ground: true } => ("y", 1e-2),
+            Subject::Heights | Subject::Mesh { has_ground: true, .. } => ("z", 1e-2),
+            Subject::Mesh { up: UpAxis::Z, has_ground: false } => ("z", 1.0),
+            Subject::Mesh { has_ground: false, .. } => ("y", 1.0),
+        };
+        Self { bounds, up, near_share }
+    }
 }
 
 /// A position as the sum of two floats per axis, the larger ones first: 48 bits of precision.

@@ -14,7 +14,7 @@ use lodpack::{
 
 use crate::{
     args::{Args, Tile},
-    camera::{Bounds, Extent},
+    camera::{Bounds, Extent, Subject},
     channel::{ShownChannel, after, channels_of_heights, drawing, find, normals},
 };
 
@@ -297,18 +297,16 @@ impl Scene {
         Some(*ground)
     }
 
-    /// What a view of all of it has to know. A mesh has the axis up that its file says, or else y. Heights go along z,
-    /// and are looked at from near the ground; so is a mesh that stands on some, unless it says that y is up.
+    /// What a view of all of it has to know.
     pub(crate) fn extent(&self) -> Extent {
-        let axis = |file: &File<Source>| file.placement().map(|placement| placement.up);
-        let (up, near_share) = match (&self.content, &self.ground) {
-            (Content::Heights(_), _) => ("z", 1e-2),
-            (Content::Mesh(mesh), Some(_)) if axis(&mesh.file) == Some(UpAxis::Y) => ("y", 1e-2),
-            (Content::Mesh(_), Some(_)) => ("z", 1e-2),
-            (Content::Mesh(mesh), None) if axis(&mesh.file) == Some(UpAxis::Z) => ("z", 1.0),
-            (Content::Mesh(_), None) => ("y", 1.0),
+        let subject = match &self.content {
+            Content::Heights(_) => Subject::Heights,
+            Content::Mesh(mesh) => {
+                let up = mesh.file.placement().map_or(UpAxis::Unknown, |placement| placement.up);
+                Subject::Mesh { up, has_ground: self.ground.is_some() }
+            }
         };
-        Extent { bounds: self.bounds, up, near_share }
+        Extent::of(self.bounds, subject)
     }
 
     /// The picture to draw, unless [`Scene::overview`] returns a mesh.

@@ -2,7 +2,9 @@
 //! places where lines between these cross.
 //!
 //! Nothing is resampled, so what a tile is off is what fewer triangles and roundings to numbers of 15 bits cost, and
-//! all of it is measured: at each of the file's samples, against the triangles as a decoder has them.
+//! all of it is measured: at each of the file's samples, against the triangles as a decoder has them. Rounded places
+//! cost next to nothing, because heights make up for them. Rounded heights cost half a step, 1/65,534 of the range of a
+//! tile.
 
 use glam::DVec3;
 use lodpack::ReadAt;
@@ -28,7 +30,7 @@ struct TileLines {
     lines: Vec<TileLine>,
     /// Where they are in the tile, the first and the last one left out.
     units: Vec<i32>,
-    /// The same before they are rounded, of all lines.
+    /// The same before they are rounded, of all lines: from the first one beyond the border on.
     exact: Vec<f64>,
 }
 
@@ -185,45 +187,26 @@ pub(super) fn finest_tile<S: ReadAt>(
     let inner = |f: &dyn Fn(usize, usize) -> DVec3| -> Vec<DVec3> {
         (1..rows.lines.len() - 1).flat_map(|row| (1..width - 1).map(move |column| f(column, row))).collect()
     };
-    let own: Vec<f64> = (1..rows.lines.len() - 1)
-        .flat_map(|row| heights[index(1, row)..index(width - 1, row)].iter().copied())
-        .collect();
-    let range = range_of(&own);
-    // A vertex at a rounded place has the height of the surface there, not that of its sample. On a border it follows
-    // from the border alone.
-    let moved = |column: usize, row: usize| {
-        let height = |column: usize, row: usize| heights[index(column, row)];
-        let change = |rounded: i32, around: [f64; 3], [before, behind]: [f64; 2]| {
-            let away = f64::from(rounded) - around[1];
-            if away == 0.0 || around[2] <= around[0] { 0.0 } else { away * (behind - before) / (around[2] - around[0]) }
-        };
-        let of = |lines: &TileLines, k: usize| [lines.exact[k - 1], lines.exact[k], lines.exact[k + 1]];
-        let is_border = |lines: &TileLines, k: usize| k == 1 || k == lines.units.len();
-        let east = match is_border(&columns, column) {
-            true => 0.0,
-            false => change(
-                columns.units[column - 1],
-                of(&columns, column),
-                [height(column - 1, row), height(column + 1, row)],
-            ),
-        };
-        let south = match is_border(&rows, row) {
-            true => 0.0,
-            false => change(rows.units[row - 1], of(&rows, row), [height(column, row - 1), height(column, row + 1)]),
-        };
-        (height(column, row) + east + south).clamp(range[0], range[1])
-    };
-    let unit = |column: usize, row: usize| [columns.units[column - 1], LAST as i32 - rows.units[row - 1]];
-    // As a decoder has it.
-    let drawn = |column: usize, row: usize| {
-        let [u, v] = unit(column, row).map(|unit| f64::from(unit) / LAST);
-        let height = range[0] + f64::from(quantized(moved(column, row), range)) / LAST * (range[1] - range[0]);
+    let unit = |column: usize, row: usize| [columns.units[column], LAST as i32 - rows.units[row]];
+    // Where a decoder has a vertex with a height.
+    let draw = |[column, row]: [i32; 2], height: f64| {
+        let [u, v] = unit(column as usize, row as usize).map(|unit| f64::from(unit) / LAST);
         let line = |degrees: f64| TileLine { degrees, between: None };
         at(&line(west + u * side), &line(south + v * side), height)
     };
-    let (places, drawn) = (inner(&place), inner(&drawn));
-    let samples = Uneven { columns: &columns.units, rows: &rows.units, places: &places, drawn: &drawn };
+    let places = inner(&place);
+    let exact = [&columns, &rows].map(|lines| &lines.exact[1..lines.exact.len() - 1]);
+    let samples = Uneven { columns: &columns.units, rows: &rows.units, exact, places: &places };
     let patch = triangulate_uneven(&samples, tolerance);
+    let own =
+        patch.vertices.iter().map(|&[column, row]| heights[index(column as usize + 1, row as usize + 1)]).collect();
+    let fitted = patch.fitted(&samples, own, draw);
+    let range = range_of(&fitted);
+    let steps: Vec<i32> = fitted.iter().map(|&height| quantized(height, range)).collect();
+    let kept = |step: i32| range[0] + f64::from(step) / LAST * (range[1] - range[0]);
+    let drawn: Vec<DVec3> =
+        patch.vertices.iter().zip(&steps).map(|(&vertex, &step)| draw(vertex, kept(step))).collect();
+    let error = patch.error(&samples, &drawn) + file.info().sample_error * surface.height_scale;
 
     let normal = |&[column, row]: &[i32; 2]| {
         let (column, row) = (column as usize + 1, row as usize + 1);
@@ -231,20 +214,17 @@ pub(super) fn finest_tile<S: ReadAt>(
         let to_south = place(column, row + 1) - place(column, row - 1);
         normal_at(place(column, row), to_east, to_south)
     };
-    let number = |&[column, row]: &[i32; 2]| row as usize * columns.units.len() + column as usize;
-    let vertex = |&[column, row]: &[i32; 2]| {
-        let (column, row) = (column as usize + 1, row as usize + 1);
-        let [u, v] = unit(column, row);
-        [u, v, quantized(moved(column, row), range)]
+    let vertex = |(&[column, row], &step): (&[i32; 2], &i32)| {
+        let [u, v] = unit(column as usize, row as usize);
+        [u, v, step]
     };
     let content = Content {
-        vertices: patch.vertices.iter().map(vertex).collect(),
+        vertices: patch.vertices.iter().zip(&steps).map(vertex).collect(),
         range,
-        places: patch.vertices.iter().map(|at| drawn[number(at)]).collect(),
+        places: drawn,
         normals: patch.vertices.iter().map(normal).collect(),
         triangles: patch.triangles,
     };
     let triangles = content.triangles.len() as u64;
-    let error = patch.error + file.info().sample_error * surface.height_scale;
     Ok(Tile { bytes: encoded(content), triangles, error })
 }

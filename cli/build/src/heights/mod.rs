@@ -44,7 +44,7 @@ use lodpack_import::raster::HeightSource;
 use lodpack_mesh::tolerance::Tolerance;
 use lodpack_runtime::progress::Progress;
 pub use samples::{About, Keep, Samples};
-pub use tin::{Patch, Tin, Uneven, triangulate, triangulate_patch, triangulate_uneven};
+pub use tin::{Patch, Tin, Uneven, UnevenPatch, triangulate, triangulate_patch, triangulate_uneven};
 pub use window::RasterWindow;
 
 /// Why a file of heights cannot be built.

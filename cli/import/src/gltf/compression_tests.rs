@@ -254,6 +254,11 @@ fn grid(text: &str) -> Vec<u8> {
     super::buffers::decode_data_uri(&format!("data:;base64,{text}")).unwrap()
 }
 
+/// A grid of nine points, for tests of the decoder itself.
+pub(super) fn one_stream_of_draco() -> Vec<u8> {
+    grid(GRIDS[1].1)
+}
+
 #[test]
 fn primitives_of_draco_are_what_was_encoded() {
     for (kind, text) in GRIDS {
@@ -346,4 +351,14 @@ fn a_primitive_of_draco_is_drawn_at_all_of_its_nodes() {
         (b - a).cross(c - a).z
     };
     assert!((0..24).all(|t| up(t) > 0.9));
+}
+
+#[test]
+fn many_primitives_that_name_one_stream_are_as_many_surfaces() {
+    let many = draco(&grid(GRIDS[0].1), |document| {
+        let primitive = document["meshes"][0]["primitives"][0].clone();
+        document["meshes"][0]["primitives"] = json!(vec![primitive; 500]);
+    });
+    let mesh = import_bytes("a.glb", &many).unwrap();
+    assert_eq!((mesh.positions.len(), mesh.triangles.len()), (500 * 9, 500 * 8));
 }

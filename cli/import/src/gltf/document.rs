@@ -197,7 +197,7 @@ impl Primitive {
 }
 
 /// What an attribute means to an import.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Semantic {
     Position,
     Normal,
@@ -237,6 +237,12 @@ pub(super) struct Attributes {
 impl Attributes {
     pub(super) fn get(&self, semantic: Semantic) -> Option<usize> {
         self.list.iter().find(|(known, _)| *known == semantic).map(|(_, accessor)| usize::from(*accessor))
+    }
+
+    /// All accessors, for those who look for many.
+    pub(super) fn by_semantic(&self) -> BTreeMap<Semantic, usize> {
+        // Of two spellings the first one counts, as above.
+        self.list.iter().rev().map(|(semantic, accessor)| (*semantic, usize::from(*accessor))).collect()
     }
 
     pub(super) fn semantics(&self) -> impl Iterator<Item = Semantic> {

@@ -113,9 +113,10 @@ impl DracoDecoder {
         let count = mesh.num_points();
         // Many names may stand for one attribute of the stream, and many points for one of its values.
         let (mut values, mut left) = (vec![], self.memory);
+        let accessors = primitive.attributes.by_semantic();
         for (name, id) in &draco.attributes {
-            let accessor = Semantic::of_name(name).and_then(|semantic| primitive.attributes.get(semantic));
-            let (Some(accessor), Some(attribute)) = (accessor, mesh.attribute_by_unique_id(id.0)) else { continue };
+            let accessor = Semantic::of_name(name).and_then(|semantic| accessors.get(&semantic));
+            let (Some(&accessor), Some(attribute)) = (accessor, mesh.attribute_by_unique_id(id.0)) else { continue };
             values.push((accessor, values_of(name, attribute, count, &mut left)?));
         }
         let indices = mesh.faces().iter().flatten().map(|point| point.0).collect();
@@ -154,4 +155,42 @@ fn values_of(name: &str, attribute: &PointAttribute, count: usize, left: &mut u6
         bytes.extend_from_slice(found.ok_or_else(|| format!("{name} has no value for point {point}"))?);
     }
     Ok(Decoded { bytes, data_type, components, count })
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::super::compression_tests::one_stream_of_draco;
+    use super::*;
+
+    /// Decodes the stream into so many attributes, all of which stand for its texture coordinates, with so much memory.
+    fn decoded(name_count: u32, memory: u64) -> Result<usize, String> {
+        let accessors = (0..name_count).map(|set| (format!("TEXCOORD_{set}"), json!(set))).collect();
+        let ids = (0..name_count).map(|set| (format!("TEXCOORD_{set}"), json!(2))).collect();
+        let [accessors, ids] = [accessors, ids].map(serde_json::Value::Object);
+        let primitive = serde_json::from_value(json!({"attributes": accessors})).unwrap();
+        let draco = serde_json::from_value(json!({"bufferView": 0, "attributes": ids})).unwrap();
+        let decoder = DracoDecoder { memory, ..DracoDecoder::new(0) };
+        decoder.decode_bytes(&one_stream_of_draco(), &draco, &primitive).map(|decoded| decoded.bytes())
+    }
+
+    #[test]
+    fn many_names_for_one_attribute_of_a_stream_take_no_more_than_the_memory() {
+        let memory = 1 << 16;
+        let [one, two] = [1, 2].map(|count| decoded(count, memory).unwrap());
+        let each = two - one;
+        // Two numbers of single precision at nine points.
+        assert_eq!(each, 72);
+        let most = memory as usize / each;
+        assert_eq!(decoded(most as u32, memory).map(|bytes| bytes - one), Ok((most - 1) * each));
+        for count in [most + 1, 10 * most] {
+            assert_eq!(decoded(count as u32, memory), Err(TOO_LARGE.to_owned()), "{count}");
+        }
+    }
+
+    #[test]
+    fn as_many_names_as_a_text_can_hold_are_looked_up_in_a_moment() {
+        assert_eq!(decoded(200_000, 1 << 40).map(|bytes| bytes > 200_000 * 72), Ok(true));
+    }
 }

@@ -425,6 +425,69 @@ fn damaged_documents_give_one_clear_error() {
     assert!(error_of("a.glb", &glb(&document(), &bytes)).contains("mesh 0: face 0 uses vertex 4, but the file has 4"));
 }
 
+/// Calls `with` for each value of a document in turn, with a document in which something else stands in its place.
+fn with_each_replaced(whole: &Value, other: &Value, with: &mut impl FnMut(&str, &Value)) {
+    fn places(value: &Value, at: String, out: &mut Vec<String>) {
+        match value {
+            Value::Object(fields) => fields.iter().for_each(|(name, inner)| places(inner, format!("{at}/{name}"), out)),
+            Value::Array(items) => {
+                items.iter().enumerate().for_each(|(k, inner)| places(inner, format!("{at}/{k}"), out));
+            }
+            _ => {}
+        }
+        out.push(at);
+    }
+    let mut all = vec![];
+    places(whole, String::new(), &mut all);
+    for at in all {
+        let mut changed = whole.clone();
+        *changed.pointer_mut(&at).unwrap() = other.clone();
+        with(&at, &changed);
+    }
+}
+
+#[test]
+fn values_of_other_types_are_one_clear_error_or_do_not_matter() {
+    let mut whole = document();
+    whole["scenes"] = json!([{"nodes": [0], "name": "a"}]);
+    whole["nodes"] = json!([{"mesh": 0, "translation": [1, 2, 3], "children": [1], "skin": 0}, {"matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}]);
+    whole["skins"] = json!([{"joints": [1]}]);
+    whole["materials"] = json!([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "alphaMode": "MASK"}]);
+    whole["textures"] = json!([{"source": 0, "sampler": 0, "extensions": {"EXT_texture_webp": {"source": 0}}}]);
+    whole["images"] = json!([{"uri": "a.png"}]);
+    whole["samplers"] = json!([{"wrapS": 10497}]);
+    whole["extensionsUsed"] = json!(["KHR_materials_unlit"]);
+    whole["extensionsRequired"] = json!([]);
+    whole["meshes"][0]["primitives"][0]["material"] = json!(0);
+    whole["accessors"][0]["sparse"] =
+        json!({"count": 1, "indices": {"bufferView": 3, "componentType": 5125}, "values": {"bufferView": 4}});
+    for other in [
+        json!(1),
+        json!(-1),
+        json!(0.5),
+        json!(1e300),
+        json!("a"),
+        json!(true),
+        json!(null),
+        json!([]),
+        json!({}),
+        json!([1]),
+    ] {
+        with_each_replaced(&whole, &other, &mut |at, changed| {
+            if let Err(error) = import_bytes("a.glb", &glb(changed, &binary())) {
+                let error = error.to_string();
+                assert!(error.contains("a.glb") && !error.contains('\n'), "{at} {other}: {error}");
+            }
+        });
+    }
+    for (list, other) in
+        [("scenes", json!([1])), ("nodes", json!([true])), ("meshes", json!(["a"])), ("scenes", json!({"a": 1}))]
+    {
+        let error = changed_error(|document| document[list] = other.clone());
+        assert!(error.contains("not valid glTF JSON") && error.contains("byte"), "{list} {other}: {error}");
+    }
+}
+
 #[test]
 fn files_cut_anywhere_are_errors() {
     let bytes = glb(&document(), &binary());

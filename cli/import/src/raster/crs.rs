@@ -37,6 +37,12 @@ impl Crs {
     pub fn says_nothing(&self) -> bool {
         Self { remarks: vec![], ..self.clone() } == Self::default()
     }
+
+    /// Another one with the remarks about both.
+    pub fn or(mut self, mut other: Self) -> Self {
+        self.remarks.append(&mut other.remarks);
+        Self { remarks: self.remarks, ..other }
+    }
 }
 
 /// What the coordinates of a system are.

@@ -10,6 +10,7 @@ use super::crs::{Crs, CrsKind};
 use super::header::Georeference;
 use super::mosaic::Mosaic;
 use super::options::RasterOptions;
+use super::pam::Pam;
 use super::{Parsed, grid_error, mask, tiff};
 use crate::sink::MeshSink;
 use crate::usable_image::check;
@@ -114,11 +115,13 @@ fn map_of(mosaic: &Mosaic, drape: &Path, image: &ImageSource, progress: &dyn Pro
         let problem = "says how opaque its pixels are, or which of them count; all are shown as if they were opaque";
         progress.note(&format!("{}: {problem}", drape.display()));
     }
+    let pam = Pam::beside(drape)?;
     let affine = match affine {
         Some(affine) => Some(affine),
-        None => of_world_file(drape)?,
+        None => of_world_file(drape)?.or(pam.place),
     };
     let crs = if crs.says_nothing() { Crs::beside(drape)? } else { crs };
+    let crs = if crs.says_nothing() { pam.crs } else { crs };
     let size = mosaic.size.map(|size| size as f64);
     let whole = [size.map(|size| 1.0 / size), size.map(|size| 0.5 / size)];
     let (Some(image), turned) = placed(affine, drape, extent)? else { return Ok(whole) };

@@ -2,9 +2,9 @@
 //! of them whatever the size of the grid.
 //!
 //! `header` says what a file tells about its grid; a file a format (`tiff`, `hgt`, `asc`, `bil`, `envi`, `png`, `exr`,
-//! `lerc`, `gtx`) reads headers and rows. `mosaic` joins files whose grids agree, `surface` knows where a sample is on
-//! a plane, a sphere or the ellipsoid, and `triangulate` makes vertices and triangles. `drape` adds colours, and
-//! `geoid` the height of the geoid.
+//! `lerc`, `gtx`) reads headers and rows; `affine`, `crs`, `mask` and `pam` read what lies beside it. `mosaic` joins
+//! files whose grids agree, `surface` knows where a sample is on a plane, a sphere or the ellipsoid, and `triangulate`
+//! makes vertices and triangles. `drape` adds colours, and `geoid` the height of the geoid.
 
 mod affine;
 mod asc;
@@ -26,6 +26,7 @@ mod lines;
 mod mask;
 mod mosaic;
 mod options;
+mod pam;
 mod png;
 mod ramp;
 mod sidecar;
@@ -50,6 +51,7 @@ use header::{Header, HeightRows};
 pub use heights::HeightSource;
 use mosaic::Mosaic;
 pub use options::{HeightCode, Nodata, RasterOptions, SurfaceKind};
+use pam::Pam;
 pub use ramp::Ramp;
 use surface::Surface;
 pub use surface::metres_in_degree;
@@ -121,7 +123,11 @@ pub(super) fn files_beside(path: &Path, format: RasterFormat) -> Vec<PathBuf> {
 
 /// The files that say where a raster or an image is, and which samples of it count.
 pub(super) fn sidecars(path: &Path) -> Vec<PathBuf> {
-    [sidecar::with_extension(path, "prj"), affine::world_file(path), mask::beside(path)].into_iter().flatten().collect()
+    let metadata = sidecar::with_suffix(path, pam::EXTENSION);
+    [sidecar::with_extension(path, "prj"), affine::world_file(path), mask::beside(path), metadata]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 /// Opens a raster: what it says about its grid, and where its rows come from.
@@ -138,13 +144,15 @@ fn open(path: &Path, options: &RasterOptions) -> Parsed<(Header, Box<dyn HeightR
         RasterFormat::Lerc => lerc::open(path)?,
         RasterFormat::Gtx => gtx::open(path)?,
     };
+    // Of a TIFF it has been added already, because there it counts more than the file's own tags.
+    let pam = if format == RasterFormat::Tiff { Pam::default() } else { Pam::beside(path)? };
+    pam.add_to(&mut header, false);
     if header.place.is_none() {
-        (header.place, header.turned) = placed(of_world_file(path)?, path, header.size)?;
+        (header.place, header.turned) = placed(of_world_file(path)?.or(pam.place), path, header.size)?;
     }
     if header.crs.says_nothing() {
-        let remarks = std::mem::take(&mut header.crs.remarks);
-        header.crs = Crs::beside(path)?;
-        header.crs.remarks.splice(..0, remarks);
+        let said = Crs::beside(path)?;
+        header.crs = header.crs.or(if said.says_nothing() { said.or(pam.crs) } else { said });
     }
     header.complete(path, options)?;
     if header.turned[1] && matches!(format, RasterFormat::Png | RasterFormat::Asc) {

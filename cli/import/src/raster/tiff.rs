@@ -17,6 +17,7 @@ use super::crs::{Crs, unit_named};
 use super::geokeys::{GDAL_METADATA, GEO_DOUBLES, GEO_TEXTS, GeoTags};
 use super::header::{Header, HeightRows};
 use super::mask::Masked;
+use super::pam::Pam;
 use super::{ImportError, Parsed, RasterFormat, grid_error};
 use crate::error::Location;
 use lodpack_mesh::images::tiff_compression_name;
@@ -38,9 +39,10 @@ pub(super) fn open(path: &Path, with_masks: bool) -> Parsed<(Header, Box<dyn Hei
     let mut rows = TiffRows::open(path, image, 0)?;
     let decoder = &mut rows.decoder;
     let mut header = Header::new(rows.size);
-    let tags = tags_of(decoder);
-    (header.place, header.turned) = placed(tags.place(path)?, path, header.size)?;
-    header.crs = tags.crs(path)?;
+    let (tags, mut pam) = (tags_of(decoder), Pam::beside(path)?);
+    let place = pam.place.map_or_else(|| tags.place(path), |place| Ok(Some(place)))?;
+    (header.place, header.turned) = placed(place, path, header.size)?;
+    header.crs = crs_of(&tags, &mut pam, path)?;
     let text = |decoder: &mut ViewDecoder, tag| decoder.get_tag_ascii_string(Tag::Unknown(tag)).unwrap_or_default();
     header.nodata = text(decoder, GDAL_NODATA).trim_matches(['\0', ' ']).parse().ok();
     let metadata = text(decoder, GDAL_METADATA);
@@ -49,6 +51,7 @@ pub(super) fn open(path: &Path, with_masks: bool) -> Parsed<(Header, Box<dyn Hei
         Ok(metres) => header.vertical = metres,
         Err(remark) => header.crs.remarks.push(remark),
     }
+    pam.add_to(&mut header, true);
     let is_float = image.get(SAMPLE_FORMAT) == Some(3);
     header.is_f32 = is_float && image.get(BITS_PER_SAMPLE) == Some(32);
     header.is_integer = !is_float;
@@ -129,9 +132,17 @@ pub(super) fn place_of_image(path: &Path) -> Parsed<Option<(Option<Affine>, Crs,
     }
     let fault = |error| damaged(path, Location::Byte(0), error);
     let mut decoder = Decoder::new(BufReader::new(file)).map_err(fault)?;
-    let tags = tags_of(&mut decoder);
+    let (tags, mut pam) = (tags_of(&mut decoder), Pam::beside(path)?);
     let has_mask = directories(path)?.iter().skip(1).any(Directory::is_mask);
-    Ok(Some((tags.place(path)?, tags.crs(path)?, has_mask)))
+    let place = pam.place.map_or_else(|| tags.place(path), |place| Ok(Some(place)))?;
+    Ok(Some((place, crs_of(&tags, &mut pam, path)?, has_mask)))
+}
+
+/// The system that GDAL's metadata beside a TIFF say, or else its tags: whoever has written these later could not
+/// change the file.
+fn crs_of(tags: &GeoTags, pam: &mut Pam, path: &Path) -> Parsed<Crs> {
+    let said = std::mem::take(&mut pam.crs);
+    if said.says_nothing() { tags.crs(path) } else { Ok(said) }
 }
 
 fn tags_of<R: Read + Seek>(decoder: &mut Decoder<R>) -> GeoTags {

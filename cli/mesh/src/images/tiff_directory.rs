@@ -230,3 +230,73 @@ impl<R: Seek> Seek for View<R> {
         Ok(self.at)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::*;
+
+    /// The directories that are found, by their places and the bytes of their entries, and how it ended.
+    fn found(bytes: &[u8]) -> (Vec<(u64, usize)>, Option<io::ErrorKind>) {
+        let mut all = vec![];
+        let error = Directory::read_all(&mut Cursor::new(bytes), &mut all).err().map(|error| error.kind());
+        (all.iter().map(|directory| (directory.at, directory.entries.len())).collect(), error)
+    }
+
+    /// A file of so many bytes whose first directory is at 8, where 16-bit and 32-bit numbers stand at places.
+    fn file(length: usize, shorts: &[(usize, u16)], longs: &[(usize, u32)]) -> Vec<u8> {
+        let mut bytes = b"II\x2a\0\x08\0\0\0".to_vec();
+        bytes.resize(length, 0);
+        shorts.iter().for_each(|&(at, value)| bytes[at..at + 2].copy_from_slice(&value.to_le_bytes()));
+        longs.iter().for_each(|&(at, value)| bytes[at..at + 4].copy_from_slice(&value.to_le_bytes()));
+        bytes
+    }
+
+    #[test]
+    fn directories_that_lead_to_each_other_are_read_once() {
+        // One entry each: count, entry, and where the next one is.
+        let two = file(44, &[(8, 1), (26, 1)], &[(22, 26), (40, 8)]);
+        assert_eq!(found(&two), (vec![(8, 12), (26, 12)], None));
+        let itself = file(26, &[(8, 1)], &[(22, 8)]);
+        assert_eq!(found(&itself), (vec![(8, 12)], None));
+        let empty = file(14, &[(8, 0)], &[(10, 8)]);
+        assert_eq!(found(&empty), (vec![(8, 0)], None));
+    }
+
+    #[test]
+    fn directories_that_overlap_have_no_more_bytes_than_their_file() {
+        // A thousand of them, four bytes apart, each of a thousand entries: 12 MB in a file of 20 kB.
+        let (each, count) = (1000u16, 1000usize);
+        let entries = 12 * usize::from(each);
+        let at = |number: usize| 8 + 4 * number;
+        let shorts: Vec<_> = (0..count).map(|number| (at(number), each)).collect();
+        let longs: Vec<_> = (0..count).map(|number| (at(number) + 2 + entries, at(number + 1) as u32)).collect();
+        let bytes = file(at(count) + entries + 8, &shorts, &longs);
+        let (all, error) = found(&bytes);
+        assert!(all.iter().map(|(_, bytes)| bytes).sum::<usize>() <= bytes.len(), "{all:?}");
+        assert_eq!((all.len(), error), (1, Some(io::ErrorKind::UnexpectedEof)));
+        // Those of no entries end with their number.
+        let count = MAX_DIRECTORIES + 100;
+        let longs: Vec<_> = (0..count).map(|number| (8 + 6 * number + 2, 8 + 6 * (number as u32 + 1))).collect();
+        let (all, error) = found(&file(8 + 6 * count + 8, &[], &longs));
+        assert_eq!((all.len(), error), (MAX_DIRECTORIES, None));
+    }
+
+    #[test]
+    fn counts_that_lie_are_the_end_of_the_file() {
+        for count in [3, 1000, u16::MAX] {
+            assert_eq!(found(&file(40, &[(8, count)], &[])), (vec![], Some(io::ErrorKind::UnexpectedEof)), "{count}");
+        }
+        let mut big = b"II\x2b\0\x08\0\0\0\x10\0\0\0\0\0\0\0".to_vec();
+        for count in [3u64, 1 << 40, u64::MAX / 20, u64::MAX] {
+            big.truncate(16);
+            big.extend(count.to_le_bytes());
+            big.extend([0; 40]);
+            assert_eq!(found(&big), (vec![], Some(io::ErrorKind::UnexpectedEof)), "{count}");
+        }
+        for end in 0..26 {
+            assert!(found(&file(26, &[(8, 1)], &[])[..end]).1.is_some(), "{end}");
+        }
+    }
+}

@@ -25,7 +25,7 @@ use super::geotiff::window_of;
 use delaunay::{Delaunay, MAX_SIDE};
 use ground::{Furthest, Ground, Round};
 use lodpack_runtime::progress::Progress;
-pub use uneven::{Uneven, triangulate_uneven};
+pub use uneven::{Uneven, UnevenPatch, triangulate_uneven};
 
 /// Cells along a side of a block: 33 MB of heights, and 300 MB of triangles where nearly every sample is one.
 const BLOCK_CELLS: u64 = 2048;
