@@ -27,7 +27,7 @@ HOUSES = {
     ],
     "cli": [
         ("lodpack_cli", "cli/src", "bin/lodpack serve tileset measure".split()),
-        ("lodpack_build", "cli/build/src", "job geometry_images heights pipeline reduce region".split()),
+        ("lodpack_builder", "cli/builder/src", "job geometry_images heights pipeline reduce region".split()),
         ("lodpack_stage", "cli/stage/src", "stage"),
         ("lodpack_import", "cli/import/src", "import"),
         ("lodpack_mesh", "cli/mesh/src", "mesh"),
@@ -53,7 +53,7 @@ CIRCLES = {
     "reader/src/heights: grid page": "the grid is as deep as pages reach",
     "reader/src/stream: frame history light picture": "a frame is the difference of two pictures, which keep their history and their light",
     "reader/src/write: arrangement assembly catalogue encoder order piece sorting texels": "clusters are encoded while they are sorted, so that no two are in memory",
-    "cli/build/src/job: add content encoded heights merge part plan planned stage stage_status status tasks": "steps of a job call one another: "
+    "cli/builder/src/job: add content encoded heights merge part plan planned stage stage_status status tasks": "steps of a job call one another: "
     "a plan may be all tasks of its stages, and a merge the last of them",
     "cli/import/src/raster: geoid mosaic": "a geoid may be a mosaic of files, and a mosaic of heights may stand on a geoid",
     "cli/src/tileset: finest quantized": "the last level is written as all others, but has the file's own samples",

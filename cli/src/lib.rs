@@ -9,7 +9,7 @@
 //! | [`mesh`] | triangle meshes, tolerances, mesh files out | `lodpack-mesh` |
 //! | [`import`] | mesh files in, and rasters of heights | `lodpack-import` |
 //! | [`stage`] | one algorithm per module: repair, segment, arcs, embed, sample, simplify, certify | `lodpack-stage` |
-//! | [`reduce`] | one surface with a stated number of triangles, made from a finer one, with what it looks like | `lodpack-build` |
+//! | [`reduce`] | one surface with a stated number of triangles, made from a finer one, with what it looks like | `lodpack-builder` |
 //! | [`region`] | how an input is divided, and what neighbouring regions share | |
 //! | [`pipeline`], [`geometry_images`] | the order of the stages; beside it, atlases as images, out and in | |
 //! | [`heights`] | rasters as grids of heights: samples, tiles, their resolutions and errors, the file | |
@@ -23,7 +23,7 @@ pub mod measure;
 pub mod serve;
 pub mod tileset;
 
-pub use lodpack_build::{geometry_images, heights, job, pipeline, reduce, region};
+pub use lodpack_builder::{geometry_images, heights, job, pipeline, reduce, region};
 pub use lodpack_import as import;
 pub use lodpack_mesh as mesh;
 pub use lodpack_runtime::{machine, progress, storage, text};

@@ -32,7 +32,7 @@ fn copy(from: &Path, to: &Path) {
 /// A copy of the sources and of ARCHITECTURE.md.
 fn house() -> tempfile::TempDir {
     let house = tempfile::tempdir().expect("a temporary directory");
-    let builder = ["cli/build/src", "cli/stage/src", "cli/import/src", "cli/mesh/src", "cli/runtime/src"];
+    let builder = ["cli/builder/src", "cli/stage/src", "cli/import/src", "cli/mesh/src", "cli/runtime/src"];
     for sources in ["reader/src", "cli/src", "viewer-min/src"].iter().chain(&builder) {
         copy(&root().join(sources), &house.path().join(sources));
     }
@@ -67,7 +67,7 @@ fn an_arrow_that_points_upward_is_named_with_its_place() {
 fn an_arrow_in_code_counts_and_one_in_a_test_or_a_comment_does_not() {
     let house = house();
     let args = ["--root", house.path().to_str().expect("a readable path")];
-    let file = house.path().join("cli/build/src/region/mod.rs");
+    let file = house.path().join("cli/builder/src/region/mod.rs");
     append(&file, "\n// crate::job::Job\n#[cfg(test)]\nmod more {\n    use crate::job::Job;\n}\n");
     let (content, said) = script("rooms.py", &args);
     assert!(content, "{said}");
@@ -80,12 +80,12 @@ fn an_arrow_in_code_counts_and_one_in_a_test_or_a_comment_does_not() {
 fn files_of_a_room_that_lead_back_to_one_another_are_named() {
     let house = house();
     let args = ["--root", house.path().to_str().expect("a readable path")];
-    append(&house.path().join("cli/build/src/reduce/spread_points.rs"), "\nuse super::ways::Topology;\n");
+    append(&house.path().join("cli/builder/src/reduce/spread_points.rs"), "\nuse super::ways::Topology;\n");
     let (content, said) = script("rooms.py", &args);
-    assert!(!content && said.contains("cli/build/src/reduce: ") && said.contains("spread_points ways"), "{said}");
+    assert!(!content && said.contains("cli/builder/src/reduce: ") && said.contains("spread_points ways"), "{said}");
     // What the first page of the room shows leads to no file.
     let house = self::house();
-    append(&house.path().join("cli/build/src/reduce/spread_points.rs"), "\nuse super::Topology;\n");
+    append(&house.path().join("cli/builder/src/reduce/spread_points.rs"), "\nuse super::Topology;\n");
     let (content, said) = script("rooms.py", &["--root", house.path().to_str().expect("a readable path")]);
     assert!(content, "{said}");
 }
