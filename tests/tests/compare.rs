@@ -133,9 +133,9 @@ fn terrain_tiles_say_how_near_they_are() {
     assert!(number(&of_file["claimed"]) >= samples(of_file), "{of_file}");
     let of_tiles = &levels(&raster, &tiles.join("layer.json"), "--level finest")[0];
     let (stated, measured) = (number(&summary["finest_error"]), samples(of_tiles));
-    assert!(stated >= measured && stated <= 1.5 * measured, "{stated} {measured} {of_file}");
+    assert!(stated >= measured && stated <= 1.6 * measured, "{stated} {measured} {of_file}");
     // Nothing but half a step of heights and fewer triangles is added to what the file is off.
-    assert!(measured <= 1.05 * samples(of_file), "{measured} {of_file}");
+    assert!(measured <= 1.06 * samples(of_file), "{measured} {of_file}");
 }
 
 #[test]

@@ -59,7 +59,10 @@ impl Holders {
         let along = (b - a).normalize_or_zero().dot(up);
         // The square of the slope: of a plane, or of a line.
         let square = match (b - a).cross(c - a).try_normalize() {
-            Some(normal) => 1.0 / normal.dot(up).powi(2).max(f64::MIN_POSITIVE) - 1.0,
+            Some(normal) => {
+                let cosine = normal.dot(up);
+                1.0 / (cosine * cosine).max(f64::MIN_POSITIVE) - 1.0
+            }
             None => along * along / (1.0 - along * along).max(f64::MIN_POSITIVE),
         };
         Self { vertices, shares, weight: 1.0 / (1.0 + square * square) }
