@@ -392,11 +392,7 @@ lodpack_status lodpack_get_channel(const lodpack_file *file, uint32_t number, lo
 // next (0 for no gaps): red, green, blue and opacity as screens show them (sRGB). White where nothing is known.
 // `channel` counts those that the mesh was decoded with. Measured numbers get colours of a ramp from dark blue to
 // yellow, classes one each. Of heights channel 0 has the colours of the file's ramp.
-lodpack_status lodpack_copy_colours(const lodpack_mesh *mesh,
-                                    uint32_t channel,
-                                    uint8_t *rgba,
-                                    size_t capacity,
-                                    size_t stride_bytes);
+lodpack_status lodpack_copy_colours(const lodpack_mesh *mesh, uint32_t channel, uint8_t *rgba, size_t capacity, size_t stride_bytes);
 
 // Copies the values of each vertex to `values`, `component_count` of the channel each: numbers in units of the
 // channel. NaN where nothing is known. `channel` counts those that the mesh was decoded with. Of heights channel 0 has
@@ -409,8 +405,7 @@ lodpack_status lodpack_copy_normals(const lodpack_mesh *mesh, float *normals, si
 
 // Opens a file of either kind: a path, or an address that begins with http:// or https://, in UTF-8. Reads 8 kB of a
 // small file. Web servers have to support range requests.
-lodpack_status lodpack_open(const char *path,
-                            lodpack_file **file);
+lodpack_status lodpack_open(const char *path, lodpack_file **file);
 
 // Opens a file in memory. The bytes are copied.
 lodpack_status lodpack_open_memory(const uint8_t *data, size_t length, lodpack_file **file);
@@ -433,15 +428,11 @@ lodpack_status lodpack_verify(const lodpack_file *file);
 // Opens the ground that a mesh stands on as a file of heights, and writes where it is. Writes a null pointer and no
 // frame if there is none. Reads 16 kB. The ground is closed like any file, and stays open when the file of the mesh is
 // closed.
-lodpack_status lodpack_open_ground(const lodpack_file *file,
-                                   lodpack_file **ground,
-                                   lodpack_ground_frame *frame);
+lodpack_status lodpack_open_ground(const lodpack_file *file, lodpack_file **ground, lodpack_ground_frame *frame);
 
 // The camera that shows the ground in the same pixels as a camera shows the mesh, and with the same depths. A stream
 // of the ground is drawn with it.
-lodpack_status lodpack_view_of_ground(const lodpack_ground_frame *frame,
-                                      const lodpack_view *view,
-                                      lodpack_view *seen);
+lodpack_status lodpack_view_of_ground(const lodpack_ground_frame *frame, const lodpack_view *view, lodpack_view *seen);
 
 // Writes what a file of heights says of itself. Reads nothing.
 lodpack_status lodpack_get_heights_info(const lodpack_file *file, lodpack_heights_info *info);
@@ -451,9 +442,7 @@ lodpack_heights_query lodpack_heights_query_default(void);
 
 // Finds the coarsest tiles within the tolerance, or the finest ones that keep the budget. lodpack_decode() makes their
 // mesh, without cracks.
-lodpack_status lodpack_select_heights(const lodpack_file *file,
-                                      const lodpack_heights_query *query,
-                                      lodpack_cut **cut);
+lodpack_status lodpack_select_heights(const lodpack_file *file, const lodpack_heights_query *query, lodpack_cut **cut);
 
 // Reads a window of samples to `heights`, which has room for `capacity` numbers: `row_count` rows of `column_count`,
 // from the north; NaN where there are none. Around a globe a window may go on beyond the last column.
@@ -467,9 +456,7 @@ lodpack_status lodpack_read_heights(const lodpack_file *file,
 
 // Reads, decodes and joins the triangles of a cut of this file, or of one of the same bytes. The mesh is watertight
 // where the whole surface is. Of heights it has normals and colours, too.
-lodpack_status lodpack_decode(const lodpack_file *file,
-                              const lodpack_cut *cut,
-                              lodpack_mesh **mesh);
+lodpack_status lodpack_decode(const lodpack_file *file, const lodpack_cut *cut, lodpack_mesh **mesh);
 
 // As lodpack_decode(), with the images of `channel_count` channels, by number. lodpack_copy_colours() and
 // lodpack_copy_values() then tell what the surface carries at vertices, and lodpack_make_pages() makes textures of it.
@@ -513,9 +500,7 @@ void lodpack_free_mesh(lodpack_mesh *mesh);
 // Makes another mesh, whose vertices have a place in a page of images each: those on borders between images are there
 // several times. Pages have at most `most_texels` texels along each side (such as 4096), unless one image is larger.
 // All channels share these places.
-lodpack_status lodpack_make_pages(const lodpack_mesh *mesh,
-                                  uint32_t most_texels,
-                                  lodpack_mesh **pages);
+lodpack_status lodpack_make_pages(const lodpack_mesh *mesh, uint32_t most_texels, lodpack_mesh **pages);
 
 // Number of pages; 0 for a mesh without.
 size_t lodpack_page_count(const lodpack_mesh *mesh);
@@ -525,10 +510,7 @@ lodpack_status lodpack_get_page(const lodpack_mesh *mesh, size_t number, lodpack
 
 // Copies the place of each vertex in its page to `places`, which has room for `capacity` vertices, `stride_bytes` from
 // one to the next (0 for no gaps): texture coordinates from 0 to 1, where the first row of texels is at 0.
-lodpack_status lodpack_copy_places(const lodpack_mesh *mesh,
-                                   float *places,
-                                   size_t capacity,
-                                   size_t stride_bytes);
+lodpack_status lodpack_copy_places(const lodpack_mesh *mesh, float *places, size_t capacity, size_t stride_bytes);
 
 // Copies a page of a channel to `rgba`, which has room for `capacity` texels of four bytes: row by row from the top,
 // in the colours of lodpack_copy_colours(). `channel` counts those that the mesh was decoded with.
@@ -537,11 +519,7 @@ lodpack_status lodpack_copy_page_colours(const lodpack_mesh *mesh, uint32_t chan
 // Copies a page of a channel to `numbers`, which has room for `capacity_bytes`: row by row from the top,
 // `component_count` numbers a texel, of `number_bytes` each (see lodpack_channel). `channel` counts those that the
 // mesh was decoded with. 0 where nothing is known.
-lodpack_status lodpack_copy_page_numbers(const lodpack_mesh *mesh,
-                                         uint32_t channel,
-                                         size_t number,
-                                         void *numbers,
-                                         size_t capacity_bytes);
+lodpack_status lodpack_copy_page_numbers(const lodpack_mesh *mesh, uint32_t channel, size_t number, void *numbers, size_t capacity_bytes);
 
 // A view from the origin along the negative z axis: 60 degrees, 1920 x 1080, one pixel.
 lodpack_view lodpack_view_default(void);
@@ -572,24 +550,17 @@ lodpack_stream_options lodpack_stream_options_default(void);
 // Starts threads that load a file of either kind for a moving camera; null `options` are the default ones. A stream
 // may be used by one thread at a time. Its file may be closed before it, but what the file is read from has to stay
 // until both are.
-lodpack_status lodpack_open_stream(const lodpack_file *file,
-                                   const lodpack_stream_options *options,
-                                   lodpack_stream **stream);
+lodpack_status lodpack_open_stream(const lodpack_file *file, const lodpack_stream_options *options, lodpack_stream **stream);
 
 // Draws a frame: what a query wants, as far as it is loaded, without cracks. It does not wait, unless the stream was
 // opened so. Call it again for the next picture, also where the camera stands still, until the frame is complete. The
 // query needs a view, or a tolerance.
-lodpack_status lodpack_draw_frame(lodpack_stream *stream,
-                                  const lodpack_query *query,
-                                  lodpack_frame *frame);
+lodpack_status lodpack_draw_frame(lodpack_stream *stream, const lodpack_query *query, lodpack_frame *frame);
 
 // Writes which root of the last frame to upload, and its mesh, which the caller frees. Where the stream shows channels
 // and the root's images are there, the mesh has one page with all of them, else none. Of heights it has normals, and
 // colours if there is a ramp.
-lodpack_status lodpack_get_upload(const lodpack_stream *stream,
-                                  size_t number,
-                                  lodpack_upload *upload,
-                                  lodpack_mesh **mesh);
+lodpack_status lodpack_get_upload(const lodpack_stream *stream, size_t number, lodpack_upload *upload, lodpack_mesh **mesh);
 
 // Writes the number of a root of the last frame that is drawn no longer.
 lodpack_status lodpack_get_drop(const lodpack_stream *stream, size_t number, uint32_t *root);
