@@ -149,19 +149,17 @@ class Crate:
         # The room that the whole crate is, if it is one.
         self.whole = rooms if isinstance(rooms, str) else None
         self.rooms = [rooms] if self.whole else rooms
+        self.files = sorted(self.source.rglob("*.rs"))
         self.exports, self.test_paths = {}, set()
         self.read_root()
-        for path in self.files():
+        for path in self.files:
             self.find_test_modules(path)
-        self.modules = {tuple(self.module_of(path)): path for path in self.files()}
-        self.first_pages = {path for path in self.files() if path.name in ("lib.rs", "mod.rs") or path.with_suffix("").is_dir()}
-
-    def files(self):
-        return sorted(self.source.rglob("*.rs"))
+        self.modules = {tuple(self.module_of(path)): path for path in self.files}
+        self.first_pages = {path for path in self.files if path.name in ("lib.rs", "mod.rs") or path.with_suffix("").is_dir()}
 
     def read_files(self):
         """The files whose imports count. A root without anything of its own only shows names."""
-        shown = (path for path in self.files() if self.whole or path.name != "lib.rs")
+        shown = (path for path in self.files if self.whole or path.name != "lib.rs")
         return [path for path in shown if not self.test_paths & {path, *path.parents}]
 
     def room_of_file(self, path):

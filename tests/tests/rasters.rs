@@ -372,6 +372,19 @@ fn what_gdal_writes_beside_rasters_counts() {
 }
 
 #[test]
+fn tiles_of_one_system_are_joined_whatever_is_remarked_about_one_of_them() {
+    let folder = Folder::new();
+    let tile = |name: &str, x: f64| {
+        let grey = Image::grey(SIZE, 8, 1, heights()).at([x, 2000.0, 10.0, 10.0]);
+        folder.write(name, file(&[grey], false))
+    };
+    let tiles = [tile("west.tif", 1000.0), tile("east.tif", 1110.0)];
+    let unit = "<UnitType>cubits</UnitType>";
+    folder.write("east.tif.aux.xml", format!("<PAMDataset><PAMRasterBand>{unit}</PAMRasterBand></PAMDataset>"));
+    assert_eq!(by_sample(&read(&tiles, &RasterOptions::default()), [1005.0, 1995.0]).len(), 132);
+}
+
+#[test]
 fn an_image_lies_where_the_metadata_beside_it_say() {
     let folder = Folder::new();
     let grid = folder.write("grid.tif", file(&[grey()], false));

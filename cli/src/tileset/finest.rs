@@ -30,7 +30,7 @@ struct TileLines {
     lines: Vec<TileLine>,
     /// Where they are in the tile, the first and the last one left out.
     units: Vec<i32>,
-    /// The same before they are rounded, of all lines: from the first one beyond the border on.
+    /// The same before they are rounded.
     exact: Vec<f64>,
 }
 
@@ -87,7 +87,7 @@ impl Axis {
             k => (share(line).round() as i32).clamp(k, LAST as i32 - (count - 1 - k)),
         };
         let units = (0..).zip(&lines[1..lines.len() - 1]).map(unit).collect();
-        let exact = lines.iter().map(share).collect();
+        let exact = lines[1..lines.len() - 1].iter().map(share).collect();
         TileLines { lines, units, exact }
     }
 }
@@ -189,17 +189,16 @@ pub(super) fn finest_tile<S: ReadAt>(
     };
     let unit = |column: usize, row: usize| [columns.units[column], LAST as i32 - rows.units[row]];
     // Where a decoder has a vertex with a height.
-    let draw = |[column, row]: [i32; 2], height: f64| {
-        let [u, v] = unit(column as usize, row as usize).map(|unit| f64::from(unit) / LAST);
+    let draw = |[column, row]: [usize; 2], height: f64| {
+        let [u, v] = unit(column, row).map(|unit| f64::from(unit) / LAST);
         let line = |degrees: f64| TileLine { degrees, between: None };
         at(&line(west + u * side), &line(south + v * side), height)
     };
     let places = inner(&place);
-    let exact = [&columns, &rows].map(|lines| &lines.exact[1..lines.exact.len() - 1]);
+    let exact = [&columns.exact[..], &rows.exact];
     let samples = Uneven { columns: &columns.units, rows: &rows.units, exact, places: &places };
     let patch = triangulate_uneven(&samples, tolerance);
-    let own =
-        patch.vertices.iter().map(|&[column, row]| heights[index(column as usize + 1, row as usize + 1)]).collect();
+    let own = patch.vertices.iter().map(|&[column, row]| heights[index(column + 1, row + 1)]).collect();
     let fitted = patch.fitted(&samples, own, draw);
     let range = range_of(&fitted);
     let steps: Vec<i32> = fitted.iter().map(|&height| quantized(height, range)).collect();
@@ -208,14 +207,14 @@ pub(super) fn finest_tile<S: ReadAt>(
         patch.vertices.iter().zip(&steps).map(|(&vertex, &step)| draw(vertex, kept(step))).collect();
     let error = patch.error(&samples, &drawn) + file.info().sample_error * surface.height_scale;
 
-    let normal = |&[column, row]: &[i32; 2]| {
-        let (column, row) = (column as usize + 1, row as usize + 1);
+    let normal = |&[column, row]: &[usize; 2]| {
+        let (column, row) = (column + 1, row + 1);
         let to_east = place(column + 1, row) - place(column - 1, row);
         let to_south = place(column, row + 1) - place(column, row - 1);
         normal_at(place(column, row), to_east, to_south)
     };
-    let vertex = |(&[column, row], &step): (&[i32; 2], &i32)| {
-        let [u, v] = unit(column as usize, row as usize);
+    let vertex = |(&[column, row], &step): (&[usize; 2], &i32)| {
+        let [u, v] = unit(column, row);
         [u, v, step]
     };
     let content = Content {

@@ -17,9 +17,9 @@ export function isLarge({ width, height }) {
 }
 
 /**
- * What an image may have beside its size, four numbers a texel each: colours as screens show them (red, green, blue,
- * opacity); normals, whose components from -1 to 1 are bytes or half floats from 0 to 1, with a 1; occlusion, roughness
- * and metalness; and emitted light.
+ * What an image may have beside its size, four numbers a texel each: colours as screens show them (RGBA); normals,
+ * whose components from -1 to 1 are bytes or half floats from 0 to 1, with a 1; occlusion, roughness and metalness; and
+ * emitted light.
  */
 export const PLANES = ['data', 'normals', 'material', 'emissive'];
 

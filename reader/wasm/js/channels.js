@@ -18,8 +18,8 @@ export function unpackChannels(numbers, names) {
 }
 
 /**
- * The number of the channel that is meant: 'auto' is the first one of colours or, if there is none, one of a kind that
- * will do as well. NO_CHANNEL is none.
+ * The number of the channel that is meant: 'auto' is the first one of colours, else one of a kind that will do as
+ * well; NO_CHANNEL is none.
  */
 export function channelNumber(channels, wanted = 'none', alsoKind = undefined) {
   if (wanted === null || wanted === 'none') return NO_CHANNEL;

@@ -1,5 +1,4 @@
-// One instance of the reader, and the loop that fetches what it lacks. Runs in a worker, or on the thread that opened
-// the file.
+// One instance of the reader, and the loop that fetches what it lacks. Runs in a worker, or where the file was opened.
 
 import { NO_CHANNEL, unpackChannels, unpackTextured } from './channels.js';
 import { CoreStream } from './core-stream.js';
@@ -252,10 +251,7 @@ export class Core {
     };
   }
 
-  /**
-   * A mesh. Of heights also the normal of each vertex and, with a ramp, its colour: red, green, blue and opacity, as
-   * screens show them.
-   */
+  /** A mesh. Of heights also the normal of each vertex and, with a ramp, its colour, as screens show it. */
   #mesh(isOfHeights = false) {
     const [vertexCount, triangleCount] = this.floats(0, 2);
     const buffer = this.take(16);
@@ -276,10 +272,7 @@ export class Core {
     return { ...mesh, normals, colors: at < buffer.byteLength ? part(Uint8Array, 4 * vertexCount) : null };
   }
 
-  /**
-   * Calls until nothing is missing. Bytes that were fetched for one answer are dropped after it; what the index says
-   * stays.
-   */
+  /** Calls until nothing is missing. Bytes fetched for one answer are dropped after it; what the index says stays. */
   async #ask(attempt, signal) {
     const question = this.call('ask');
     try {

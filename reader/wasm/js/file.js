@@ -221,10 +221,7 @@ async function read(reading, offset, length, signal) {
   }
 }
 
-/**
- * Reads all of a range, without what came with opening. (Where ranges overlap, Chrome's cache asks the server about the
- * overlap first.)
- */
+/** Reads all of a range, without what came with opening: Chrome's cache asks the server about overlaps first. */
 async function readRest(reading, offset, length, signal) {
   const begin = Math.min(offset + length, Math.max(offset, reading.head.length));
   const known = reading.head.slice(offset, begin);

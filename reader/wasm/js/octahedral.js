@@ -1,9 +1,6 @@
 // Normals of vertices in two numbers: the sphere as an octahedron that is unfolded to a square.
 
-/**
- * Numbers of a vertex: two as streams have them, or a vector of length 32767 with a 0, so that a vertex has a multiple
- * of four bytes.
- */
+/** Numbers of a vertex, in multiples of four bytes: two as streams have them, or a vector of length 32767 and a 0. */
 export const NORMAL_SIZES = { octahedral: 2, vectors: 4 };
 /** No normal: the least numbers, which no direction has. Vectors are 0 there. */
 const NONE = -32768;

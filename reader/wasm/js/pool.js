@@ -17,9 +17,7 @@ export class Slab {
     this.normals = normals ? new Int16Array(NORMAL_SIZES[normals] * vertexCapacity) : undefined;
     this.info = infoSize ? new infoType(infoSize * vertexCapacity) : undefined;
     this.indices = new Uint32Array(indexCapacity);
-    /**
-     * With images: where each vertex lies in the atlas, in texels, and the rectangle that interpolation must not leave.
-     */
+    /** With images: where each vertex lies in the atlas, in texels, and the rectangle that interpolation stays in. */
     this.places = image ? new Float32Array(2 * vertexCapacity) : undefined;
     this.rectangles = image ? new Uint16Array(4 * vertexCapacity) : undefined;
     this.atlas = image ? new Atlas(maxTextureSize, image) : undefined;
@@ -101,9 +99,7 @@ export class Pool {
     return image;
   }
 
-  /**
-   * An image that no texture has room for becomes a single texel, its mean. Images that have a place are small enough.
-   */
+  /** An image that no texture has room for becomes a single texel, its mean; those that have a place do fit. */
   #fitting(root, image, problems) {
     if (!this.images) return undefined;
     const { width, height, data, slab } = image ?? NO_IMAGE;

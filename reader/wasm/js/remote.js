@@ -116,8 +116,8 @@ function startWorker() {
   } catch (error) {
     if (error.name !== 'SecurityError') throw error;
   }
-  // A worker's script has to come from the page's own host. One that only imports it may. (In a variable, because
-  // bundlers would put the whole script in its place.)
+  // A worker's script has to come from the page's own host. One that only imports it may. (In a variable:
+  // bundlers would put the script in its place.)
   const name = './worker.js';
   const text = `import ${JSON.stringify(new URL(name, import.meta.url).href)};`;
   const shim = URL.createObjectURL(new Blob([text], { type: 'text/javascript' }));

@@ -8,9 +8,7 @@ import { PLANES } from './atlas.js';
 /** Rows that are uploaded one by one. More are uploaded with all others at once. */
 const FEW_ROWS = 256;
 
-/**
- * What three.js has for the planes of an atlas: properties of materials that show one, and what these need beside it.
- */
+/** What three.js has for the planes of an atlas: properties of materials, and what these need. */
 const USES = {
   data: { maps: ['map'], colorSpace: SRGBColorSpace },
   normals: { maps: ['normalMap'], colorSpace: NoColorSpace, fit: (material) => { material.normalMapType = ObjectSpaceNormalMap; } },

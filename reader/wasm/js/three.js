@@ -138,10 +138,7 @@ export class LodpackMesh extends Object3D {
     return this.#pool.triangleCount - 1 + (this.ground?.triangleCount ?? 0);
   }
 
-  /**
-   * Asks for what a camera needs. Drawing calls it, so programs need to only to prepare for a camera that does not draw
-   * yet.
-   */
+  /** Asks for what a camera needs. Drawing calls it; programs need to only for a camera that does not draw yet. */
   update(camera, renderer) {
     if (this.ground) {
       this.ground.pixelTolerance = this.pixelTolerance;

@@ -202,7 +202,7 @@ impl ChartWork<'_> {
         let (mut best, mut vertices, mut coarser) = (f64::INFINITY, 0, 0);
         // The stored error of a block includes what finer neighbours move at its border while finer levels are missing.
         let mut best_stored = f64::INFINITY;
-        let (mut coarsest, mut chords) = (Patch::default(), vec![]);
+        let (mut coarsest, mut finest) = (Patch::default(), (0, Patch::default()));
         for (level, coded_level) in coded.into_iter().enumerate() {
             let Some(coded_level) = coded_level else {
                 blocks.push(None);
@@ -230,7 +230,6 @@ impl ChartWork<'_> {
             if best.is_infinite() && self.charted.coarsest > 0 {
                 coarsest = coded_level.patch.clone();
             }
-            chords = divided::chords(&coded_level.patch, &border_vertices(self.charted, cut, level as u8));
             if let Some(drawn) = drawn.get_mut(level) {
                 let Patch { interior, triangles, .. } = &coded_level.patch;
                 let border = border_loops(cut, level as u8);
@@ -250,7 +249,9 @@ impl ChartWork<'_> {
                 symbols: coded_level.symbols,
                 texels: vec![],
             }));
+            finest = (level as u8, coded_level.patch);
         }
+        let chords = divided::chords(&finest.1, &border_vertices(self.charted, cut, finest.0));
         if let Some(CodedLevel { patch, positions, .. }) = crowded {
             let whole = CoarseSurface { positions, triangles: patch.triangles, error: finest_error };
             let few = if self.charted.jumps_inside(self.chart) { Few::Lines } else { Few::Surface };

@@ -5,8 +5,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec3;
-use lodpack::{LatticePoint, decode::Patch};
-use lodpack_mesh::NONE;
+use lodpack::decode::Patch;
+use lodpack_mesh::{NONE, ordered, sides};
+use lodpack_stage::nearest::doubled_area;
 use lodpack_stage::simplify::{LevelPatch, Quadric};
 
 use super::ChartedMesh;
@@ -14,10 +15,6 @@ use super::shared_arcs::{CutChart, SharedArcs};
 
 /// An edge between two vertices, the smaller one first.
 pub(super) type Edge = [u32; 2];
-
-fn edge(a: u32, b: u32) -> Edge {
-    [a.min(b), a.max(b)]
-}
 
 /// Divides those of some edges of a patch that lie inside it. `border` are the positions of its border.
 pub(super) fn divide(patch: &mut LevelPatch, border: &[DVec3], edges: &[Edge]) {
@@ -49,16 +46,16 @@ pub(super) fn divide(patch: &mut LevelPatch, border: &[DVec3], edges: &[Edge]) {
     }
 }
 
-/// The longest edges of triangles between border vertices on one line. Exact up to 2^26 lattice steps.
-pub(super) fn behind_flat_ears(patch: &LevelPatch, border: &[LatticePoint]) -> Vec<Edge> {
-    let longest = |&[a, b, c]: &[u32; 3]| {
-        let at = |v: u32| border.get(v as usize).map(|p| DVec3::from(p.map(|x| x as f64)));
-        let [p, q, r] = [at(a)?, at(b)?, at(c)?];
-        let is_flat = (q - p).cross(r - p) == DVec3::ZERO && p != q && q != r && r != p;
-        let sides = [(p, q, edge(a, b)), (q, r, edge(b, c)), (r, p, edge(c, a))];
-        let longest =
-            sides.into_iter().max_by(|(a, b, _), (c, d, _)| a.distance_squared(*b).total_cmp(&c.distance_squared(*d)));
-        longest.filter(|_| is_flat).map(|(.., edge)| edge)
+/// The longest edges of triangles between border vertices on one line. `border` are the positions of its border; exact
+/// up to 2^26 lattice steps.
+pub(super) fn behind_flat_ears(patch: &LevelPatch, border: &[DVec3]) -> Vec<Edge> {
+    let longest = |&corners: &[u32; 3]| {
+        let at = |v: u32| border.get(v as usize).copied();
+        let [p, q, r] = [at(corners[0])?, at(corners[1])?, at(corners[2])?];
+        let is_flat = doubled_area([p, q, r]) == DVec3::ZERO && p != q && q != r && r != p;
+        let lengths = [p.distance_squared(q), q.distance_squared(r), r.distance_squared(p)];
+        let longest = lengths.into_iter().zip(sides(corners)).max_by(|a, b| a.0.total_cmp(&b.0));
+        longest.filter(|_| is_flat).map(|(_, edge)| edge)
     };
     patch.triangles.iter().filter_map(longest).collect::<BTreeSet<Edge>>().into_iter().collect()
 }
@@ -73,11 +70,11 @@ pub(super) fn border_vertices(charted: &ChartedMesh, cut: &CutChart, level: u8) 
 
 /// The edges inside a patch between vertices of its border, as vertices of the mesh.
 pub(super) fn chords(patch: &Patch, border: &[u32]) -> Vec<Edge> {
-    let sides = patch.triangles.iter().flat_map(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]);
-    let mut between: Vec<Edge> = sides.filter(|&[_, b]| b < patch.border_count).collect();
+    let edges = patch.triangles.iter().flat_map(|&corners| sides(corners));
+    let mut between: Vec<Edge> = edges.filter(|&[_, b]| b < patch.border_count).collect();
     between.sort_unstable();
-    let inside = between.chunk_by(|one, other| one == other).filter(|sides| sides.len() > 1);
-    inside.map(|sides| sides[0].map(|v| border[v as usize])).map(|[a, b]| edge(a, b)).collect()
+    let inside = between.chunk_by(|one, other| one == other).filter(|alike| alike.len() > 1);
+    inside.map(|alike| ordered(alike[0].map(|v| border[v as usize]))).collect()
 }
 
 /// Which charts are to divide which chords: those that others have, too, all but one of them; those that are edges of
@@ -139,13 +136,12 @@ mod tests {
     #[test]
     fn ears_on_straight_borders_are_flat() {
         let (patch, _) = square();
-        let border = [[0, 0, 0], [4, 1, 2], [8, 2, 4], [0, 4, 0]];
-        assert_eq!(behind_flat_ears(&patch, &border), [[0, 2]]);
-        let bent = [[0, 0, 0], [4, 1, 3], [8, 2, 4], [0, 4, 0]];
-        assert_eq!(behind_flat_ears(&patch, &bent), [[0; 2]; 0]);
+        let behind =
+            |border: [[i32; 3]; 4]| behind_flat_ears(&patch, &border.map(|point| DVec3::from(point.map(f64::from))));
+        assert_eq!(behind([[0, 0, 0], [4, 1, 2], [8, 2, 4], [0, 4, 0]]), [[0, 2]]);
+        assert_eq!(behind([[0, 0, 0], [4, 1, 3], [8, 2, 4], [0, 4, 0]]), [[0; 2]; 0]);
         // A point twice is no ear: nothing behind it gives it an area.
-        let twice = [[0, 0, 0], [0, 0, 0], [8, 2, 4], [0, 4, 0]];
-        assert_eq!(behind_flat_ears(&patch, &twice), [[0; 2]; 0]);
+        assert_eq!(behind([[0, 0, 0], [0, 0, 0], [8, 2, 4], [0, 4, 0]]), [[0; 2]; 0]);
     }
 
     #[test]

@@ -218,7 +218,7 @@ impl ChartWork<'_> {
         simplified
     }
 
-    /// Divides the edges that are not to be.
+    /// Divides the edges of `divided` in the patches of all levels.
     fn divide(&self, cut: &CutChart, simplified: &mut SimplifiedChart) {
         for (level, patch) in (0..).zip(&mut simplified.levels) {
             let Some(patch) = patch else { continue };
@@ -282,11 +282,10 @@ pub(super) fn code(
     refinement: u32,
 ) -> Result<Coded, lodpack::write::EncodeError> {
     let step = scale.step();
-    let border: Vec<LatticePoint> = loops.iter().flatten().copied().collect();
+    let border: Vec<DVec3> = loops.iter().flatten().map(|&point| scale.local_from_lattice(point)).collect();
     let flat = behind_flat_ears(level_patch, &border);
     let mut level_patch = Cow::Borrowed(level_patch);
     if !flat.is_empty() {
-        let border: Vec<DVec3> = border.iter().map(|&point| scale.local_from_lattice(point)).collect();
         divide(level_patch.to_mut(), &border, &flat);
     }
     let level_patch = &*level_patch;

@@ -9,10 +9,11 @@ use lodpack::{
     LatticePoint,
     write::{ArcSample, WantedSample, quantise_arc},
 };
-use lodpack_mesh::{NONE, next_half_edge};
+use lodpack_mesh::{NONE, next_half_edge, ordered};
 use lodpack_stage::arc_samples::{SampledArc, border_deviation, sample_arcs};
 use lodpack_stage::arcs::{ARC_UNITS, HalfArc, cut_chart};
 use lodpack_stage::chart::{BorderVertex, ChartMesh, NEVER};
+use lodpack_stage::nearest::doubled_area;
 use rayon::prelude::*;
 
 /// Tangential step of arc samples over the lattice step, as a power of two. It is coarse because a sample may slide
@@ -105,9 +106,7 @@ impl SharedArcs {
         let atlas = charted.atlas;
         let is_bare = |half: &HalfArc| {
             let (arc, levels) = (&atlas.arcs[half.arc as usize], &self.sampled[half.arc as usize].levels);
-            half.neighbour(atlas) == NONE
-                && arc.seam.is_none()
-                && (1..arc.path.len() - 1).all(|index| levels[index] == NEVER)
+            is_boundary(half, charted) && (1..arc.path.len() - 1).all(|index| levels[index] == NEVER)
         };
         let alone =
             atlas.charts.iter().flat_map(|chart| &chart.loops).filter(|half_arcs| half_arcs.iter().all(is_bare));
@@ -234,7 +233,7 @@ impl SharedArcs {
             let mut from = None;
             drawn.filter_map(move |i| {
                 let to = arc.path[i];
-                from.replace(to).map(|from: u32| [from.min(to), from.max(to)])
+                from.replace(to).map(|from: u32| ordered([from, to]))
             })
         })
     }
@@ -243,9 +242,7 @@ impl SharedArcs {
     pub fn along_boundary(&self, charted: &ChartedMesh, chart: u32) -> HashSet<LatticePoint> {
         let atlas = charted.atlas;
         let half_arcs = atlas.charts[chart as usize].loops.iter().flatten();
-        let is_boundary =
-            |half: &&HalfArc| half.neighbour(atlas) == NONE && atlas.arcs[half.arc as usize].seam.is_none();
-        let points = half_arcs.filter(is_boundary).flat_map(|half| {
+        let points = half_arcs.filter(|half| is_boundary(half, charted)).flat_map(|half| {
             let samples = self.samples[half.arc as usize].iter().map(|sample| sample.position);
             samples.chain([self.corners[half.ends(atlas)[0] as usize]])
         });
@@ -271,14 +268,17 @@ impl SharedArcs {
     }
 }
 
+/// Whether the mesh ends at a half-arc.
+fn is_boundary(half: &HalfArc, charted: &ChartedMesh) -> bool {
+    half.neighbour(charted.atlas) == NONE && charted.atlas.arcs[half.arc as usize].seam.is_none()
+}
+
 /// Three points of the lattice, with the last two moved by a step where they have no area: as near as can be to where
 /// they are wanted, and not turned over.
 fn with_area(points: [LatticePoint; 3], wanted: [DVec3; 3]) -> [LatticePoint; 3] {
-    let normal = (wanted[1] - wanted[0]).cross(wanted[2] - wanted[0]);
-    let area = |points: [LatticePoint; 3]| {
-        let [a, b, c] = points.map(|p| DVec3::from(p.map(|x| x as f64)));
-        (b - a).cross(c - a)
-    };
+    let normal = doubled_area(wanted);
+    let place = |point: LatticePoint| DVec3::from(point.map(|x| x as f64));
+    let area = |points: [LatticePoint; 3]| doubled_area(points.map(place));
     if area(points) != DVec3::ZERO {
         return points;
     }
@@ -288,7 +288,7 @@ fn with_area(points: [LatticePoint; 3], wanted: [DVec3; 3]) -> [LatticePoint; 3]
         [0, 1, 2].map(|corner| [0, 1, 2].map(|k| points[corner][k] + by[corner][k]))
     });
     let cost = |points: &[LatticePoint; 3]| {
-        let off = |(p, wanted): (&LatticePoint, DVec3)| DVec3::from(p.map(|x| x as f64)).distance_squared(wanted);
+        let off = |(&point, wanted): (&LatticePoint, DVec3)| place(point).distance_squared(wanted);
         let is_turned = area(*points).dot(normal) < 0.0;
         (is_turned, points.iter().zip(wanted).map(off).sum::<f64>())
     };

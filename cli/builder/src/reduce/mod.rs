@@ -1,7 +1,7 @@
 //! Reduced cuts: one surface with a stated number of triangles, made from a finer one, with what it looks like.
 //!
-//! The tops of groups, the overview of a file and what `lodpack extract --triangles` writes are made here. Files that
-//! use others stand below them:
+//! The tops of groups, the overview of a file and what `lodpack extract --triangles` writes are made here. A file
+//! stands above those that it uses:
 //!
 //! | file | what it does |
 //! |---|---|

@@ -4,8 +4,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::attributes::Columns;
-use super::attributes::Shown;
+use super::attributes::{Columns, Shown};
 use super::header::{Element, Encoding, Header, Kind, parse_header};
 use super::values::{AsciiValues, Values};
 use super::{left_out, skip_property};

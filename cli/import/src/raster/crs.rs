@@ -33,13 +33,21 @@ pub struct Crs {
 }
 
 impl Crs {
-    /// Whether it has nothing but remarks.
-    pub fn says_nothing(&self) -> bool {
-        Self { remarks: vec![], ..self.clone() } == Self::default()
+    /// The same without remarks.
+    pub fn bare(&self) -> Self {
+        Self { remarks: vec![], ..self.clone() }
     }
 
-    /// Another one with the remarks about both.
+    /// Whether it has nothing but remarks.
+    pub fn says_nothing(&self) -> bool {
+        self.bare() == Self::default()
+    }
+
+    /// This one or, if it says nothing, another one with the remarks about both.
     pub fn or(mut self, mut other: Self) -> Self {
+        if !self.says_nothing() {
+            return self;
+        }
         self.remarks.append(&mut other.remarks);
         Self { remarks: self.remarks, ..other }
     }

@@ -110,18 +110,17 @@ fn map_of(mosaic: &Mosaic, drape: &Path, image: &ImageSource, progress: &dyn Pro
     // Somebody asked for it, so a surface without it would not be what was asked for.
     let refuse = |problem: String| grid_error(drape, &format!("cannot be shown: {problem}; {REMEDY}"));
     let extent = check(image).and_then(|()| image_size(open(image)?)).map_err(refuse)?;
-    let (affine, crs, has_mask) = tiff::place_of_image(drape)?.unwrap_or_default();
+    let mut pam = Pam::beside(drape)?;
+    let (affine, crs, has_mask) = tiff::place_of_image(drape, &mut pam)?.unwrap_or_default();
     if has_mask || mask::beside(drape).is_some() || has_opacity(open(image).map_err(refuse)?).map_err(refuse)? {
         let problem = "says how opaque its pixels are, or which of them count; all are shown as if they were opaque";
         progress.note(&format!("{}: {problem}", drape.display()));
     }
-    let pam = Pam::beside(drape)?;
     let affine = match affine {
         Some(affine) => Some(affine),
         None => of_world_file(drape)?.or(pam.place),
     };
-    let crs = if crs.says_nothing() { Crs::beside(drape)? } else { crs };
-    let crs = if crs.says_nothing() { pam.crs } else { crs };
+    let crs = if crs.says_nothing() { Crs::beside(drape)?.or(pam.crs) } else { crs };
     let size = mosaic.size.map(|size| size as f64);
     let whole = [size.map(|size| 1.0 / size), size.map(|size| 0.5 / size)];
     let (Some(image), turned) = placed(affine, drape, extent)? else { return Ok(whole) };

@@ -43,7 +43,7 @@ pub const VERTICAL_CRS: u16 = 4096;
 pub const VERTICAL_UNITS: u16 = 4099;
 /// The value of a code that is defined by further keys.
 pub const USER_DEFINED: u16 = 32767;
-/// The tags with numbers and with texts of keys.
+/// The tag with the numbers of keys.
 pub const GEO_DOUBLES: u16 = 34736;
 /// The tag of the keys' texts.
 pub const GEO_TEXTS: u16 = 34737;

@@ -42,6 +42,7 @@ use lodpack::index::{Placement, UpAxis};
 use super::error::{ImportError, Parsed};
 use super::sink::MeshSink;
 use super::source::FileBytes;
+use lodpack_mesh::images::tiff_directory::is_tiff;
 use lodpack_mesh::tolerance::Unit;
 use lodpack_runtime::progress::{Progress, Silent};
 
@@ -83,7 +84,7 @@ pub struct RasterPlace {
 pub(super) fn detect(path: &Path, bytes: &[u8]) -> Option<RasterFormat> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     match bytes {
-        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => return Some(RasterFormat::Tiff),
+        _ if is_tiff(bytes) => return Some(RasterFormat::Tiff),
         [0x89, b'P', b'N', b'G', b'\r', b'\n', 0x1a, b'\n', ..] => return Some(RasterFormat::Png),
         [0x76, 0x2f, 0x31, 1, ..] => return Some(RasterFormat::Exr),
         _ if lerc::MAGICS.iter().any(|magic| bytes.starts_with(magic)) => return Some(RasterFormat::Lerc),
@@ -151,8 +152,7 @@ fn open(path: &Path, options: &RasterOptions) -> Parsed<(Header, Box<dyn HeightR
         (header.place, header.turned) = placed(of_world_file(path)?.or(pam.place), path, header.size)?;
     }
     if header.crs.says_nothing() {
-        let said = Crs::beside(path)?;
-        header.crs = header.crs.or(if said.says_nothing() { said.or(pam.crs) } else { said });
+        header.crs = header.crs.or(Crs::beside(path)?).or(pam.crs);
     }
     header.complete(path, options)?;
     if header.turned[1] && matches!(format, RasterFormat::Png | RasterFormat::Asc) {

@@ -87,7 +87,7 @@ impl Mosaic {
             // The south-western sample is the origin.
             Georeference { first: [0.0, f64::from(first.size[1] - 1)], spacing: [1.0; 2] }
         });
-        let (crs, vertical, is_local) = (first.crs.clone(), first.vertical, first.is_local);
+        let (mut crs, vertical, is_local) = (first.crs.clone(), first.vertical, first.is_local);
         let around = around(&crs, place.spacing[0]);
         let offsets = headers.iter().map(|(other, header)| {
             check_alike([path, other], [first, header])?;
@@ -133,6 +133,11 @@ impl Mosaic {
             at: [(column - west) as u64, (row - north) as u64],
         });
         let mut tiles: Vec<Tile> = tiles.collect();
+        for remark in tiles.iter().flat_map(|tile| &tile.header.crs.remarks) {
+            if !crs.remarks.contains(remark) {
+                crs.remarks.push(remark.clone());
+            }
+        }
         tiles.sort_by_key(|tile| tile.at[1]);
         let place = Georeference { first: begin, spacing };
         let (is_closed, geoid) = (columns.is_some(), options.geoid.clone());
@@ -340,7 +345,7 @@ fn check_alike([path, other]: [&Path; 2], [first, header]: [&Header; 2]) -> Pars
         ("", kind) => format!("a CRS without a number ({})", format!("{kind:?}").to_lowercase()),
         (name, _) => name.chars().take(60).collect(),
     };
-    if first.crs != header.crs {
+    if first.crs.bare() != header.crs.bare() {
         let problem = format!(
             "has {}, and {} has {}: files of different systems cannot be joined; bring them into one first, with `gdalwarp -t_srs`, or name \
              it with --crs if they are in the same",

@@ -18,11 +18,11 @@ use super::geokeys::{GDAL_METADATA, GEO_DOUBLES, GEO_TEXTS, GeoTags};
 use super::header::{Header, HeightRows};
 use super::mask::Masked;
 use super::pam::Pam;
-use super::{ImportError, Parsed, RasterFormat, grid_error};
+use super::{ImportError, Parsed, grid_error};
 use crate::error::Location;
 use lodpack_mesh::images::tiff_compression_name;
 use lodpack_mesh::images::tiff_directory::{
-    BITS_PER_SAMPLE, Directory, EXTRA_SAMPLES, PHOTOMETRIC, SAMPLE_FORMAT, SAMPLES_PER_PIXEL,
+    BITS_PER_SAMPLE, Directory, EXTRA_SAMPLES, PHOTOMETRIC, SAMPLE_FORMAT, SAMPLES_PER_PIXEL, is_tiff,
 };
 
 const MODEL_PIXEL_SCALE: u16 = 33550;
@@ -40,9 +40,9 @@ pub(super) fn open(path: &Path, with_masks: bool) -> Parsed<(Header, Box<dyn Hei
     let decoder = &mut rows.decoder;
     let mut header = Header::new(rows.size);
     let (tags, mut pam) = (tags_of(decoder), Pam::beside(path)?);
-    let place = pam.place.map_or_else(|| tags.place(path), |place| Ok(Some(place)))?;
+    let (place, crs) = placed_by(&tags, &mut pam, path)?;
     (header.place, header.turned) = placed(place, path, header.size)?;
-    header.crs = crs_of(&tags, &mut pam, path)?;
+    header.crs = crs;
     let text = |decoder: &mut ViewDecoder, tag| decoder.get_tag_ascii_string(Tag::Unknown(tag)).unwrap_or_default();
     header.nodata = text(decoder, GDAL_NODATA).trim_matches(['\0', ' ']).parse().ok();
     let metadata = text(decoder, GDAL_METADATA);
@@ -120,29 +120,29 @@ fn mask_rows(path: &Path, image: &Directory, sample: usize, size: [u32; 2]) -> P
     Ok(Box::new(rows))
 }
 
-/// What the tags of an image say about its place and its system, if it is a TIFF, and whether it has a mask of its own.
-/// Its kind of pixels does not matter.
-pub(super) fn place_of_image(path: &Path) -> Parsed<Option<(Option<Affine>, Crs, bool)>> {
+/// What the tags of an image and the metadata beside it say about its place and its system, if it is a TIFF, and
+/// whether it has a mask of its own. Its kind of pixels does not matter.
+pub(super) fn place_of_image(path: &Path, pam: &mut Pam) -> Parsed<Option<(Option<Affine>, Crs, bool)>> {
     let io = |source| ImportError::Io { path: path.to_owned(), source };
     let mut file = File::open(path).map_err(io)?;
     let mut start = [0; 4];
     file.read(&mut start).and_then(|_| file.rewind()).map_err(io)?;
-    if super::detect(Path::new(""), &start) != Some(RasterFormat::Tiff) {
+    if !is_tiff(&start) {
         return Ok(None);
     }
     let fault = |error| damaged(path, Location::Byte(0), error);
     let mut decoder = Decoder::new(BufReader::new(file)).map_err(fault)?;
-    let (tags, mut pam) = (tags_of(&mut decoder), Pam::beside(path)?);
     let has_mask = directories(path)?.iter().skip(1).any(Directory::is_mask);
-    let place = pam.place.map_or_else(|| tags.place(path), |place| Ok(Some(place)))?;
-    Ok(Some((place, crs_of(&tags, &mut pam, path)?, has_mask)))
+    let (place, crs) = placed_by(&tags_of(&mut decoder), pam, path)?;
+    Ok(Some((place, crs, has_mask)))
 }
 
-/// The system that GDAL's metadata beside a TIFF say, or else its tags: whoever has written these later could not
-/// change the file.
-fn crs_of(tags: &GeoTags, pam: &mut Pam, path: &Path) -> Parsed<Crs> {
+/// The place and the system that GDAL's metadata beside a TIFF say, or else its tags: whoever has written these later
+/// could not change the file.
+fn placed_by(tags: &GeoTags, pam: &mut Pam, path: &Path) -> Parsed<(Option<Affine>, Crs)> {
+    let place = pam.place.map_or_else(|| tags.place(path), |place| Ok(Some(place)))?;
     let said = std::mem::take(&mut pam.crs);
-    if said.says_nothing() { tags.crs(path) } else { Ok(said) }
+    Ok((place, if said.says_nothing() { tags.crs(path)? } else { said }))
 }
 
 fn tags_of<R: Read + Seek>(decoder: &mut Decoder<R>) -> GeoTags {

@@ -9,7 +9,7 @@ use std::io::{self, Read, Seek, SeekFrom};
 
 // Numbers of tags.
 /// The kind of an image: a smaller version of another one, or its mask.
-pub const NEW_SUBFILE_TYPE: u16 = 254;
+const NEW_SUBFILE_TYPE: u16 = 254;
 /// Columns of the image.
 pub const IMAGE_WIDTH: u16 = 256;
 /// Rows of the image.

@@ -71,7 +71,7 @@ pub struct LevelPatch {
     pub border_loops: Vec<u32>,
     /// Positions of the interior vertices, in input units.
     pub interior: Vec<DVec3>,
-    /// The chart-local vertex that each interior vertex was, which may have moved since; empty if unknown.
+    /// The chart-local vertex that each interior vertex was, which may have moved since, or [`NONE`]; empty if unknown.
     pub interior_was: Vec<u32>,
     /// For each interior vertex, the squared distance to the planes merged into it, as a function of the *offset from
     /// that vertex* in input units. With it, a codec can slide a quantised vertex along a line to the best position.

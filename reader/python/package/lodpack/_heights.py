@@ -136,15 +136,15 @@ def _within(info: HeightsInfo, corners: list[list[float]]) -> tuple[tuple[int, i
     (x, y), (dx, dy) = info["first"], info["spacing"]
     # Beyond the grid one place is as good as another.
     south, north = (min(max(value, y + info["rows"] * dy), y - dy) for value in (south, north))
-    if info["wraps"] and math.inf in (-west, east) and west < math.inf and east > -math.inf:
-        west, east = x, x + info["columns"] * dx
+    around = info["columns"] * dx
     if not info["wraps"]:
-        west, east = (min(max(value, x - dx), x + info["columns"] * dx) for value in (west, east))
-    elif not math.isfinite(west) or not math.isfinite(east):
-        raise QueryError("no sample lies within the box")
-    if info["wraps"]:
+        west, east = (min(max(value, x - dx), x + around) for value in (west, east))
+    else:
+        if math.inf in (-west, east) and west < math.inf and east > -math.inf:
+            west, east = x, x + around
+        elif not math.isfinite(west) or not math.isfinite(east):
+            raise QueryError("no sample lies within the box")
         # East of the box, perhaps once more around the globe.
-        around = info["columns"] * dx
         east = west + min((east - west) % around if east < west else east - west, around - dx)
         shift = ((west - x) // around) * around
         west, east = west - shift, east - shift

@@ -260,28 +260,34 @@ fn triangulate_block(Around { ground, coast }: Around, tolerance: f64) -> Made {
         near = all.locate(point, near);
         all.insert(point, near);
     }
+    let off = refine(&mut all, tolerance, |all, number| ground.furthest(all, number));
+    let has_voids = !coast.is_empty() || ground.heights.iter().any(|height| height.is_nan());
+    Made { all, ground, has_voids, off }
+}
+
+/// Adds the furthest sample of all triangles until none is further than the tolerance, and says how far the furthest
+/// one is. `furthest` finds that of a triangle.
+fn refine(all: &mut Delaunay, tolerance: f64, furthest: impl Fn(&Delaunay, u32) -> Furthest) -> f64 {
     // Of each triangle its furthest sample. What is in the queue with another distance is old.
-    let mut furthest: Vec<Furthest> = vec![];
+    let mut known: Vec<Furthest> = vec![];
     let mut queue = BinaryHeap::new();
     loop {
         while let Some(number) = all.next_changed() {
-            let found = ground.furthest(&all, number);
-            furthest.resize(furthest.len().max(all.count()), Furthest::default());
-            furthest[number as usize] = found;
+            let found = furthest(all, number);
+            known.resize(known.len().max(all.count()), Furthest::default());
+            known[number as usize] = found;
             if found.off > tolerance {
                 // Not negative, so bits are in the order of numbers.
                 queue.push((found.off.to_bits(), number, found.at));
             }
         }
         let Some((off, number, at)) = queue.pop() else { break };
-        let known = furthest[number as usize];
-        if known.off.to_bits() == off && known.at == at {
+        let now = known[number as usize];
+        if now.off.to_bits() == off && now.at == at {
             all.insert(at, number);
         }
     }
-    let off = furthest.iter().fold(0.0f64, |most, found| most.max(found.off));
-    let has_voids = !coast.is_empty() || ground.heights.iter().any(|height| height.is_nan());
-    Made { all, ground, has_voids, off }
+    known.iter().fold(0.0f64, |most, found| most.max(found.off))
 }
 
 /// Chooses vertices on a side of a block, between vertices: those on the coast, and as many as the tolerance asks for.

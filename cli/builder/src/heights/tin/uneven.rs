@@ -3,12 +3,10 @@
 //! The triangulation is that of the places before they are rounded. Then vertices get heights such that the surface
 //! passes through their samples, though they stand a little beside them, and what is left is measured.
 
-use std::collections::BinaryHeap;
-
 use glam::DVec3;
 
-use super::Furthest;
 use super::delaunay::Delaunay;
+use super::{Furthest, refine};
 
 /// How far from a side of a triangle a sample lies on it, in units of positions.
 const ON_SIDE: f64 = 1e-6;
@@ -37,7 +35,7 @@ pub struct Uneven<'a> {
 /// Samples as triangles.
 pub struct UnevenPatch {
     /// Numbers of the column and row of each vertex.
-    pub vertices: Vec<[i32; 2]>,
+    pub vertices: Vec<[usize; 2]>,
     /// Counter-clockwise seen from above.
     pub triangles: Vec<[u32; 3]>,
 }
@@ -188,39 +186,21 @@ pub fn triangulate_uneven(samples: &Uneven, tolerance: f64) -> UnevenPatch {
         near = all.locate(point, near);
         all.insert(point, near);
     }
-    // Of each triangle its furthest sample. What is in the queue with another distance is old.
-    let mut furthest: Vec<Furthest> = vec![];
-    let mut queue = BinaryHeap::new();
-    loop {
-        while let Some(number) = all.next_changed() {
-            let found = samples.furthest(all.places(number));
-            furthest.resize(furthest.len().max(all.count()), Furthest::default());
-            if found.off > tolerance {
-                // Not negative, so bits are in the order of numbers.
-                queue.push((found.off.to_bits(), number, found.at));
-            }
-            furthest[number as usize] = found;
-        }
-        let Some((off, number, at)) = queue.pop() else { break };
-        let known = furthest[number as usize];
-        if known.off.to_bits() == off && known.at == at {
-            all.insert(at, number);
-        }
-    }
+    refine(&mut all, tolerance, |all, number| samples.furthest(all.places(number)));
     let triangles = (0..all.count() as u32).map(|number| all.triangle(number)).collect();
-    let vertices = all.points().iter().map(|&at| samples.sample(at).map(|k| k as i32)).collect();
+    let vertices = all.points().iter().map(|&at| samples.sample(at)).collect();
     UnevenPatch { vertices, triangles }
 }
 
 impl UnevenPatch {
     fn sample(&self, vertex: u32) -> [usize; 2] {
-        self.vertices[vertex as usize].map(|k| k as usize)
+        self.vertices[vertex as usize]
     }
 
     /// Heights of the vertices with which the surface passes through their samples. `heights` are those of the samples,
     /// and `draw` says where a vertex at a column and a row is in space at a height. Those on a side depend on the
     /// vertices on it alone.
-    pub fn fitted(&self, samples: &Uneven, mut heights: Vec<f64>, draw: impl Fn([i32; 2], f64) -> DVec3) -> Vec<f64> {
+    pub fn fitted(&self, samples: &Uneven, mut heights: Vec<f64>, draw: impl Fn([usize; 2], f64) -> DVec3) -> Vec<f64> {
         let (holders, start) = (self.holders(samples), heights.clone());
         for _ in 0..ROUNDS {
             for (vertex, holders) in holders.iter().enumerate() {
@@ -236,7 +216,7 @@ impl UnevenPatch {
 
     /// What the surface hangs on at the sample of each vertex; none where that is the vertex alone.
     fn holders(&self, samples: &Uneven) -> Vec<Option<Holders>> {
-        let last = [samples.columns.len() as i32 - 1, samples.rows.len() as i32 - 1];
+        let last = [samples.columns.len() - 1, samples.rows.len() - 1];
         let drawn = |vertex: u32| samples.at(self.sample(vertex)).map(f64::from);
         let exact = |vertex: u32| samples.exact(self.sample(vertex));
         let is_on_side = |vertex: u32| (0..2).any(|k| [0, last[k]].contains(&self.vertices[vertex as usize][k]));
@@ -351,8 +331,7 @@ mod tests {
             let patch = triangulate_uneven(samples, 0.0);
             let start: Vec<f64> =
                 (0..patch.vertices.len() as u32).map(|v| samples.place(patch.sample(v)).z - FAR).collect();
-            let draw =
-                |vertex: [i32; 2], height: f64| place(samples.at(vertex.map(|k| k as usize)).map(f64::from), height);
+            let draw = |vertex: [usize; 2], height: f64| place(samples.at(vertex).map(f64::from), height);
             let error = |heights: &[f64]| {
                 let drawn: Vec<DVec3> =
                     patch.vertices.iter().zip(heights).map(|(&vertex, &height)| draw(vertex, height)).collect();

@@ -7,6 +7,7 @@ use anyhow::{Context, Error, Result, anyhow, bail};
 use lodpack::heights::Heights;
 use lodpack::source::{Counting, Within};
 use lodpack::{File, Ground, GroundFrame, Limits, Opener, ReadAt};
+use lodpack_cli::mesh::images::tiff_directory::is_tiff;
 use lodpack_cli::mesh::tolerance::Tolerance;
 use std::path::Path;
 use std::sync::Arc;
@@ -153,7 +154,7 @@ fn described(start: &[u8]) -> String {
         _ if has("<!doctype") || has("<html") || has("<?xml") => {
             "it is a web page; check the address, and whether the server asks for a login".into()
         }
-        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => {
+        _ if is_tiff(start) => {
             "it looks like a GeoTIFF; build a lodpack file from its heights with `lodpack build`".into()
         }
         _ if is_mesh => "it looks like a mesh; build a lodpack file from it with `lodpack build`".into(),

@@ -8,6 +8,8 @@ use crate::codec::{
 
 /// How many steps a vertex may be moved aside in each direction.
 const REACH: i64 = 2;
+/// How many places that makes in each direction.
+const SIDE: i64 = 2 * REACH + 1;
 
 /// The vertices of a target that have their places on the lattice.
 pub(super) struct Placed<'a> {
@@ -40,7 +42,8 @@ impl<'a> Placed<'a> {
         if !self.keeps_areas(around.clone(), best.1) {
             let wanted = self.wanted(vertex);
             let mut least = (usize::MAX, f64::INFINITY);
-            for steps in (0..(2 * REACH + 1).pow(3)).map(|i| [i / 25 % 5, i / 5 % 5, i % 5].map(|k| k - REACH)) {
+            for i in 0..SIDE.pow(3) {
+                let steps = [i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE].map(|k| k - REACH);
                 let moved = [0, 1, 2].map(|k| residual[k] + steps[k]);
                 let Some(point) = place(moved).filter(|&point| self.keeps_areas(around.clone(), point)) else {
                     continue;

@@ -111,8 +111,7 @@ struct Encoder<'a> {
     wavefront: Wavefront<'a>,
     border_count: u32,
     placed: Placed<'a>,
-    /// The interior vertex that the next call of `vertex` places, and a half-edge that leaves it.
-    new_vertex: u32,
+    /// A half-edge that leaves the vertex that the next call of `vertex` places.
     leaving: u32,
     order: Vec<u32>,
 }
@@ -129,20 +128,7 @@ impl<'a> Encoder<'a> {
         let border_count = lengths.iter().sum::<usize>() as u32;
         let wavefront = Wavefront::new(target.triangles, &lengths, target.interior.len())?;
         let (placed, order) = (Placed::new(target.loops, target.interior), Vec::with_capacity(target.interior.len()));
-        let (new_vertex, leaving) = (0, 0);
-        Ok(Self {
-            target,
-            quantisation,
-            refinement,
-            slide,
-            out,
-            wavefront,
-            border_count,
-            placed,
-            new_vertex,
-            leaving,
-            order,
-        })
+        Ok(Self { target, quantisation, refinement, slide, out, wavefront, border_count, placed, leaving: 0, order })
     }
 
     fn run(mut self) -> Result<(Patch, Vec<u32>), EncodeError> {
@@ -247,7 +233,8 @@ impl Driver for Encoder<'_> {
         let c = front.origin(behind);
         let operation = if front.reach(c) {
             self.out.put(context, NEW);
-            (self.new_vertex, self.leaving) = (self.take(c), behind);
+            self.take(c);
+            self.leaving = behind;
             Operation::New
         } else {
             // Neither edge of the triangle at c is active, so the slot of c is found by way of the triangles beyond.
@@ -272,7 +259,8 @@ impl Driver for Encoder<'_> {
     }
 
     fn vertex(&mut self, forecast: &Forecast) -> Result<LatticePoint, EncodeError> {
-        let vertex = self.new_vertex;
+        let number = self.wavefront.origin(self.leaving);
+        let vertex = number - self.border_count;
         let (normal_step, tangent_step) = self.quantisation.steps();
         let wanted = sub(self.target.interior[vertex as usize], forecast.point);
         let frame = &forecast.frame;
@@ -285,13 +273,13 @@ impl Driver for Encoder<'_> {
         // Twice the size of the lattice suffices for the residual between any two of its points. NaN fails, too.
         let reach = 4.0 * COORDINATE_LIMIT;
         let is_near = along.abs() <= reach && across.abs() <= reach && offset.abs() <= reach;
-        let (residual, placed) = Some(residual)
-            .filter(|_| is_near)
-            .and_then(|residual| {
-                let place = |residual| place(forecast, residual, self.quantisation);
-                self.placed.place(vertex + self.border_count, self.wavefront.around(self.leaving), residual, place)
-            })
-            .ok_or(EncodeError::Position { vertex })?;
+        if !is_near {
+            return Err(EncodeError::Position { vertex });
+        }
+        let place = |residual| place(forecast, residual, self.quantisation);
+        let around = self.wavefront.around(self.leaving);
+        let placed = self.placed.place(number, around, residual, place);
+        let (residual, placed) = placed.ok_or(EncodeError::Position { vertex })?;
         for (component, context) in residual.into_iter().zip(forecast.contexts(self.quantisation.steps())) {
             self.out.put_signed(context, component);
         }
