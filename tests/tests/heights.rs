@@ -529,6 +529,26 @@ fn windows_are_coarser_where_that_suffices_and_cross_the_date_line() {
 }
 
 #[test]
+fn what_lies_beyond_the_last_sample_of_a_coarser_window_counts() {
+    let folder = Folder::new();
+    let file = folder.0.path().join("plane.lodpack");
+    // Every second column and row leave the last ones out, every fourth also those before.
+    for size in [[110, 102], [107, 130]] {
+        let path = folder.fractal("plane.tif", &Grid::utm(size), false, |_, _| false);
+        let words = ["--heights", "--tolerance", "1", "--force"];
+        lodpack().arg("build").arg(&path).arg("-o").arg(&file).args(words).assert().success();
+        for tolerance in ["30", "120", "500"] {
+            let (raster, summary) = extracted(&file, "window.tif", &["--tolerance", tolerance, "--force"]);
+            let out = lodpack().arg("compare").args([&path, &raster]).arg("--json").assert().success();
+            let compared: serde_json::Value = serde_json::from_slice(&out.get_output().stdout).expect("JSON");
+            let off = compared["levels"][0]["samples_of_a_to_b"]["upper"].as_f64().expect("a distance");
+            let said = summary["certified_error"].as_f64().expect("a distance");
+            assert!(said >= off * (1.0 - 1e-9), "{size:?} {tolerance}: {said} for {off}, {summary}");
+        }
+    }
+}
+
+#[test]
 fn whole_numbers_stay_whole_in_rasters() {
     let folder = Folder::new();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/terrain/int-deflate.tif");

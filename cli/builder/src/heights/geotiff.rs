@@ -8,6 +8,7 @@ use lodpack::{Error, ReadAt, Result};
 use tiff::encoder::{DirectoryEncoder, TiffEncoder, TiffKind, TiffKindBig, TiffKindStandard};
 use tiff::tags::{CompressionMethod, PhotometricInterpretation, Tag};
 
+use super::beyond::error_beyond;
 use super::georeference::Georeference;
 use super::tile::touches;
 use super::window::RasterWindow;
@@ -28,6 +29,16 @@ pub fn window_of<S: ReadAt>(
     bounds: Option<[[f64; 2]; 2]>,
     tolerance: Option<f64>,
 ) -> Result<RasterWindow> {
+    window_at(file, bounds, tolerance, 0)
+}
+
+/// The same of samples that are at least those of a depth.
+fn window_at<S: ReadAt>(
+    file: &Heights<S>,
+    bounds: Option<[[f64; 2]; 2]>,
+    tolerance: Option<f64>,
+    least_depth: u32,
+) -> Result<RasterWindow> {
     let (grid, surface) = (file.grid(), file.surface());
     let cells = grid.cells();
     let cut = file.cut(&HeightsQuery { bounds, tolerance, max_triangles: None })?;
@@ -39,6 +50,7 @@ pub fn window_of<S: ReadAt>(
         Some(tolerance) if tolerance > 0.0 => cut.tiles.iter().map(|tile| tile.id.depth).max().unwrap_or(0),
         _ => grid.depth(),
     };
+    depth = depth.max(least_depth);
     let stride_at = |depth: u32| 1u64 << (grid.depth() - depth);
     // Around a globe the samples have to be evenly spaced, too.
     while grid.wraps() && !cells[0].is_multiple_of(stride_at(depth)) && depth < grid.depth() {
@@ -77,17 +89,39 @@ pub fn window_of<S: ReadAt>(
     Ok(RasterWindow { depth, stride, first: range.map(|[from, _]| from), size, error: cut.error })
 }
 
-/// [`window_of`] without rows beyond the poles: where a grid of areas ends half a row before a pole, its file has a row
-/// for the pole itself, which closes the surface again when it is built from the window.
+/// As [`window_of`]. Where a grid does not end with one of the samples, the surface of these ends before it, and what
+/// lies beyond counts, too: there are as many samples as that takes.
 ///
 /// # Errors
-/// [`Error::Query`] if there are no samples; those of reading the index.
+/// [`Error::Query`] if there are no samples; those of reading the file.
 pub fn raster_window_of<S: ReadAt>(
     file: &Heights<S>,
     bounds: Option<[[f64; 2]; 2]>,
     tolerance: Option<f64>,
 ) -> Result<RasterWindow> {
-    let mut window = window_of(file, bounds, tolerance)?;
+    let mut least = 0;
+    loop {
+        let mut window = without_poles(file, window_at(file, bounds, tolerance, least)?)?;
+        let most = tolerance.unwrap_or(0.0).max(window.error);
+        let is_finest = window.depth == file.grid().depth();
+        // Not to read what lies far beyond.
+        let beyond = if is_finest { Some(0.0) } else { error_beyond(file, &window, most)? };
+        match beyond {
+            Some(beyond) => {
+                window.error = window.error.max(beyond);
+                return Ok(window);
+            }
+            None => least = window.depth + 1,
+        }
+    }
+}
+
+/// A window without rows beyond the poles: where a grid of areas ends half a row before a pole, its file has a row
+/// for the pole itself, which closes the surface again when it is built from the window.
+///
+/// # Errors
+/// [`Error::Query`] if there are no samples; those of reading the index.
+fn without_poles<S: ReadAt>(file: &Heights<S>, mut window: RasterWindow) -> Result<RasterWindow> {
     let surface = file.surface();
     if surface.is_globe() {
         let step = surface.spacing[1] * window.stride as f64;

@@ -10,6 +10,7 @@
 
 mod above;
 mod basis;
+mod beyond;
 mod blocks;
 mod build;
 mod coding;
