@@ -1,7 +1,8 @@
 //! What lies beyond the last lines of a window: where a grid does not end with one of the lines that a window has, the
 //! window's surface ends before it.
 
-use lodpack::heights::Heights;
+use glam::DVec3;
+use lodpack::heights::{Heights, Surface};
 use lodpack::{ReadAt, Result};
 
 use super::window::RasterWindow;
@@ -21,7 +22,6 @@ pub(super) fn error_beyond<S: ReadAt>(file: &Heights<S>, window: &RasterWindow, 
     let goes_on = [grid.wraps(), grid.poles()[1]];
     let is_beyond = [0, 1].map(|axis| !goes_on[axis] && last[axis] < cells[axis] && cells[axis] - last[axis] < stride);
     let surface = file.surface();
-    let at = |line: [u64; 2]| surface.position(surface.line(0, line[0]), surface.line(1, line[1]), 0.0);
     let mut found = 0.0_f64;
     for axis in (0..2).filter(|&axis| is_beyond[axis]) {
         let other = 1 - axis;
@@ -31,7 +31,7 @@ pub(super) fn error_beyond<S: ReadAt>(file: &Heights<S>, window: &RasterWindow, 
         let across = [first[other], end].map(|along| {
             let [mut from, mut to] = [[along; 2]; 2];
             (from[axis], to[axis]) = (last[axis], cells[axis]);
-            distance(at(from), at(to))
+            position(surface, from, 0.0).distance(position(surface, to, 0.0))
         });
         if across[0].min(across[1]) > most {
             return Ok(None);
@@ -45,7 +45,8 @@ pub(super) fn error_beyond<S: ReadAt>(file: &Heights<S>, window: &RasterWindow, 
             let at = (line[1] - range[1].start) * width + line[0] - range[0].start;
             heights.get(at as usize).copied().filter(|height| !height.is_nan())
         };
-        let edge = Edge { file, axis, line: last[axis], along: [first[other], last[other]], stride, height: &height };
+        let edge =
+            Edge { surface, axis, line: last[axis], along: [first[other], last[other]], stride, height: &height };
         for beyond in last[axis] + 1..=cells[axis] {
             for along in first[other]..=end {
                 let mut line = [along; 2];
@@ -64,8 +65,8 @@ pub(super) fn error_beyond<S: ReadAt>(file: &Heights<S>, window: &RasterWindow, 
 }
 
 /// The last column or row of a window.
-struct Edge<'a, S, H> {
-    file: &'a Heights<S>,
+struct Edge<'a, H> {
+    surface: &'a Surface,
     /// Across the edge.
     axis: usize,
     /// Its line in the grid.
@@ -76,9 +77,9 @@ struct Edge<'a, S, H> {
     height: &'a H,
 }
 
-impl<S: ReadAt, H: Fn([u64; 2]) -> Option<f64>> Edge<'_, S, H> {
+impl<H: Fn([u64; 2]) -> Option<f64>> Edge<'_, H> {
     /// A bound of the distance of a sample from the edge: from the place beside it or, where the edge has no data
-    /// there, from the nearest of its samples that has.
+    /// there, from the nearest of its samples that has. Infinite if none has.
     fn distance(&self, line: [u64; 2], own: f64) -> f64 {
         let along = line[1 - self.axis].clamp(self.along[0], self.along[1]);
         let before = along - (along - self.along[0]) % self.stride;
@@ -89,14 +90,13 @@ impl<S: ReadAt, H: Fn([u64; 2]) -> Option<f64>> Edge<'_, S, H> {
             (Some(low), _) => sample(before + self.stride).map(|high| low + share * (high - low)),
             _ => None,
         };
-        let from = self.position(line, own);
-        let to = |along: u64, height: f64| distance(from, self.position(self.place(along), height));
+        let from = position(self.surface, line, own);
+        let to = |along: u64, height: f64| from.distance(position(self.surface, self.place(along), height));
         if let Some(height) = beside {
             return to(along, height);
         }
         let samples = (self.along[0]..=self.along[1]).step_by(self.stride as usize);
-        // A window without data there says nothing of what lies beyond.
-        samples.filter_map(|at| Some(to(at, sample(at)?))).min_by(f64::total_cmp).unwrap_or(0.0)
+        samples.filter_map(|at| Some(to(at, sample(at)?))).fold(f64::INFINITY, f64::min)
     }
 
     fn place(&self, along: u64) -> [u64; 2] {
@@ -104,13 +104,9 @@ impl<S: ReadAt, H: Fn([u64; 2]) -> Option<f64>> Edge<'_, S, H> {
         place[self.axis] = self.line;
         place
     }
-
-    fn position(&self, [column, row]: [u64; 2], height: f64) -> [f64; 3] {
-        let surface = self.file.surface();
-        surface.position(surface.line(0, column), surface.line(1, row), height)
-    }
 }
 
-fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum::<f64>().sqrt()
+/// Where a sample is at a height.
+fn position(surface: &Surface, [column, row]: [u64; 2], height: f64) -> DVec3 {
+    surface.position(surface.line(0, column), surface.line(1, row), height).into()
 }

@@ -103,16 +103,12 @@ pub fn raster_window_of<S: ReadAt>(
     loop {
         let mut window = without_poles(file, window_at(file, bounds, tolerance, least)?)?;
         let most = tolerance.unwrap_or(0.0).max(window.error);
-        let is_finest = window.depth == file.grid().depth();
-        // Not to read what lies far beyond.
-        let beyond = if is_finest { Some(0.0) } else { error_beyond(file, &window, most)? };
-        match beyond {
-            Some(beyond) => {
-                window.error = window.error.max(beyond);
-                return Ok(window);
-            }
-            None => least = window.depth + 1,
+        // With all samples nothing lies beyond.
+        if let Some(beyond) = error_beyond(file, &window, most)? {
+            window.error = window.error.max(beyond);
+            return Ok(window);
         }
+        least = window.depth + 1;
     }
 }
 
