@@ -118,6 +118,7 @@ const GEOGRAPHIC: [&str; 9] = [
 ];
 const PROJECTED: [&str; 5] = ["PROJCS", "PROJCRS", "PROJECTEDCRS", "DERIVEDPROJCRS", "BASEPROJCRS"];
 const VERTICAL: [&str; 4] = ["VERT_CS", "VERTCS", "VERTCRS", "VERTICALCRS"];
+const DATUMS: [&str; 4] = ["DATUM", "ENSEMBLE", "GEODETICDATUM", "TRF"];
 const LENGTH_UNITS: [&str; 2] = ["LENGTHUNIT", "UNIT"];
 const ANGLE_UNITS: [&str; 2] = ["ANGLEUNIT", "UNIT"];
 
@@ -328,7 +329,7 @@ impl Crs {
             let own = factor(meridian, &ANGLE_UNITS)?;
             self.meridian = meridian.number(1).unwrap_or(0.0) * own.unwrap_or(angle) / DEGREE;
         }
-        let datum = node.part(&["DATUM", "ENSEMBLE", "GEODETICDATUM", "TRF"]);
+        let datum = node.part(&DATUMS);
         if let Some(ellipsoid) = datum.and_then(|datum| datum.part(&["SPHEROID", "ELLIPSOID"])) {
             let metres = factor(ellipsoid, &LENGTH_UNITS)?.unwrap_or(1.0);
             let axis = ellipsoid.number(1).unwrap_or(f64::NAN) * metres;
@@ -378,8 +379,27 @@ impl Vertical {
     }
 }
 
+/// The geographic system of a text in WKT 1; none if it is another one, or in other angles than degrees.
+pub(super) fn globe_of(text: &str) -> Option<String> {
+    let tree = wkt::parse(text).ok()?;
+    let node = tree.first().filter(|node| GEOGRAPHIC.contains(&node.word.as_str()))?;
+    let crs = Crs::of_tree(&tree).ok()?;
+    let Body { axis, inverse_flattening } = crs.ellipsoid?;
+    let datum = node.part(&DATUMS)?;
+    let ellipsoid = datum.part(&["SPHEROID", "ELLIPSOID"])?;
+    let meridian = node.part(&["PRIMEM", "PRIMEMERIDIAN"]).map_or("Greenwich", |part| part.name());
+    Some(format!(
+        "GEOGCS[\"{}\",DATUM[\"{}\",SPHEROID[\"{}\",{axis},{inverse_flattening}]],PRIMEM[\"{meridian}\",{}],\
+         UNIT[\"degree\",0.0174532925199433]]",
+        node.name(),
+        datum.name(),
+        ellipsoid.name(),
+        crs.meridian
+    ))
+}
+
 /// What the EPSG dataset says about a code.
-fn text_of(code: u32) -> Option<&'static str> {
+pub(super) fn text_of(code: u32) -> Option<&'static str> {
     epsg_utils::epsg_to_wkt2(i32::try_from(code).ok()?).ok()
 }
 

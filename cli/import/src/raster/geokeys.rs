@@ -11,7 +11,7 @@ use super::{Parsed, grid_error, lengths};
 pub const MODEL_TYPE: u16 = 1024;
 /// Whether coordinates are of the middles of pixels or of their corners.
 pub const RASTER_TYPE: u16 = 1025;
-const CITATION: u16 = 1026;
+pub(super) const CITATION: u16 = 1026;
 /// The code of the geographic system.
 pub const GEODETIC_CRS: u16 = 2048;
 /// The name of the geographic system.
@@ -31,8 +31,8 @@ pub const INVERSE_FLATTENING: u16 = 2059;
 pub const PROJECTED_CRS: u16 = 3072;
 /// The name of the projected system.
 pub const PROJECTED_CITATION: u16 = 3073;
-const PROJECTION: u16 = 3074;
-const METHOD: u16 = 3075;
+pub(super) const PROJECTION: u16 = 3074;
+pub(super) const METHOD: u16 = 3075;
 /// The code of the unit of lengths.
 pub const LINEAR_UNITS: u16 = 3076;
 /// The unit of lengths in metres.
@@ -82,17 +82,17 @@ impl GeoTags {
     }
 
     /// The short value of a key; none where it is stored elsewhere or there is none.
-    fn key(&self, wanted: u16) -> Option<u16> {
+    pub(super) fn key(&self, wanted: u16) -> Option<u16> {
         let [location, count, value] = self.entry(wanted)?;
         (location == 0 && count == 1).then_some(value)
     }
 
-    fn number(&self, wanted: u16) -> Option<f64> {
+    pub(super) fn number(&self, wanted: u16) -> Option<f64> {
         let [location, _, at] = self.entry(wanted)?;
         self.doubles.get(usize::from(at)).copied().filter(|_| location == GEO_DOUBLES)
     }
 
-    fn text(&self, wanted: u16) -> Option<&str> {
+    pub(super) fn text(&self, wanted: u16) -> Option<&str> {
         let [location, count, at] = self.entry(wanted)?;
         let text = self.texts.get(usize::from(at)..)?;
         let text = text.get(..usize::from(count)).unwrap_or(text);
@@ -100,7 +100,7 @@ impl GeoTags {
     }
 
     /// A code of EPSG; none where further keys define the system.
-    fn code(&self, wanted: u16) -> Option<u16> {
+    pub(super) fn code(&self, wanted: u16) -> Option<u16> {
         self.key(wanted).filter(|&code| code != 0 && code != USER_DEFINED)
     }
 
@@ -155,6 +155,10 @@ impl GeoTags {
     fn projected(&self) -> Result<Crs, String> {
         let mut crs = self.system(PROJECTED_CRS, CrsKind::Projected, &[PROJECTED_CITATION, CITATION])?;
         if crs.name.is_empty()
+            && let Some(wkt) = self.projected_wkt()
+        {
+            crs = Crs::of_wkt(&wkt)?;
+        } else if crs.name.is_empty()
             && [PROJECTED_CITATION, CITATION, PROJECTION, METHOD].iter().any(|&key| self.entry(key).is_some())
         {
             let name = self.text(PROJECTED_CITATION).or(self.text(CITATION)).unwrap_or("no name");
@@ -168,7 +172,7 @@ impl GeoTags {
     }
 
     /// Metres in a unit of the coordinates, which may be another one than that of the system.
-    fn linear_unit(&self) -> Result<Option<f64>, String> {
+    pub(super) fn linear_unit(&self) -> Result<Option<f64>, String> {
         Ok(match (self.key(LINEAR_UNITS), self.number(LINEAR_UNIT_SIZE)) {
             (Some(USER_DEFINED), Some(metres)) => Some(length(metres)?),
             (None | Some(0 | USER_DEFINED), _) => None,
@@ -216,7 +220,7 @@ impl GeoTags {
     }
 
     /// The ellipsoid that keys describe.
-    fn body(&self) -> Result<Option<Body>, String> {
+    pub(super) fn body(&self) -> Result<Option<Body>, String> {
         let Some(axis) = self.number(SEMI_MAJOR_AXIS) else { return Ok(None) };
         let inverse_flattening = match (self.number(INVERSE_FLATTENING), self.number(SEMI_MINOR_AXIS)) {
             (Some(inverse), _) => inverse,

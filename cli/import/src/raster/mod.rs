@@ -20,6 +20,7 @@ mod gtx;
 mod header;
 mod heights;
 mod hgt;
+mod keyed;
 pub mod lengths;
 mod lerc;
 mod lines;
