@@ -14,7 +14,8 @@ pub(super) use causes::Causes;
 use super::ImportError;
 use lodpack_mesh::appearance::{Appearance, Material};
 use lodpack_mesh::images::{
-    ImageSource, MAX_IMAGE_TEXELS, decoding_bytes, image_size, is_finer_than_bytes, texels_of, unreadable,
+    ImageSource, MAX_IMAGE_TEXELS, coded_step as coded_step_of, decoding_bytes, image_size, is_finer_than_bytes,
+    texels_of, unreadable,
 };
 use lodpack_runtime::progress::Progress;
 use lodpack_runtime::storage::memory::least_for_decoding;
@@ -34,6 +35,8 @@ pub(super) fn check_images(
     progress: &dyn Progress,
 ) -> Result<(), ImportError> {
     (appearance.texels, appearance.decoding_bytes) = (0, 0);
+    let mut coded_step: Option<f64> = None;
+    let mut are_coded = true;
     appearance.image_sizes = vec![[0; 2]; appearance.images.len()];
     let (mut unusable, mut causes) = (BTreeSet::new(), Causes::default());
     for number in named_images(appearance) {
@@ -43,10 +46,15 @@ pub(super) fn check_images(
             let open = || image.open(None).map_err(|error| unreadable(&error));
             let size = image_size(open()?)?;
             let is_allowed = texels_of(size) <= MAX_IMAGE_TEXELS;
-            Ok((size, if is_allowed { decoding_bytes(open()?)? } else { 0 }, is_finer_than_bytes(open()?)?))
+            Ok((
+                size,
+                if is_allowed { decoding_bytes(open()?)? } else { 0 },
+                is_finer_than_bytes(open()?)?,
+                coded_step_of(open()?)?,
+            ))
         };
         match look() {
-            Ok(([width, height], bytes, is_finer)) => {
+            Ok(([width, height], bytes, is_finer, step)) => {
                 let texels = texels_of([width, height]);
                 if texels > MAX_IMAGE_TEXELS {
                     return Err(ImportError::Image { name, width, height, limit: MAX_IMAGE_TEXELS });
@@ -66,6 +74,8 @@ pub(super) fn check_images(
                         format!("the image {name} has more than 8 bits for each number; texels of the file have 8")
                     });
                 }
+                are_coded &= step.is_some();
+                coded_step = step.map(|step| coded_step.map_or(step, |least| least.min(step))).or(coded_step);
                 appearance.texels += texels;
                 appearance.image_sizes[number] = [width, height];
                 appearance.decoding_bytes = appearance.decoding_bytes.max(bytes);
@@ -78,6 +88,7 @@ pub(super) fn check_images(
             }
         }
     }
+    appearance.coded_step = coded_step.filter(|_| are_coded);
     causes.sentences().for_each(|sentence| progress.note(&sentence));
     appearance.materials.iter_mut().for_each(|material| drop_images(material, &unusable));
     Ok(())

@@ -126,6 +126,8 @@ pub struct Appearance {
     pub image_sizes: Vec<[u32; 2]>,
     /// Texels of all images.
     pub texels: u64,
+    /// The smallest step by which images were quantised before, of 255; none unless all were.
+    pub coded_step: Option<f64>,
     /// The most memory that decoding one of them takes, of those that are decoded as a whole.
     pub decoding_bytes: u64,
 }

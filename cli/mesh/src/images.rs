@@ -184,6 +184,15 @@ pub fn is_finer_than_bytes(encoded: impl EncodedImage) -> Result<bool, String> {
     Ok(colours.bytes_per_pixel() > colours.channel_count())
 }
 
+/// By which step a lossy image was quantised when it was coded, of 255: what is lost is not worth coding again. None
+/// of images of which nothing, or nobody knows what, was lost.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn coded_step(mut encoded: impl EncodedImage) -> Result<Option<f64>, String> {
+    jpeg::brightness_step(&mut encoded).map_err(|error| unreadable(&error))
+}
+
 /// Whether an image says how opaque each texel is.
 ///
 /// # Errors

@@ -4,6 +4,8 @@ use std::io;
 
 use super::EncodedImage;
 
+/// The marker of tables of quantisation.
+const TABLES: u8 = 0xDB;
 /// The marker of a scan.
 const SCAN: u8 = 0xDA;
 /// That of the end.
@@ -48,6 +50,30 @@ pub(super) fn frame_size(encoded: &mut impl EncodedImage) -> io::Result<Option<[
     encoded.read_exact(&mut frame)?;
     let [_, _, _, a, b, c, d] = frame;
     Ok(Some([u16::from_be_bytes([c, d]), u16::from_be_bytes([a, b])].map(u32::from)))
+}
+
+/// How many of the lowest frequencies say how much a table of quantisation loses: most of what images have.
+const LOWEST: usize = 10;
+
+/// The root mean square of the steps by which a JPEG has quantised the lowest frequencies of its first table, that of
+/// brightness; none of what is no JPEG, or has no table.
+pub(super) fn brightness_step(encoded: &mut impl EncodedImage) -> io::Result<Option<f64>> {
+    if find_marker(encoded, |marker| [TABLES, SCAN].contains(&marker))? != Some(TABLES) {
+        return Ok(None);
+    }
+    // Two bytes of length and one of precision come first; frequencies follow from low to high.
+    let mut start = [0; 3];
+    encoded.read_exact(&mut start)?;
+    let is_wide = start[2] >> 4 > 0;
+    let mut bytes = [0; 2 * LOWEST];
+    let bytes = &mut bytes[..LOWEST * if is_wide { 2 } else { 1 }];
+    encoded.read_exact(bytes)?;
+    let square = |step: u16| f64::from(step) * f64::from(step);
+    let sum: f64 = match is_wide {
+        true => bytes.as_chunks().0.iter().map(|&pair| square(u16::from_be_bytes(pair))).sum(),
+        false => bytes.iter().map(|&step| square(step.into())).sum(),
+    };
+    Ok(Some((sum / LOWEST as f64).sqrt()))
 }
 
 /// Whether something is a JPEG without the marker of its end: its decoder fills what is missing with grey, and says

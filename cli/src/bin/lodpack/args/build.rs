@@ -55,9 +55,9 @@ pub struct ModelArgs {
     /// vertex that the input has, all for these and all normals, none for the shape alone, or names, as colour,quality.
     #[arg(long, default_value_t, value_name = "auto|all|none|NAME,...")]
     pub channels: Channels,
-    /// How good stored colours are, and normals and factors of materials: from 1 (smallest) to 100 (almost exact), or
-    /// lossless, which keeps the texels that are made of the input, in 8 bits, as they are. Files get larger for it,
-    /// and readers of earlier versions draw them without these channels.
+    /// How good stored colours are, and normals and factors of materials: auto, as good as the input (85, or of JPEG
+    /// images as its tables say), a number from 1 (smallest) to 100 (almost exact), or lossless, which keeps the texels
+    /// that are made of the input, in 8 bits, as they are, and makes larger files.
     #[arg(long, value_name = "QUALITY", default_value_t, alias = "colour-quality")]
     pub color_quality: ColourQuality,
     /// Cut the surface of an atlas into charts as that of a mesh: fewer and larger ones, which take fewer bytes. By
