@@ -332,18 +332,22 @@ impl Renderer {
         // Those of tiles are small.
         let is_uploaded = is_uploaded || drawn.images().is_some() && !has_image;
         let stamp = if waits { 0 } else { drawn.stamp() };
+        // The image that is drawn until a finer one is uploaded.
+        let mut coarser = None;
         let known = match before {
             Some(before) if before.has_triangles_of(drawn) && (has_image || waits) => {
                 return Block { info, stamp, ..before };
             }
             Some(before) => {
+                let keeps_image = has_image || waits && before.info[1] == level;
+                coarser = before.texture.filter(|_| keeps_image);
                 self.pool.give_back(before.place);
-                before.own.and_then(|own| own.texels).filter(|_| has_image)
+                before.own.and_then(|own| own.texels).filter(|_| keeps_image)
             }
             None => None,
         };
         let texels = if is_uploaded { self.upload(drawn) } else { known };
-        let texture = drawn.texture().filter(|_| !waits).cloned();
+        let texture = if waits { coarser } else { drawn.texture().cloned() };
         let images = drawn.images().cloned();
         Block { stamp, light: drawn.light_stamp(), texture, images, ..self.block(info, &self.planted(drawn), texels) }
     }
