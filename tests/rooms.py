@@ -47,7 +47,7 @@ CIRCLES = {
     "reader/src/codec/entropy: sharing tables tally": "tables are shared by what their histograms cost, which is counted in tables",
     "reader/src/codec/filling/irregular: connectivity geometry": "the machine asks for forecasts, which walk over its triangles",
     "reader/src/codec/filling/irregular: encode target": "the target refuses with the encoder's error",
-    "reader/src/codec/texels: colours image loss values": "an image is coded by what codes its kind, and that takes and gives images",
+    "reader/src/codec/texels: colours image planes values": "an image is coded by what codes its kind, and that takes and gives images",
     "reader/src/decode: cut stitch": "a cut becomes the stitcher's mesh, and the stitcher takes what the cut draws",
     "reader/src/heights: bounds file index tiles tree": "the file reads its tree on demand, whose tiles lie in boxes that the index knows",
     "reader/src/heights: grid page": "the grid is as deep as pages reach",

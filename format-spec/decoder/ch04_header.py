@@ -34,9 +34,9 @@ class Header:
 # ---- 5 Section
 # directory -------------------------------------------------------------------------------------------------
 
-SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS, PLACEMENT, HEIGHTS, HEIGHT_INDEX, RAMP, GROUND = range(1, 15)
+SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS, PLACEMENT, HEIGHTS, HEIGHT_INDEX, RAMP, GROUND, SCALES = range(1, 16)
 SECTION_FLAGS = {SOURCE: 0, LEVELS: 1, TABLES: 1, CLUSTERS: 1, INDEX: 3, PAGES: 3, OVERVIEW: 0, CHANNELS: 0, TEXELS: 2, PLACEMENT: 0}
-SECTION_FLAGS |= {HEIGHTS: 1, HEIGHT_INDEX: 3, RAMP: 0, GROUND: 2}
+SECTION_FLAGS |= {HEIGHTS: 1, HEIGHT_INDEX: 3, RAMP: 0, GROUND: 2, SCALES: 1}
 FIRST_PRIVATE_KIND = 0x80000000
 
 
@@ -73,6 +73,8 @@ def read_sections(file, header):
     must(not has_heights or (header.origin, header.step_log2) == ([0.0] * 3, 0), "heights have a lattice")
     must((CHANNELS in sections) == (TEXELS in sections), "CHANNELS is there without TEXELS, or TEXELS without CHANNELS")
     must(CHANNELS not in sections or header.minor >= 1, "a file of version 4.0 has channels")
+    must(SCALES not in sections or CHANNELS in sections, "SCALES is there without CHANNELS")
+    must(SCALES not in sections or header.minor >= 4, "a file of a version before 4.4 has images in scales")
     must(last_kind == PAGES, "PAGES is not the last section")
     must(end == len(file), "there are bytes after the last section")
     return sections

@@ -1,10 +1,10 @@
-"""Chapter 20: the sections CHANNELS and TEXELS."""
+"""Chapter 20: the sections CHANNELS, SCALES and TEXELS."""
 
 import zlib
 from collections import namedtuple
 
 from .ch02_conventions import Bytes, Damaged, must
-from .ch06_resident import Part, read_part
+from .ch06_resident import read_part
 
 
 # ---- 20.1 Section
@@ -43,6 +43,23 @@ class Channels:
             self.channels.append(channel)
             self.stream_bytes.append(data.varint())
         data.end()
+        self.scales = [1] * count  # into how many streams an image is divided (20.3)
+
+    def read_scales(self, section):
+        must(len(section) == len(self.channels), "SCALES does not have a byte for each channel")
+        must(set(section) <= {1, 4} and 4 in section, "SCALES says neither 1 nor 4, or never 4")
+        for channel, count in zip(self.channels, section):
+            must(count == 1 or channel.kind in CODED_AS_COLOURS, "a channel of such a kind is not in scales")
+        self.scales = list(section)
+
+    def streams(self):
+        """For each stream of a block the number of its size in `stream_bytes`."""
+        return [0] + [1 + c for c, count in enumerate(self.scales) for _ in range(count)]
+
+    def divided(self, streams):
+        """The streams of each channel's image, of those of a block."""
+        firsts = [1 + sum(self.scales[:c]) for c in range(len(self.scales))]
+        return [streams[first : first + count] for first, count in zip(firsts, self.scales)]
 
 
 # ---- 20.2 Section
@@ -53,9 +70,9 @@ CHUNK_CLUSTERS = 256
 
 def read_texels(section, channels, index):
     """The texel streams of all blocks: by root a dictionary of lists, by level."""
-    stream_count = len(channels.stream_bytes)
+    streams = channels.streams()
     entries, ends = read_texel_table(section, len(index))
-    texels, sums = [], [0] * stream_count
+    texels, sums = [], [0] * len(channels.stream_bytes)
     data = Bytes(section, "TEXELS")
     data.take(16 * len(index) + 12 * -(-len(index) // CHUNK_CLUSTERS))
     for block, (offset, length, crc), end in zip(index, entries, ends):
@@ -63,14 +80,16 @@ def read_texels(section, channels, index):
         directory = Bytes(data.take(length), "a texel directory")
         must(crc == (zlib.crc32(directory.data) if length > 0 else 0), "the checksum of a texel directory is wrong")
         keys = sorted((l, k) for k, root in enumerate(block.roots) for l in root.blocks)
-        of_cluster = [{} for _ in block.roots]
-        parts = {key: [read_part(directory) for _ in range(stream_count)] if length > 0 else [Part(0, 0)] * stream_count for key in keys}
+        of_cluster = [{l: [b""] * len(streams) for l in root.blocks} for root in block.roots]
+        places = [(l, k, number) for l, k in keys for number in range(len(streams))]
+        if 4 in channels.scales:
+            places.sort(key=lambda place: (place[0], place[2], place[1]))
+        parts = [(place, read_part(directory)) for place in places] if length > 0 else []
         directory.end()
-        for (l, k), of_block in parts.items():
-            of_cluster[k][l] = [data.take(part.length) for part in of_block]
-            for number, (part, stream) in enumerate(zip(of_block, of_cluster[k][l])):
-                must(part.length == 0 or zlib.crc32(stream) == part.crc, "the checksum of a texel stream is wrong")
-                sums[number] += part.length
+        for (l, k, number), part in parts:
+            stream = of_cluster[k][l][number] = data.take(part.length)
+            must(part.length == 0 or zlib.crc32(stream) == part.crc, "the checksum of a texel stream is wrong")
+            sums[streams[number]] += part.length
         must(data.at == end, "the texels of a cluster do not have the size that the table gives")
         must(length == 0 or end > offset + length, "a texel directory has only empty streams")
         texels += of_cluster

@@ -326,14 +326,15 @@ def decode_values(data, width, height, components):
 # Normals --------------------------------------------------------------------------------------------------------
 
 
-def directions(rows, map_):
-    """Directions as three bytes, 128 + 127 times each coordinate; 0 beside all pieces."""
-    result = [[(0, 0, 0)] * map_.width for _ in range(map_.height)]
+def directions(rows, map_, share=1.0):
+    """Directions as three bytes, 128 + 127 times each coordinate; 0 beside all pieces. Places of the map are multiplied
+    by a share where the image is a smaller one (21.8)."""
+    result = [[(0, 0, 0)] * len(rows[0]) for _ in rows]
     pieces = zip(map_.axes, map_.normals, map_.sizes, map_.ranges)
     for (u, v), normal, (length, width), ((left, right), (top, bottom)) in pieces:
         u, v = scale(u, length), scale(v, width)
-        for y in range(int(top), int(bottom) + 1):
-            for x in range(int(left), int(right) + 1):
+        for y in range(int(top * share), int(bottom * share) + 1):
+            for x in range(int(left * share), int(right * share) + 1):
                 a, b = ((byte - 128) / 127 for byte in rows[y][x])
                 square = a * a + b * b
                 if square > 1:

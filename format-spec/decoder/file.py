@@ -12,6 +12,7 @@ from .ch04_header import (
     PAGES,
     PLACEMENT,
     read_sections,
+    SCALES,
     SOURCE,
     TABLES,
     TEXELS,
@@ -72,6 +73,8 @@ class File:
             page = sections[PAGES][level.page_offset : level.page_offset + level.page_bytes]
             self.decode_page(l, page, states)
         self.channels = Channels(sections[CHANNELS]) if CHANNELS in sections else None
+        if SCALES in sections:
+            self.channels.read_scales(sections[SCALES])
         self.texels = read_texels(sections[TEXELS], self.channels, self.index) if self.channels else None
         self.ground = Ground(sections[GROUND], self.placement) if GROUND in sections else None
 

@@ -8,6 +8,7 @@ from .ch02_conventions import bound, must
 from .ch11_patches import FILLINGS
 from .ch14_cuts import Cut, open_edges
 from .ch20_channels import CODED_AS_COLOURS, CODED_EXACTLY, KINDS, NORMALS
+from .ch21_scales import decode_scaled
 from .ch21_texels import decode_colours, decode_exact, decode_values, directions, Map
 from .ch22_cuts import HeightsCut
 from .ch22_heights import CELLS, SIDE
@@ -16,7 +17,7 @@ from .ch22_tiles import Drawn
 
 def print_texels(file, out):
     """Per block with a map: its root and level, the size of its images, and for each image a checksum of what is
-    coded."""
+    coded, or of an image in scales one for each scale."""
     for number, patches in enumerate(file.patches):
         for l, patch in patches.items():
             streams = file.texels[number][l] if file.channels else [b""]
@@ -24,20 +25,29 @@ def print_texels(file, out):
                 continue
             map_ = Map(streams[0], patch)
             sums = []
-            for channel, stream in zip(file.channels.channels, streams[1:]):
+            for channel, (stream, *finer) in zip(file.channels.channels, file.channels.divided(streams)):
                 if not stream or channel.kind not in KINDS:
                     sums.append(None)
                     continue
-                decode, code = decode_values, "<H"
+                size = map_.width, map_.height, channel.components
+                if finer:
+                    scales = [decode_scaled([stream, *finer][: s + 1], *size) for s in range(4)]
+                    sums.append([checksum(rows, channel, map_, s) for s, rows in enumerate(scales)])
+                    continue
+                decode = decode_values
                 if channel.kind in CODED_AS_COLOURS + CODED_EXACTLY:
-                    decode, code = decode_exact if channel.kind in CODED_EXACTLY else decode_colours, "B"
-                rows = decode(stream, map_.width, map_.height, channel.components)
-                rows = [[texel or (0,) * channel.components for texel in row] for row in rows]
-                if channel.kind in NORMALS:
-                    rows = directions(rows, map_)
-                texels = (texel for row in rows for texel in row)
-                sums.append(zlib.crc32(b"".join(struct.pack(code, x) for texel in texels for x in texel)))
+                    decode = decode_exact if channel.kind in CODED_EXACTLY else decode_colours
+                sums.append(checksum(decode(stream, *size), channel, map_, 3))
             out.write(f"{number} {l} {map_.width} {map_.height} {json.dumps(sums)}\n")
+
+
+def checksum(rows, channel, map_, s):
+    """Of an image at a scale."""
+    rows = [[texel or (0,) * channel.components for texel in row] for row in rows]
+    if channel.kind in NORMALS:
+        rows = directions(rows, map_, 2.0 ** (s - 3))
+    code = "B" if channel.kind in CODED_AS_COLOURS + CODED_EXACTLY else "<H"
+    return zlib.crc32(b"".join(struct.pack(code, x) for row in rows for texel in row for x in texel))
 
 
 def bits_of(x):
@@ -57,9 +67,10 @@ def print_json(file, out):
         texels = {"texels": [stream.hex() for stream in file.texels[number][l]]} if file.channels else {}
         return line(head | {"interior": patch.interior, "triangles": patch.triangles} | texels)
 
-    def channel(x):
+    def channel(x, scale_count):
         numbers = {name: bits_of(value) for name, value in zip(("low", "step", "bound"), x[3:])}
-        return {"name": x.name, "kind": KINDS.get(x.kind, "unknown"), "components": x.components} | numbers
+        kind = ("scaled " if scale_count == 4 else "") + KINDS.get(x.kind, "unknown")
+        return {"name": x.name, "kind": kind, "components": x.components} | numbers
 
     def samples(knots):
         return [[knot.parameter, knot.level, knot.position] for knot in knots[1:-1]]
@@ -93,7 +104,7 @@ def print_json(file, out):
         members.append(f'"overview":{line(head | {"interior": o.patch.interior, "triangles": o.patch.triangles})}')
     if file.channels is not None:
         members.append(f'"texel_bytes":{line(file.channels.stream_bytes)}')
-        members.append(array("channels", [line(channel(x)) for x in file.channels.channels]))
+        members.append(array("channels", [line(channel(*x)) for x in zip(file.channels.channels, file.channels.scales)]))
     if file.placement is not None:
         up, unit, origin, crs = file.placement
         # Every character that could be written in two ways is written as UTF-16.

@@ -29,15 +29,19 @@ fn main() {
     let used = vec![true; texels as usize];
     println!("step  bits/texel   PSNR dB   Mtexel/s");
     for step in steps {
-        let coded = if step == 0 { encode_exact_image(&image, &used) } else { encode_image(&image, &used, step) };
-        let decode = if step == 0 { Image::decode_exact } else { Image::decode_colours };
+        let coded =
+            if step == 0 { vec![encode_exact_image(&image, &used)] } else { encode_image(&image, &used, step).into() };
+        let decode = |coded: &[Vec<u8>], size, components| match step {
+            0 => Image::decode_exact(&coded[0], size, components),
+            _ => Image::decode_scaled(coded, size, components),
+        };
         let start = Instant::now();
         let decoded = decode(&coded, image.size, 3).expect("it was just encoded");
         let seconds = start.elapsed().as_secs_f64();
         let difference = |(&a, &b): (&u8, &u8)| f64::from(a.abs_diff(b)) * f64::from(a.abs_diff(b));
         let squares: f64 = image.data.iter().zip(&decoded.data).map(difference).sum();
         let decibels = 10.0 * (255.0 * 255.0 * 3.0 * texels / squares).log10();
-        let bits = coded.len() as f64 * 8.0 / texels;
+        let bits = coded.concat().len() as f64 * 8.0 / texels;
         println!("{step:4}  {bits:10.3}  {decibels:8.2}  {:9.1}", texels / seconds / 1e6);
     }
 }

@@ -12,7 +12,7 @@ use crate::{
         records::SourceInfo,
     },
     index::{
-        ChannelInfo, FileSummary, Index, LevelSummary, Opener, Placement, RootContents, TexelBytes,
+        ChannelInfo, FileSummary, Index, LevelSummary, Opener, Placement, RootContents, Scale, TexelBytes,
         opener::FIRST_READ_BYTES,
     },
     lattice::Lattice,
@@ -202,12 +202,12 @@ impl<S: ReadAt> File<S> {
     }
 
     /// Reads the texels of some roots, each at a level or at the next coarser one that it has, in this order: the maps,
-    /// and the images of some channels.
+    /// and the images of some channels at a scale.
     ///
     /// # Errors
     /// As [`Index::texels`]; [`Error::Io`].
-    pub fn texels(&self, wanted: &[(u32, u8)], channels: &[u8]) -> Result<Vec<TexelBytes>> {
-        self.ask(|index, fetched| index.texels(wanted, channels, fetched))
+    pub fn texels(&self, wanted: &[(u32, u8)], channels: &[u8], scale: Scale) -> Result<Vec<TexelBytes>> {
+        self.ask(|index, fetched| index.texels(wanted, channels, scale, fetched))
     }
 
     /// How many bytes of index blocks and pages a cut needs: see [`decode::own_bytes`].

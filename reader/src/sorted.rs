@@ -65,6 +65,14 @@ impl<K, V> SortedMap<K, V> {
         Counted { entries: self.runs.iter().flatten().map(|(_, value)| value), left: self.count }
     }
 
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = (&K, &mut V)> {
+        self.runs.iter_mut().flatten().map(|(key, value)| (&*key, value))
+    }
+
+    pub fn values_mut(&mut self) -> impl Iterator<Item = &mut V> {
+        self.runs.iter_mut().flatten().map(|(_, value)| value)
+    }
+
     pub fn into_values(self) -> impl Iterator<Item = V> {
         self.runs.into_iter().flatten().map(|(_, value)| value)
     }
@@ -321,11 +329,6 @@ impl<K> SortedSet<K> {
     /// The keys, ascending.
     pub fn iter(&self) -> impl DoubleEndedIterator<Item = &K> + Clone {
         self.0.keys()
-    }
-
-    /// Removes all keys but those that are to be kept.
-    pub fn retain(&mut self, mut keeps: impl FnMut(&K) -> bool) {
-        self.0.retain(|key, ()| keeps(key));
     }
 
     /// The least key.

@@ -102,7 +102,8 @@ impl<S: ReadAt> File<S> {
             let Some(directory) = self.ask(|index, fetched| index.texel_directory(cluster, fetched))? else { continue };
             for level in 0..self.index().levels().levels.len() as u8 {
                 let of_level = || directory.streams().filter(move |((of_stream, ..), _)| *of_stream == level);
-                for ((.., number), part) in of_level() {
+                for ((.., stream), part) in of_level() {
+                    let number = self.index().channel_of_stream(stream).map_or(0, |channel| 1 + channel);
                     stream_bytes[number] = stream_bytes[number].saturating_add(part.length);
                 }
                 let streams = || of_level().map(|((level, root, number), part)| ((cluster, level, root, number), part));

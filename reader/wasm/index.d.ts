@@ -393,8 +393,10 @@ export interface StreamOptions {
   byteCache?: number;
   /** Bound of the cache of decoded surfaces, bytes; 256 MiB. */
   decodedCache?: number;
-  /** Bound of the cache of decoded images, bytes; 128 MiB. What is drawn can exceed it. */
+  /** Bound of the cache of decoded images, bytes; 128 MiB. They are drawn smaller where they would not fit. */
   texelCache?: number;
+  /** How many texels images have at least along each side of a pixel, up to twice as many; above 0; 1. */
+  texelsPerPixel?: number;
   /** The channel to show: 'auto' (the first one of colours), 'none' or a name; 'none'. */
   channel?: 'auto' | 'none' | (string & {});
   /** The values that get the first and the last colour of the ramp, for numbers; those of the coarsest level. */

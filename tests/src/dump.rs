@@ -5,7 +5,7 @@ use lodpack::{
     File, Ground, LatticePoint, Overview, ReadAt, Result,
     decode::Patch,
     heights::SIDE,
-    index::{BlockContents, ChannelInfo, Placement, RootContents, TexelBytes},
+    index::{BlockContents, ChannelInfo, Placement, RootContents, Scale, TexelBytes},
 };
 use std::fmt::{Display, Write};
 
@@ -88,7 +88,7 @@ fn root_text<R: ReadAt>(file: &File<R>, root: u32) -> Result<String> {
     let mut texts = vec![];
     let channels: Vec<u8> = (0..file.channels().len() as u8).collect();
     for block in &blocks {
-        let texels = file.texels(&[(root, block.level)], &channels)?;
+        let texels = file.texels(&[(root, block.level)], &channels, Scale::Full)?;
         let texels = texels.iter().filter(|_| !channels.is_empty()).map(texel_text).collect::<String>();
         texts.push(block_text(block, &file.decode_root(root, block.level)?.patch, &texels));
     }
@@ -118,16 +118,23 @@ fn block_text(block: &BlockContents, patch: &Patch, texels: &str) -> String {
 /// The texel streams of a block, as hexadecimal digits.
 fn texel_text(texels: &TexelBytes) -> String {
     let hex = |bytes: &Vec<u8>| format!("\"{}\"", bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>());
-    format!(r#","texels":{}"#, list([&texels.map].into_iter().chain(&texels.images).map(hex)))
+    format!(r#","texels":{}"#, list([&texels.map].into_iter().chain(texels.images.iter().flatten()).map(hex)))
 }
 
 fn channel_text(channel: &ChannelInfo) -> String {
-    let ChannelInfo { name, kind, is_exact, components, low, step, bound } = channel;
-    let (exact, kind) = (if *is_exact { "exact " } else { "" }, kind.name());
+    let ChannelInfo { name, kind, is_exact, is_scaled, components, low, step, bound } = channel;
+    let coding = if *is_exact {
+        "exact "
+    } else if *is_scaled {
+        "scaled "
+    } else {
+        ""
+    };
+    let kind = kind.name();
     let [low, step, bound] = [low, step, bound].map(|&x| bits(x));
     let name = quoted(name);
     format!(
-        r#"{{"name":{name},"kind":"{exact}{kind}","components":{components},"low":{low},"step":{step},"bound":{bound}}}"#
+        r#"{{"name":{name},"kind":"{coding}{kind}","components":{components},"low":{low},"step":{step},"bound":{bound}}}"#
     )
 }
 

@@ -6,7 +6,7 @@ use crate::open;
 use glam::DVec3;
 use lodpack::Query;
 use lodpack::decode::{ChannelImage, TexturedMesh};
-use lodpack::index::ChannelKind;
+use lodpack::index::{ChannelKind, Scale};
 use lodpack_cli::mesh::Mesh;
 use lodpack_tests::generate::{bumpy_sphere, save_ply, torus};
 use std::fs;
@@ -647,7 +647,7 @@ pub(crate) fn texels_of_both_decoders(path: &Path) -> [String; 2] {
             let positions: Vec<_> = positions.chain(patch.patch.interior.iter().copied()).collect();
             let channels: Vec<_> = file.channels().iter().collect();
             let numbers: Vec<u8> = (0..channels.len() as u8).collect();
-            let texels = &file.texels(&[(root, block.level)], &numbers).expect("sound")[0];
+            let texels = &file.texels(&[(root, block.level)], &numbers, Scale::Full).expect("sound")[0];
             let texture = lodpack::decode::Texture::decode(texels, &channels, &positions, &patch.patch, 1 << 24);
             let texture = texture.expect("sound");
             let size = texture.map.expect("every block has texels").size;
@@ -661,7 +661,19 @@ pub(crate) fn texels_of_both_decoders(path: &Path) -> [String; 2] {
                 }
                 None => "null".to_owned(),
             };
-            let sums: Vec<String> = texture.images.iter().map(sum).collect();
+            let scales = [Scale::Eighth, Scale::Quarter, Scale::Half, Scale::Full];
+            let of_scales = scales.map(|scale| {
+                let texels = &file.texels(&[(root, block.level)], &numbers, scale).expect("sound")[0];
+                lodpack::decode::Texture::decode(texels, &channels, &positions, &patch.patch, 1 << 24).expect("sound")
+            });
+            let sum_of = |(number, image): (usize, &Option<ChannelImage>)| match image {
+                Some(_) if channels[number].is_scaled => {
+                    let all = of_scales.iter().map(|texture| sum(&texture.images[number]));
+                    format!("[{}]", all.collect::<Vec<_>>().join(", "))
+                }
+                image => sum(image),
+            };
+            let sums: Vec<String> = texture.images.iter().enumerate().map(sum_of).collect();
             expected += &format!("{root} {} {} {} [{}]\n", block.level, size[0], size[1], sums.join(", "));
         }
     }

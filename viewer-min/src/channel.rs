@@ -51,6 +51,7 @@ pub(crate) fn channels_of_heights(has_ramp: bool) -> Vec<ChannelInfo> {
         name: name.into(),
         kind,
         is_exact: false,
+        is_scaled: false,
         components: 3,
         low: 0.0,
         step: 1.0,
@@ -104,7 +105,16 @@ mod tests {
     use super::*;
 
     fn channel(name: &str, kind: ChannelKind) -> ChannelInfo {
-        ChannelInfo { name: name.into(), kind, is_exact: false, components: 3, low: 0.0, step: 1.0, bound: 0.0 }
+        ChannelInfo {
+            name: name.into(),
+            kind,
+            is_exact: false,
+            is_scaled: false,
+            components: 3,
+            low: 0.0,
+            step: 1.0,
+            bound: 0.0,
+        }
     }
 
     #[test]

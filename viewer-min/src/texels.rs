@@ -196,6 +196,7 @@ mod tests {
             name,
             kind,
             is_exact: false,
+            is_scaled: false,
             components: 1,
             low: 0.0,
             step: 1.0,

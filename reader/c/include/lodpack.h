@@ -338,8 +338,10 @@ typedef struct {
   uint64_t page_cache_bytes;
   // Most bytes of decoded triangles.
   uint64_t mesh_cache_bytes;
-  // Most bytes of decoded images.
+  // Most bytes of decoded images. They are drawn smaller where they would not fit.
   uint64_t texel_cache_bytes;
+  // Images have at least as many texels along each side of a pixel, and up to twice as many; above 0. 1 by default.
+  double texels_per_pixel;
   // Threads that read and decode; at least 1.
   uint32_t thread_count;
   // Whether frames wait until everything that they want is there. By default they do not: what is missing is drawn

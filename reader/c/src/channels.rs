@@ -122,6 +122,7 @@ fn channel_of_heights(info: &lodpack::heights::HeightsInfo) -> ChannelInfo {
         name: "height".into(),
         kind: ChannelKind::Scalar,
         is_exact: false,
+        is_scaled: false,
         components: 1,
         low: info.zero,
         step: info.step,

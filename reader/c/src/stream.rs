@@ -47,8 +47,10 @@ pub struct StreamOptions {
     pub page_cache_bytes: u64,
     /// Most bytes of decoded triangles.
     pub mesh_cache_bytes: u64,
-    /// Most bytes of decoded images.
+    /// Most bytes of decoded images. They are drawn smaller where they would not fit.
     pub texel_cache_bytes: u64,
+    /// Images have at least as many texels along each side of a pixel, and up to twice as many; above 0. 1 by default.
+    pub texels_per_pixel: f64,
     /// Threads that read and decode; at least 1.
     pub thread_count: u32,
     /// Whether frames wait until everything that they want is there. By default they do not: what is missing is drawn
@@ -146,6 +148,7 @@ pub extern "C" fn lodpack_stream_options_default() -> StreamOptions {
         page_cache_bytes: options.byte_cache,
         mesh_cache_bytes: options.decoded_cache,
         texel_cache_bytes: options.texel_cache,
+        texels_per_pixel: options.texels_per_pixel,
         thread_count: thread_count as u32,
         waits: 0,
         channels: std::ptr::null(),
@@ -178,6 +181,7 @@ fn open(file: &File, options: &StreamOptions, channels: &[u32]) -> Result<Stream
         byte_cache: options.page_cache_bytes,
         decoded_cache: options.mesh_cache_bytes,
         texel_cache: options.texel_cache_bytes,
+        texels_per_pixel: options.texels_per_pixel,
         ..Options::default()
     };
     let thread_count = options.thread_count.clamp(1, 256) as usize;

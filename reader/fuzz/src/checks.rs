@@ -9,6 +9,7 @@ use std::{io, sync::Arc, time::Duration};
 use lodpack::{
     Cut, Error, File, Limits, Node, Outside, Query, ReadAt, Result, View,
     heights::{Heights, HeightsQuery, TileId},
+    index::Scale,
     select::{Adapter, Coherence},
     source::Request,
     stream::{HeightsSession, Job, Lit, Options, Picture, Simulation},
@@ -155,10 +156,12 @@ pub fn page(bytes: &[u8]) {
     let channels: Vec<u8> = (0..file.channels().len() as u8).collect();
     for root in (0..file.root_count()).take(64) {
         let wanted: Vec<(u32, u8)> = (0..file.level_count() as u8).map(|level| (root, level)).collect();
-        if let Ok(texels) = file.texels(&wanted, &channels) {
+        for scale in [Scale::Eighth, Scale::Full] {
+            let Ok(texels) = file.texels(&wanted, &channels, scale) else { continue };
             assert_eq!(texels.len(), wanted.len());
             // A stream is a part of the file.
-            assert!(texels.iter().flat_map(|t| [&t.map].into_iter().chain(&t.images)).all(|s| s.len() < bytes.len()));
+            let streams = texels.iter().flat_map(|t| t.images.iter().flatten().chain([&t.map]));
+            assert!(streams.into_iter().all(|stream| stream.len() < bytes.len()));
         }
     }
     let _ = file.borders();
@@ -194,6 +197,9 @@ pub fn session(bytes: &[u8]) {
             }
             let cut = adapter.cut();
             check_cut(&cut, &query);
+            // Now and then as it looks from there, with images of other sizes.
+            let view = query.view.as_ref().filter(|_| frame > 0);
+            assert!(session.look_from(view).is_ok() || view.is_some());
             if simulation.frame(&mut session, &cut.nodes, &cut.nodes).is_ok() {
                 check_picture(session.picture(), options.light);
             }

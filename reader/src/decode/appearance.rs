@@ -143,6 +143,7 @@ mod tests {
             name: "x".into(),
             kind,
             is_exact: false,
+            is_scaled: false,
             components: 1,
             low: -1.0,
             step: 0.5,

@@ -6,9 +6,10 @@
 
 use std::collections::VecDeque;
 
+use super::ChannelImage;
 use crate::codec::{
     patch::LatticePoint,
-    texels::{Image, Map},
+    texels::{Image, Map, halved},
 };
 
 /// How far from what a patch covers texels are stored, because images are interpolated and borders of finer neighbours
@@ -43,7 +44,7 @@ impl Covered {
     }
 
     /// Gives texels that were not stored the values of others.
-    pub fn fill<T: Copy>(&self, image: &mut Image<T>) {
+    fn fill<T: Copy>(&self, image: &mut Image<T>) {
         let components = usize::from(image.components);
         for &[to, from] in &self.copies {
             let from = from as usize * components;
@@ -51,8 +52,75 @@ impl Covered {
         }
     }
 
+    /// An image halved so many times along each side: means of squares, of the texels that the patch covers if it
+    /// covers any; or one of these texels, if nothing lies between their values.
+    fn halved<T: Copy + Default + Into<f64>>(
+        &self,
+        image: &Image<T>,
+        times: u8,
+        is_mean: bool,
+        rounded: impl Fn(f64) -> T,
+    ) -> Image<T> {
+        let (side, components) = (1_u32 << times, usize::from(image.components));
+        let mut result = Image::filled(halved(image.size, times), &vec![T::default(); components]);
+        let width = result.size[0] as usize;
+        for (number, texel) in result.data.chunks_exact_mut(components).enumerate() {
+            let [left, top] = [number % width, number / width].map(|place| place as u32 * side);
+            let (mut sums, mut count, mut is_known) = ([0.0; 4], 0.0, false);
+            for (x, y) in (top..(top + side).min(image.size[1]))
+                .flat_map(|y| (left..(left + side).min(image.size[0])).map(move |x| (x, y)))
+            {
+                let is_covered = self.is_covered[y as usize * image.size[0] as usize + x as usize];
+                if is_known && !(is_covered && is_mean) {
+                    continue;
+                }
+                if is_covered && !is_known {
+                    (sums, count, is_known) = ([0.0; 4], 0.0, true);
+                }
+                if count == 0.0 || is_mean {
+                    sums.iter_mut().zip(image.texel(x, y)).for_each(|(sum, &value)| *sum += value.into());
+                    count += 1.0;
+                }
+            }
+            texel.iter_mut().zip(sums).for_each(|(value, sum)| *value = rounded(sum / f64::max(count, 1.0)));
+        }
+        result
+    }
+
+    /// The image of a channel, halved so many times along each side. `is_mean` says whether something lies between its
+    /// values.
+    pub fn halved_image(&self, image: &ChannelImage, times: u8, is_mean: bool) -> ChannelImage {
+        let byte = |x: f64| (x + 0.5) as u8;
+        match image {
+            ChannelImage::Colours(image) => ChannelImage::Colours(self.halved(image, times, is_mean, byte)),
+            ChannelImage::Factors(image) => ChannelImage::Factors(self.halved(image, times, is_mean, byte)),
+            ChannelImage::Values(image) => {
+                ChannelImage::Values(self.halved(image, times, is_mean, |x| (x + 0.5) as u16))
+            }
+            ChannelImage::Normals(image) => {
+                let mut image = self.halved(image, times, is_mean, byte);
+                image.data.as_chunks_mut::<3>().0.iter_mut().for_each(|texel| *texel = with_length(*texel));
+                ChannelImage::Normals(image)
+            }
+        }
+    }
+
+    /// Gives texels that were not stored the values of others. Returns the mean.
+    pub fn fill_image(&self, image: &mut ChannelImage) -> [f64; 4] {
+        match image {
+            ChannelImage::Colours(image) | ChannelImage::Normals(image) | ChannelImage::Factors(image) => {
+                self.fill(image);
+                self.mean(image)
+            }
+            ChannelImage::Values(image) => {
+                self.fill(image);
+                self.mean(image)
+            }
+        }
+    }
+
     /// The mean of the texels that the patch covers; 0 for components that an image does not have.
-    pub fn mean<T: Copy + Into<f64>>(&self, image: &Image<T>) -> [f64; 4] {
+    fn mean<T: Copy + Into<f64>>(&self, image: &Image<T>) -> [f64; 4] {
         let (mut sums, mut count) = ([0.0; 4], 0.0);
         let texels = image.data.chunks_exact(usize::from(image.components.max(1)));
         for (texel, _) in texels.zip(&self.is_covered).filter(|&(_, &is_covered)| is_covered) {
@@ -61,6 +129,14 @@ impl Covered {
         }
         sums.map(|sum| sum / f64::max(count, 1.0))
     }
+}
+
+/// A direction with length 1 again, after a mean; one without any stays.
+fn with_length(texel: [u8; 3]) -> [u8; 3] {
+    let direction = texel.map(|byte| f64::from(byte) - 128.0);
+    let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+    // Beside all pieces there is none.
+    if length < 1.0 || texel == [0; 3] { texel } else { direction.map(|x| (128.5 + 127.0 * x / length) as u8) }
 }
 
 /// Calls a function for each texel whose centre lies in a triangle, of either winding.

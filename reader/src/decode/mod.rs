@@ -22,7 +22,7 @@ mod textured;
 
 /// What a surface carries: maps from patches to images, and images.
 pub mod texels {
-    pub use crate::codec::texels::{Image, Map, Piece};
+    pub use crate::codec::texels::{Image, Map, Piece, SCALES};
 }
 
 pub use crate::codec::{arc::PARAM_END, patch::Patch};

@@ -1,13 +1,15 @@
 //! Cuts with what the surface carries: images, and where each triangle lies in them.
 
-use super::{Drawing, Mesh, cut::joined};
+use std::cell::LazyCell;
+
+use super::{Covered, Drawing, Mesh, cut::joined};
 use crate::{
     codec::{
         patch::{LatticePoint, Patch},
-        texels::{Image, Map},
+        texels::{Image, Map, SCALES},
     },
     error::{Error, Result},
-    index::{ChannelInfo, ChannelKind, Index, TexelBytes, lists::together},
+    index::{ChannelInfo, ChannelKind, Index, Scale, TexelBytes, lists::together},
     select::{Cut, Node},
     source::Fetched,
 };
@@ -30,7 +32,8 @@ pub enum ChannelImage {
 pub struct Texture {
     /// The level of the block.
     pub level: u8,
-    /// Where the triangles of the block's patch lie; None for a block without texels.
+    /// Where the triangles of the block's patch lie in images of the size that these have; None for a block without
+    /// texels.
     pub map: Option<Map>,
     /// The image of each channel that was asked for; None where the block has no texels of it.
     pub images: Vec<Option<ChannelImage>>,
@@ -49,7 +52,8 @@ pub struct TexturedMesh {
 }
 
 impl Texture {
-    /// Decodes the texels of a block whose patch has these vertices.
+    /// Decodes the texels of a block whose patch has these vertices, at the scale of the bytes. Images that are not in
+    /// scales are halved.
     ///
     /// # Errors
     /// [`Error::Format`] and [`Error::Limit`].
@@ -64,25 +68,54 @@ impl Texture {
         if bytes.map.is_empty() {
             return Ok(Self { level, map: None, images: vec![None; channels.len()] });
         }
-        let map = Map::decode(&bytes.map, positions, &patch.triangles, texel_limit)?;
-        let image = |(bytes, channel): (&Vec<u8>, &&ChannelInfo)| {
-            if bytes.is_empty() {
+        let full = Map::decode(&bytes.map, positions, &patch.triangles, texel_limit)?;
+        let halvings = bytes.scale.halvings();
+        let map = if halvings > 0 { full.halved(halvings) } else { full.clone() };
+        let covered = LazyCell::new(|| Covered::new(&full, positions, &patch.triangles));
+        let image = |(streams, channel): (&Vec<Vec<u8>>, &&ChannelInfo)| {
+            if streams.first().is_none_or(Vec::is_empty) {
                 return Ok(None);
             }
-            let &&ChannelInfo { kind, is_exact, components, .. } = channel;
-            let decode_bytes = if is_exact { Image::decode_exact } else { Image::decode_colours };
-            let decode_normals = if is_exact { Image::decode_exact_normals } else { Image::decode_normals };
-            Ok(Some(match kind {
-                ChannelKind::Colour => ChannelImage::Colours(decode_bytes(bytes, map.size, components)?),
-                ChannelKind::Normal => ChannelImage::Normals(decode_normals(bytes, &map)?),
-                ChannelKind::Factor => ChannelImage::Factors(decode_bytes(bytes, map.size, components)?),
-                ChannelKind::Unknown(_) => return Ok(None),
-                _ => ChannelImage::Values(Image::decode_values(bytes, map.size, components)?),
-            }))
+            if channel.is_scaled {
+                if streams.len() + usize::from(halvings) != SCALES {
+                    return Err(Error::format("an image does not have the streams of its scale"));
+                }
+                return scaled_image(streams, channel, &full).map(Some);
+            }
+            let Some(mut image) = whole_image(&streams[0], channel, &full)? else { return Ok(None) };
+            if halvings > 0 {
+                covered.fill_image(&mut image);
+                image = covered.halved_image(&image, halvings, !channel.kind.is_of_numbers());
+            }
+            Ok(Some(image))
         };
         let images = bytes.images.iter().zip(channels).map(image).collect::<Result<Vec<_>>>()?;
         Ok(Self { level, map: Some(map), images })
     }
+}
+
+/// An image of one stream.
+fn whole_image(bytes: &[u8], channel: &ChannelInfo, map: &Map) -> Result<Option<ChannelImage>> {
+    let &ChannelInfo { kind, is_exact, components, .. } = channel;
+    let decode_bytes = if is_exact { Image::decode_exact } else { Image::decode_colours };
+    let decode_normals = if is_exact { Image::decode_exact_normals } else { Image::decode_normals };
+    Ok(Some(match kind {
+        ChannelKind::Colour => ChannelImage::Colours(decode_bytes(bytes, map.size, components)?),
+        ChannelKind::Normal => ChannelImage::Normals(decode_normals(bytes, map)?),
+        ChannelKind::Factor => ChannelImage::Factors(decode_bytes(bytes, map.size, components)?),
+        ChannelKind::Unknown(_) => return Ok(None),
+        _ => ChannelImage::Values(Image::decode_values(bytes, map.size, components)?),
+    }))
+}
+
+/// An image in scales, of which the map in full is given.
+fn scaled_image(streams: &[Vec<u8>], channel: &ChannelInfo, map: &Map) -> Result<ChannelImage> {
+    let &ChannelInfo { kind, components, .. } = channel;
+    Ok(match kind {
+        ChannelKind::Colour => ChannelImage::Colours(Image::decode_scaled(streams, map.size, components)?),
+        ChannelKind::Normal => ChannelImage::Normals(Image::decode_scaled_normals(streams, map)?),
+        _ => ChannelImage::Factors(Image::decode_scaled(streams, map.size, components)?),
+    })
 }
 
 impl TexturedMesh {
@@ -160,7 +193,7 @@ pub fn extract_textured_with_borders(
     let wanted: Vec<(u32, u8)> = cut.nodes.iter().map(|node| (node.root, node.level)).collect();
     let known: Vec<&ChannelInfo> =
         channels.iter().filter_map(|&channel| index.channels().get(usize::from(channel))).collect();
-    let texels = match index.texels(&wanted, channels, fetched) {
+    let texels = match index.texels(&wanted, channels, Scale::Full, fetched) {
         Ok(texels) => texels,
         // What else is missing is asked for at once.
         Err(missing) => {

@@ -3,9 +3,15 @@
 //! The bytes are: the number of channels and the bytes of all maps (varints); then for each channel the length of its
 //! name (varint), the name, kind and components (u8 each), low, step and bound (f64 each), and the bytes of all its
 //! images (varint).
+//!
+//! Section SCALES has a byte for each channel: into how many streams each of its images is divided (SPEC.md, "Section
+//! SCALES").
 
 use crate::{
-    codec::bytes::{Cursor, put_varint},
+    codec::{
+        bytes::{Cursor, put_varint},
+        texels::SCALES,
+    },
     error::{Error, Result},
 };
 
@@ -103,6 +109,9 @@ pub struct ChannelInfo {
     /// Whether texels of a colour, a normal or a factor are coded without loss. False for all other kinds, which always
     /// are.
     pub is_exact: bool,
+    /// Whether its images are divided into an eighth of the size and what each doubling of that adds. False for what is
+    /// coded without loss.
+    pub is_scaled: bool,
     /// Numbers of a value, 1 to 4.
     pub components: u8,
     /// The value that the integer 0 stands for.
@@ -117,6 +126,11 @@ impl ChannelInfo {
     /// Numbers of a texel once it is decoded: three for normals, as many as components otherwise.
     pub fn value_count(&self) -> usize {
         if self.kind == ChannelKind::Normal { 3 } else { self.components.into() }
+    }
+
+    /// Into how many streams an image is divided.
+    pub(crate) fn scale_count(&self) -> usize {
+        if self.is_scaled { SCALES } else { 1 }
     }
 
     /// Whether decoded texels are bytes: colours, normals and factors. The others are numbers of 16 bits.
@@ -142,6 +156,8 @@ impl ChannelInfo {
             Some("drawings do not count from 0 in steps of 1")
         } else if self.is_exact && !self.is_of_bytes() {
             Some("a channel is exact that is no colour, normal or factor")
+        } else if self.is_scaled && (self.is_exact || !self.is_of_bytes()) {
+            Some("a channel is in scales that is no colour, normal or factor, or that is exact")
         } else if !(self.low.is_finite() && self.step > 0.0 && self.step.is_finite()) {
             Some("a channel's step is not above 0, or a value is not finite")
         } else if !(self.bound >= 0.0 && self.bound.is_finite()) {
@@ -169,9 +185,57 @@ pub(crate) fn broken_rule(channels: &[ChannelInfo]) -> Option<&'static str> {
     channels.iter().find_map(ChannelInfo::broken_rule)
 }
 
-/// How many texel streams a block has: its map, and the image of each channel. None without channels.
+/// How many texel streams a block has: its map, and those of each channel's image. None without channels.
 pub(crate) fn stream_count(channels: &[ChannelInfo]) -> usize {
-    if channels.is_empty() { 0 } else { 1 + channels.len() }
+    StreamOrder::new(channels).count()
+}
+
+/// The texel streams of a block, by number: its map, then those of each channel's image, the coarsest first; and the
+/// order in which files have them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct StreamOrder {
+    /// The number of each channel's first stream, and that of all streams.
+    firsts: Vec<usize>,
+    /// Whether streams of a level with the same number are adjacent, so that a scale of many images is read at once:
+    /// where images are in scales. Otherwise those of a block are.
+    is_by_number: bool,
+}
+
+impl StreamOrder {
+    pub fn new(channels: &[ChannelInfo]) -> Self {
+        let mut firsts = if channels.is_empty() { vec![] } else { vec![1] };
+        for channel in channels {
+            firsts.push(firsts.last().map_or(0, |last| last + channel.scale_count()));
+        }
+        Self { firsts, is_by_number: channels.iter().any(|channel| channel.is_scaled) }
+    }
+
+    /// The number of streams of a block.
+    pub fn count(&self) -> usize {
+        self.firsts.last().copied().unwrap_or(0)
+    }
+
+    /// The streams of a channel's image.
+    pub fn of_channel(&self, channel: usize) -> std::ops::Range<usize> {
+        match self.firsts.get(channel..).unwrap_or_default() {
+            [first, end, ..] => *first..*end,
+            _ => 0..0,
+        }
+    }
+
+    /// The channel of a stream; none for the map.
+    pub fn channel_of(&self, stream: usize) -> Option<usize> {
+        self.firsts.partition_point(|&first| first <= stream).checked_sub(1)
+    }
+
+    /// Where a stream lies among those of a file's cluster, given how many blocks its level has, how many come before
+    /// these, and its block among all.
+    pub fn place(&self, stream: usize, block: usize, [before, of_level]: [usize; 2]) -> usize {
+        match self.is_by_number {
+            false => block * self.count() + stream,
+            true => before * self.count() + stream * of_level + (block - before),
+        }
+    }
 }
 
 /// The section.
@@ -215,6 +279,7 @@ impl Channels {
                 name: name.map_err(|_| Error::format("a channel's name is not UTF-8"))?,
                 kind,
                 is_exact,
+                is_scaled: false,
                 components: cursor.u8()?,
                 low: cursor.f64()?,
                 step: cursor.f64()?,
@@ -224,6 +289,29 @@ impl Channels {
         }
         cursor.finish()?;
         broken_rule(&result.channels).map_or(Ok(result), |rule| Err(Error::format(rule)))
+    }
+
+    /// Section SCALES: for each channel into how many streams an image is divided; none where all have one.
+    pub(crate) fn write_scales(&self) -> Option<Vec<u8>> {
+        let has_scales = self.channels.iter().any(|channel| channel.is_scaled);
+        has_scales.then(|| self.channels.iter().map(|channel| channel.scale_count() as u8).collect())
+    }
+
+    /// Takes over what section SCALES says.
+    pub(crate) fn with_scales(mut self, bytes: &[u8]) -> Result<Self> {
+        if bytes.len() != self.channels.len() {
+            return Err(Error::format("the list of scales does not have a byte for each channel"));
+        }
+        for (channel, &count) in self.channels.iter_mut().zip(bytes) {
+            channel.is_scaled = usize::from(count) == SCALES;
+            if !channel.is_scaled && count != 1 {
+                return Err(Error::format("an image is divided into other than one or four scales"));
+            }
+        }
+        if !self.channels.iter().any(|channel| channel.is_scaled) {
+            return Err(Error::format("a list of scales says that no image has any"));
+        }
+        broken_rule(&self.channels).map_or(Ok(self), |rule| Err(Error::format(rule)))
     }
 }
 
@@ -236,6 +324,7 @@ mod tests {
             name: name.into(),
             kind,
             is_exact: false,
+            is_scaled: false,
             components,
             low: -1.0,
             step: 0.125,
@@ -251,7 +340,16 @@ mod tests {
 
     fn drawing(components: u8) -> ChannelInfo {
         let name = "drawing".into();
-        ChannelInfo { name, kind: ChannelKind::Drawing, is_exact: false, components, low: 0.0, step: 1.0, bound: 0.0 }
+        ChannelInfo {
+            name,
+            kind: ChannelKind::Drawing,
+            is_exact: false,
+            is_scaled: false,
+            components,
+            low: 0.0,
+            step: 1.0,
+            bound: 0.0,
+        }
     }
 
     #[test]
@@ -265,7 +363,7 @@ mod tests {
         for (kind, components, code) in
             [(ChannelKind::Colour, 3, 7), (ChannelKind::Normal, 2, 8), (ChannelKind::Factor, 1, 9)]
         {
-            let exact = ChannelInfo { kind, components, is_exact: true, ..drawing(1) };
+            let exact = ChannelInfo { kind, components, is_exact: true, is_scaled: false, ..drawing(1) };
             let channels = Channels { channels: vec![exact], stream_bytes: vec![7, 9] };
             assert_eq!(Channels::parse(&channels.write()).unwrap(), channels);
             // After two varints, the length of the name and the name.

@@ -34,6 +34,8 @@ pub(crate) const VERSION_WITH_CHANNELS: (u16, u16) = (4, 1);
 pub(crate) const VERSION_WITH_HEIGHTS: (u16, u16) = (4, 2);
 /// The version of files of a mesh that stands on a ground of heights.
 pub(crate) const VERSION_WITH_GROUND: (u16, u16) = (4, 3);
+/// The version of files with images in scales.
+pub(crate) const VERSION_WITH_SCALES: (u16, u16) = (4, 4);
 /// Size of the header.
 pub(crate) const HEADER_BYTES: usize = 64;
 /// Size of a directory entry.
@@ -76,6 +78,8 @@ pub(crate) mod kind {
     pub(crate) const RAMP: u32 = 13;
     /// The heights that a mesh stands on: a whole file of them (optional, not with HEIGHTS).
     pub(crate) const GROUND: u32 = 14;
+    /// Which images are divided into scales (with CHANNELS).
+    pub(crate) const SCALES: u32 = 15;
 
     /// The name of a kind of section.
     pub(crate) fn name(kind: u32) -> &'static str {
@@ -94,6 +98,7 @@ pub(crate) mod kind {
             HEIGHT_INDEX => "height index",
             RAMP => "ramp",
             GROUND => "ground",
+            SCALES => "scales",
             _ => "unknown",
         }
     }
@@ -103,7 +108,7 @@ pub(crate) mod kind {
         use super::{FLAG_CHECKED_BY_PARTS, FLAG_REQUIRED};
         match kind {
             SOURCE | OVERVIEW | CHANNELS | PLACEMENT | RAMP => Some(0),
-            LEVELS | TABLES | CLUSTERS | HEIGHTS => Some(FLAG_REQUIRED),
+            LEVELS | TABLES | CLUSTERS | HEIGHTS | SCALES => Some(FLAG_REQUIRED),
             INDEX | PAGES | HEIGHT_INDEX => Some(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS),
             TEXELS | GROUND => Some(FLAG_CHECKED_BY_PARTS),
             _ => None,
@@ -317,6 +322,12 @@ fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Header> {
     }
     if has_channels && span.version < VERSION_WITH_CHANNELS {
         return Err(Error::format("a file of version 4.0 has channels"));
+    }
+    if has(kind::SCALES) && !has_channels {
+        return Err(Error::format("a file has scales of images, and no channels"));
+    }
+    if has(kind::SCALES) && span.version < VERSION_WITH_SCALES {
+        return Err(Error::format("a file of a version before 4.4 has images in scales"));
     }
     let [has_heights, has_height_index] = [kind::HEIGHTS, kind::HEIGHT_INDEX].map(has);
     if has_heights != has_height_index {

@@ -12,12 +12,14 @@
 //!
 //! Chunks have places that follow from the number of clusters. So a reader finds the texels of any root with one
 //! request for a chunk, one for a directory and one for streams, and opening takes no byte of them, however large the
-//! file is. Blocks are ordered by level, then by root, so that the streams of a block are adjacent.
+//! file is. Blocks are ordered by level, then by root, so that the streams of a block are adjacent. Where images are in
+//! scales, the streams of a level are ordered by their number before they are by root.
 
 use crate::{
     codec::bytes::{Cursor, has_checksum},
     error::{Error, Result},
     format::{
+        channels::StreamOrder,
         index_block::ClusterIndex,
         sections::{Extent, Part},
     },
@@ -129,7 +131,7 @@ pub(crate) struct TexelDirectory {
     blocks: Vec<(u8, u32)>,
     /// The streams of each block, within the section; none if no block has texels.
     parts: Vec<Part>,
-    stream_count: usize,
+    order: StreamOrder,
 }
 
 /// The blocks of a cluster in the order of its texels: level and root.
@@ -147,16 +149,16 @@ impl TexelDirectory {
         bytes: &[u8],
         entry: &TexelEntry,
         index: &ClusterIndex,
-        stream_count: usize,
+        order: &StreamOrder,
         limits: &Limits,
     ) -> Result<Self> {
-        let mut result = Self { blocks: blocks_of(index), parts: Vec::new(), stream_count };
+        let mut result = Self { blocks: blocks_of(index), parts: Vec::new(), order: order.clone() };
         if bytes.is_empty() {
             return Ok(result);
         }
         let mut cursor = Cursor::new(bytes);
         let mut next = entry.directory.offset.saturating_add(entry.directory.length);
-        for _ in 0..result.blocks.len() * stream_count {
+        for _ in 0..result.blocks.len() * order.count() {
             result.parts.push(Part::parse(&mut cursor, &mut next, limits)?);
         }
         cursor.finish()?;
@@ -169,15 +171,32 @@ impl TexelDirectory {
     /// A stream of a block, by level, root and number; empty if the cluster has no texels.
     pub(crate) fn part(&self, level: u8, root: u32, stream: usize) -> Result<Part> {
         match self.blocks.binary_search(&(level, root)) {
-            Ok(block) => Ok(self.parts.get(block * self.stream_count + stream).copied().unwrap_or_default()),
+            Ok(block) => Ok(self.part_of(block, stream)),
             Err(_) => Err(Error::format("a block does not exist")),
         }
     }
 
-    /// All streams, each with level, root and number.
+    fn part_of(&self, block: usize, stream: usize) -> Part {
+        self.parts.get(self.place(block, stream)).copied().unwrap_or_default()
+    }
+
+    /// Where a stream of a block lies among all.
+    fn place(&self, block: usize, stream: usize) -> usize {
+        let level = self.blocks[block].0;
+        let before = self.blocks.partition_point(|&(other, _)| other < level);
+        let of_level = self.blocks.partition_point(|&(other, _)| other <= level) - before;
+        self.order.place(stream, block, [before, of_level])
+    }
+
+    /// All streams in the order of the file, each with level, root and number.
     pub(crate) fn streams(&self) -> impl Iterator<Item = ((u8, u32, usize), Part)> + '_ {
-        let keys = self.blocks.iter().flat_map(|&(level, root)| (0..self.stream_count).map(move |k| (level, root, k)));
-        keys.zip(self.parts.iter().copied())
+        // Without any there is no part.
+        let blocks = if self.parts.is_empty() { 0 } else { self.blocks.len() };
+        let all = (0..blocks).flat_map(|block| (0..self.order.count()).map(move |stream| (block, stream)));
+        let mut all: Vec<(usize, usize)> = all.collect();
+        all.sort_by_key(|&(block, stream)| self.place(block, stream));
+        let key = |(block, stream): (usize, usize)| (self.blocks[block].0, self.blocks[block].1, stream);
+        all.into_iter().map(key).zip(self.parts.iter().copied())
     }
 }
 

@@ -19,8 +19,8 @@ pub use contents::{BlockContents, RootContents};
 use lists::List;
 pub use opener::Opener;
 pub use summary::{ContextContents, FileSummary, LevelContents};
-pub use texels::TexelBytes;
 use texels::Texels;
+pub use texels::{Scale, TexelBytes};
 
 use std::{ops::Range, sync::Mutex};
 

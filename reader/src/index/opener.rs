@@ -102,8 +102,8 @@ impl Opener {
         }
         let (index, pages) = (*header.required_section(kind::INDEX)?, *header.required_section(kind::PAGES)?);
         let resident =
-            [kind::SOURCE, kind::PLACEMENT, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CHANNELS, kind::CLUSTERS];
-        self.need(resident.into_iter().filter_map(|kind| header.section(kind)))?;
+            [kind::SOURCE, kind::PLACEMENT, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CHANNELS, kind::SCALES];
+        self.need(resident.into_iter().chain([kind::CLUSTERS]).filter_map(|kind| header.section(kind)))?;
 
         let levels = self.parse(&header, kind::LEVELS, |bytes| Levels::parse(bytes, pages.length))?;
         let tables = self.parse(&header, kind::TABLES, Tables::parse)?;
@@ -120,7 +120,10 @@ impl Opener {
         let top = List::new(clusters);
         let texels = match (header.section(kind::CHANNELS), header.section(kind::TEXELS)) {
             (Some(_), Some(&section)) => {
-                let channels = self.parse(&header, kind::CHANNELS, Channels::parse)?;
+                let mut channels = self.parse(&header, kind::CHANNELS, Channels::parse)?;
+                if header.section(kind::SCALES).is_some() {
+                    channels = self.parse(&header, kind::SCALES, |bytes| channels.clone().with_scales(bytes))?;
+                }
                 let location = || format!("section {}", kind::name(kind::TEXELS));
                 Some(Texels::new(channels, section, top.cluster_count()).map_err(|error| error.at(location))?)
             }

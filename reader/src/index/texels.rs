@@ -8,7 +8,7 @@ use super::{Index, absolute, checked_part, checked_parts, lists::together};
 use crate::{
     error::{Error, Result},
     format::{
-        channels::{ChannelInfo, Channels},
+        channels::{ChannelInfo, Channels, StreamOrder},
         clusters::Cluster,
         header::Section,
         sections::{Extent, Part},
@@ -23,16 +23,50 @@ use crate::{
 pub struct TexelBytes {
     /// The level of the block: the finest that the root has and that is not finer than what was asked for.
     pub level: u8,
+    /// Which part of images in scales is there.
+    pub scale: Scale,
     /// The map; empty for a block without texels.
     pub map: Vec<u8>,
-    /// The image of each channel that was asked for; empty where the block has no texels of it.
-    pub images: Vec<Vec<u8>>,
+    /// The streams of the image of each channel that was asked for: one, or those of scales up to the one that was
+    /// asked for. All are empty where the block has no texels of the channel.
+    pub images: Vec<Vec<Vec<u8>>>,
+}
+
+/// Which part of the texels along each side of an image that is divided into scales.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Scale {
+    /// An eighth, rounded up: 1/64 of the texels.
+    Eighth,
+    /// A quarter.
+    Quarter,
+    /// A half.
+    Half,
+    /// All.
+    #[default]
+    Full,
+}
+
+impl Scale {
+    /// How often images of this scale have been halved along each side.
+    pub fn halvings(self) -> u8 {
+        Self::Full as u8 - self as u8
+    }
+
+    /// The coarsest that has all texels of images which have been halved so often.
+    pub(crate) fn of_halvings(halvings: u8) -> Self {
+        [Self::Full, Self::Half, Self::Quarter].get(usize::from(halvings)).copied().unwrap_or(Self::Eighth)
+    }
+
+    fn stream_count(self) -> usize {
+        1 + self as usize
+    }
 }
 
 /// What is known of the sections CHANNELS and TEXELS.
 #[derive(Debug)]
 pub(super) struct Texels {
     channels: Channels,
+    order: StreamOrder,
     /// TEXELS.
     section: Section,
     /// By chunk of the table.
@@ -52,7 +86,8 @@ impl Texels {
         if least > section.length {
             return Err(Error::format("the section has less room than its table and its streams take"));
         }
-        Ok(Self { channels, section, chunks: Mutex::default(), directories: Mutex::default() })
+        let order = StreamOrder::new(&channels.channels);
+        Ok(Self { channels, order, section, chunks: Mutex::default(), directories: Mutex::default() })
     }
 }
 
@@ -73,6 +108,8 @@ impl Index {
     /// Finds the texels of some roots, each at a level or at the next coarser one that it has, in this order: the maps,
     /// and the images of some channels, by number from 0.
     ///
+    /// Of images in scales ([`ChannelInfo::is_scaled`]) only what a scale takes is read; all of the others.
+    ///
     /// They take up to three rounds of reading after the index blocks: a chunk of the table, the directories of
     /// clusters, and the streams. The first two stay.
     ///
@@ -80,7 +117,13 @@ impl Index {
     /// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if a root, level or channel does not
     /// exist;
     /// [`Error::Format`], [`Error::Limit`].
-    pub fn texels(&self, wanted: &[(u32, u8)], channels: &[u8], fetched: &Fetched) -> Result<Vec<TexelBytes>> {
+    pub fn texels(
+        &self,
+        wanted: &[(u32, u8)],
+        channels: &[u8],
+        scale: Scale,
+        fetched: &Fetched,
+    ) -> Result<Vec<TexelBytes>> {
         let channel_count = self.channels().len();
         if let Some(channel) = channels.iter().find(|&&channel| usize::from(channel) >= channel_count) {
             return Err(Error::Query { what: format!("there is no channel {channel}: the file has {channel_count}") });
@@ -99,14 +142,13 @@ impl Index {
         let directory = |&cluster: &u32| Ok((cluster, self.texel_directory(cluster, fetched)?));
         let directories: SortedMap<_, _> = together(owners.iter().map(directory))?;
 
-        let streams = || [0].into_iter().chain(channels.iter().map(|&channel| 1 + usize::from(channel)));
         let (mut blocks, mut parts) = (Vec::with_capacity(wanted.len()), Vec::new());
         for &(root, level) in wanted {
             let owner = self.owner(root, |cluster| cluster.first_root)?;
             let entry = self.root_entry(root)?;
             let level = entry.blocks[entry.block_at(level)].level;
             let local = root - self.cluster(owner)?.first_root;
-            for stream in streams() {
+            for stream in self.streams_of(channels, scale) {
                 let directory = directories.get(&owner).and_then(|directory| directory.as_ref());
                 let part = directory.map_or(Ok(Part::default()), |directory| directory.part(level, local, stream))?;
                 parts.push(((owner, level, local, stream), part));
@@ -116,7 +158,8 @@ impl Index {
         let found = self.texel_streams(parts, fetched)?;
         let texels = blocks.into_iter().map(|(owner, level, local)| {
             let bytes = |stream| found.get(&(owner, level, local, stream)).map_or(vec![], |bytes| bytes.to_vec());
-            TexelBytes { level, map: bytes(0), images: streams().skip(1).map(bytes).collect() }
+            let image = |&channel: &u8| self.streams_of(&[channel], scale).skip(1).map(bytes).collect();
+            TexelBytes { level, scale, map: bytes(0), images: channels.iter().map(image).collect() }
         });
         Ok(texels.collect())
     }
@@ -155,7 +198,7 @@ impl Index {
             let range = absolute(texels.section.offset, entry.directory);
             return Err(Error::Missing { ranges: vec![fetched.rest_of(range)] });
         };
-        let directory = TexelDirectory::parse(bytes, &entry, index, texels.channels.stream_bytes.len(), self.limits());
+        let directory = TexelDirectory::parse(bytes, &entry, index, &texels.order, self.limits());
         let directory = Arc::new(directory.map_err(|error| error.at(location))?);
         known().insert(cluster, Arc::clone(&directory));
         Ok(Some(directory))
@@ -170,6 +213,23 @@ impl Index {
         checked_parts(self.texels_offset(), parts, fetched, |key| self.texel_location(key), || Ok(Before::default()))
     }
 
+    /// The numbers of a block's streams: that of its map, and those of the images of some channels up to a scale.
+    pub(crate) fn streams_of(&self, channels: &[u8], scale: Scale) -> impl Iterator<Item = usize> {
+        let of_channel = |&channel: &u8| {
+            let channel = usize::from(channel);
+            let streams = self.texels.as_ref().map_or(0..0, |texels| texels.order.of_channel(channel));
+            let is_scaled = self.channels().get(channel).is_some_and(|channel| channel.is_scaled);
+            streams.take(if is_scaled { scale.stream_count() } else { 1 })
+        };
+        let images: Vec<usize> = channels.iter().flat_map(of_channel).collect();
+        [0].into_iter().chain(images)
+    }
+
+    /// The channel of a stream; none for maps.
+    pub(crate) fn channel_of_stream(&self, stream: usize) -> Option<usize> {
+        self.texels.as_ref()?.order.channel_of(stream)
+    }
+
     /// The streams of a block that are not empty: its map, and the images of some channels. None where it has no map.
     ///
     /// # Errors
@@ -179,6 +239,7 @@ impl Index {
         &self,
         (root, level): (u32, u8),
         channels: &[u8],
+        scale: Scale,
         fetched: &Fetched,
     ) -> Result<Vec<StreamKey>> {
         let cluster = self.owner(root, |cluster| cluster.first_root)?;
@@ -187,7 +248,7 @@ impl Index {
         if directory.part(level, local, 0)?.length == 0 {
             return Ok(vec![]);
         }
-        let streams = [0].into_iter().chain(channels.iter().map(|&channel| 1 + usize::from(channel)));
+        let streams = self.streams_of(channels, scale);
         let mut keys: Vec<StreamKey> = streams.map(|stream| (cluster, level, local, stream)).collect();
         keys.retain(|key| self.texel_part(*key).length > 0);
         Ok(keys)
@@ -207,7 +268,7 @@ impl Index {
     /// The name of a stream in messages.
     pub(crate) fn texel_location(&self, (cluster, level, local, stream): StreamKey) -> String {
         let root = self.cluster(cluster).map_or(local, |cluster| cluster.first_root + local);
-        match stream.checked_sub(1) {
+        match self.channel_of_stream(stream) {
             None => format!("map of root {root}, level {level}"),
             Some(channel) => format!("image of channel {channel}, root {root}, level {level}"),
         }

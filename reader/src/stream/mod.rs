@@ -11,9 +11,9 @@
 //! a source of a given latency and a clock of its own, so that the work of a session can be tested to the byte.
 //!
 //! With [`Session::show_channels`], roots get a [`DrawnTexture`] beside geometry: their block's map and images, wanted
-//! where the view ([`Session::look_from`]) shows them larger than a pixel, largest first. Geometry never waits for
-//! texels. What has none yet has a mean ([`DrawnRoot::mean`]). Programs that draw with texture coordinates take them
-//! from [`ByPiece`].
+//! where the view ([`Session::look_from`]) shows them larger than a pixel, largest first, and at the size at which a
+//! texel is a pixel. Geometry never waits for texels. What has none yet has a mean ([`DrawnRoot::mean`]). Programs that
+//! draw with texture coordinates take them from [`ByPiece`].
 //!
 //! A [`Follower`] finds both cuts from the query of each frame. A [`Streamer`] combines all of this for a program that
 //! draws a file from a moving camera and has threads to spare.
@@ -137,8 +137,12 @@ pub struct Options {
     pub byte_cache: u64,
     /// Bound of the cache of decoded surfaces, bytes.
     pub decoded_cache: u64,
-    /// Bound of the cache of decoded images, bytes; streams of texels may take an eighth of it besides.
+    /// Bound of the cache of decoded images, bytes; streams of texels may take an eighth of it besides. Images are
+    /// drawn smaller where they would not fit.
     pub texel_cache: u64,
+    /// In a view, images are drawn at the smallest size at which no pixel has fewer texels than this along each side;
+    /// larger than 0. With 1, the default, a pixel has one to four texels.
+    pub texels_per_pixel: f64,
     /// Most reads in flight at once; at least 1. Correa has eight threads; with twice as many there is nearly always
     /// one left to prefetch.
     pub max_reads: usize,
@@ -172,6 +176,7 @@ impl Default for Options {
             byte_cache: 64 << 20,
             decoded_cache: 256 << 20,
             texel_cache: 256 << 20,
+            texels_per_pixel: 1.0,
             max_reads: 16,
             max_gap: 16 << 10,
             max_read_bytes: 1 << 20,

@@ -14,7 +14,7 @@ use super::{
     picture::{Changes, Picture},
     queue::{Class, Joining},
     texel_content::TexelContent,
-    textures::Textures,
+    textures::{Textures, Wishes},
 };
 use crate::{
     decode::{Mesh, overview},
@@ -123,8 +123,8 @@ impl Session {
         Ok(())
     }
 
-    /// Says what the next frames show: roots that this view shows get their images, the largest ones first. Without a
-    /// view all roots do.
+    /// Says what the next frames show: roots that this view shows get their images, the largest ones first, and as fine
+    /// as it shows them. Without a view all roots get them whole.
     ///
     /// # Errors
     /// [`Error::Query`] if something in the view is not finite or makes no sense.
@@ -211,8 +211,11 @@ impl Session {
     fn demand_textures(&mut self, frame: &mut Frame, now: Duration) -> u32 {
         let mut loading = self.shared.lock();
         let Some(loader) = loading.texels.as_mut().filter(|_| frame.shows == Shows::Picture) else { return 0 };
-        let late =
-            self.textures.demand(&mut loader.loader, (&mut self.picture, &mut frame.changes), self.view.as_ref(), now);
+        let Options { texels_per_pixel, texel_cache, .. } = self.options;
+        // Room for images that come while others are still drawn.
+        let budget = texel_cache - texel_cache / 8;
+        let wishes = Wishes { view: self.view.as_ref(), texels_per_pixel, budget };
+        let late = self.textures.demand(&mut loader.loader, (&mut self.picture, &mut frame.changes), &wishes, now);
         drop(loading);
         if late > 0 {
             self.shared.changed.notify_all();
@@ -343,7 +346,7 @@ impl Session {
         self.shared.lock().retry_failed();
         self.coarsest = self.content.coarsest().to_vec();
         self.wanted.doubt();
-        self.textures.doubt(&self.picture);
+        self.textures.doubt();
     }
 
     /// How many roots the next frame will look at even if it wants the same.

@@ -1,5 +1,5 @@
-//! The texels of a file for a loader: streams of blocks, and the images of a root at a level, which are decoded
-//! together.
+//! The texels of a file for a loader: streams of blocks, and the images of a root at a level and a size, which are
+//! decoded together.
 //!
 //! An image lies over the triangles of one block, so it can be decoded only for a surface that is there. Geometry never
 //! waits for it.
@@ -8,26 +8,30 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::{drawn_surface::DrawnSurface, job::Content, queue::ByteSpan};
 use crate::{
-    codec::patch::Patch,
+    codec::{
+        patch::Patch,
+        texels::{Map, halved},
+    },
     decode::{ChannelImage, Covered, Texture},
     error::{Error, Result},
-    index::{ChannelInfo, Index, TexelBytes, texels::StreamKey},
+    index::{ChannelInfo, Index, Scale, TexelBytes, texels::StreamKey},
     lattice::LatticePoint,
     sorted::SortedMap,
     source::Fetched,
 };
 
-/// A root at a level.
+/// The size of an image that has all of its texels; one of each size below has half as many along each side.
+pub(crate) const FULL: u8 = 7;
+/// An eighth along each side.
+pub(crate) const EIGHTH: u8 = FULL - 3;
+
+/// A root at a level, with images of a size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct TexelUnit {
     pub level: u8,
     pub root: u32,
-}
-
-impl TexelUnit {
-    pub fn of(surface: &DrawnSurface) -> Self {
-        Self { level: surface.level, root: surface.root }
-    }
+    /// At most [`FULL`].
+    pub size: u8,
 }
 
 /// The images of a root at a level, ready to draw.
@@ -40,18 +44,58 @@ pub struct DrawnTexture {
     pub texture: Texture,
     /// For each of these channels the mean over the root, in the numbers of the image.
     pub means: Vec<Option<[f64; 4]>>,
+    /// How often map and images have been halved along each side from those of the file, because fewer texels are
+    /// seen, or because more would not fit.
+    pub halvings: u8,
+    pub(crate) extent: Extent,
 }
 
-impl DrawnTexture {
-    fn byte_count(&self) -> u64 {
-        let images = self.texture.images.iter().flatten().map(|image| match image {
+/// What is known of a block's images, whatever their size is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Extent {
+    /// Columns and rows of the images in the file; 0 without images.
+    full: [u32; 2],
+    /// Bytes of a texel in memory, of all channels together.
+    texel_bytes: u64,
+    /// Bytes of everything else.
+    other_bytes: u64,
+    /// The side of a texel in the file, lattice units: the root of the mean area, by pieces of the map.
+    pub texel: f64,
+}
+
+impl Extent {
+    /// From a map and images that have been halved so often.
+    fn new(map: Option<&Map>, images: &[Option<ChannelImage>], halvings: u8) -> Self {
+        let Some(map) = map else { return Self { other_bytes: size_of::<DrawnTexture>() as u64, ..Self::default() } };
+        let texel_bytes = images.iter().flatten().map(|image| match image {
             ChannelImage::Colours(image) | ChannelImage::Normals(image) | ChannelImage::Factors(image) => {
-                image.data.len()
+                u64::from(image.components)
             }
-            ChannelImage::Values(image) => 2 * image.data.len(),
+            ChannelImage::Values(image) => 2 * u64::from(image.components),
         });
-        let map = self.texture.map.as_ref().map_or(0, |map| 2 * map.labels.len() + size_of_val(&map.pieces[..]));
-        (size_of::<Self>() + map + images.sum::<usize>()) as u64
+        let (mut area, mut count) = (0.0, 0.0);
+        for piece in &map.pieces {
+            let [low, high] = piece.range();
+            let texels = (high[0] - low[0]).max(1.0) * (high[1] - low[1]).max(1.0);
+            let side = piece.texel_size();
+            (area, count) = (area + texels * side * side, count + texels);
+        }
+        let other_bytes = size_of::<DrawnTexture>() + 2 * map.labels.len() + size_of_val(&map.pieces[..]);
+        let times = 1 << halvings.min(31);
+        Self {
+            // At most by a row and a column of the smaller image too large.
+            full: map.size.map(|length| length * times),
+            texel_bytes: texel_bytes.sum(),
+            other_bytes: other_bytes as u64,
+            texel: (area / f64::max(count, 1.0)).sqrt() / f64::from(times),
+        }
+    }
+
+    /// Bytes in memory at a size.
+    pub fn bytes(&self, size: u8) -> u64 {
+        let texels: u64 =
+            halved(self.full, FULL.saturating_sub(size)).iter().map(|&length| u64::from(length)).product();
+        self.other_bytes + texels * self.texel_bytes
     }
 }
 
@@ -92,8 +136,8 @@ impl TexelContent {
     }
 
     /// Notes the surface of a unit that is wanted.
-    pub fn add_surface(&self, surface: &Arc<DrawnSurface>) {
-        locked(&self.surfaces).insert(TexelUnit::of(surface), Arc::clone(surface));
+    pub fn add_surface(&self, unit: TexelUnit, surface: &Arc<DrawnSurface>) {
+        locked(&self.surfaces).insert(unit, Arc::clone(surface));
     }
 
     /// Forgets surfaces that are not wanted any more.
@@ -109,7 +153,8 @@ impl Content for TexelContent {
 
     fn pages(&self, unit: TexelUnit) -> Result<Vec<StreamKey>> {
         let mut fetched = locked(&self.fetched);
-        let parts = self.index.texel_parts((unit.root, unit.level), &self.channels, &fetched);
+        let scale = Scale::of_halvings(FULL.saturating_sub(unit.size));
+        let parts = self.index.texel_parts((unit.root, unit.level), &self.channels, scale, &fetched);
         if !matches!(parts, Ok(_) | Err(Error::Missing { .. })) {
             // What is not sound is read again when it is asked for again.
             *fetched = self.index.fetched();
@@ -154,38 +199,42 @@ impl Content for TexelContent {
             let page = pages.iter().find(|((.., stream), _)| *stream == number);
             page.map_or(vec![], |(_, bytes)| bytes.to_vec())
         };
-        let images = self.channels.iter().map(|&channel| stream(1 + usize::from(channel))).collect();
-        let bytes = TexelBytes { level: unit.level, map: stream(0), images };
+        let halvings = FULL.saturating_sub(unit.size);
+        let scale = Scale::of_halvings(halvings);
+        let streams = |&channel: &u8| self.index.streams_of(&[channel], scale).skip(1).map(stream).collect();
+        let images = self.channels.iter().map(streams).collect();
+        let bytes = TexelBytes { level: unit.level, scale, map: stream(0), images };
         let infos = self.channels.iter().filter_map(|&channel| self.index.channels().get(usize::from(channel)));
         let infos: Vec<&ChannelInfo> = infos.collect();
         let mut texture = Texture::decode(&bytes, &infos, &positions, &patch, self.index.limits().texel_count)?;
-        let covered = texture.map.as_ref().map(|map| Covered::new(map, &positions, &patch.triangles));
-        let mut mean = |image: &mut Option<ChannelImage>| {
-            let (image, covered) = (image.as_mut()?, covered.as_ref()?);
-            Some(match image {
-                ChannelImage::Colours(image) | ChannelImage::Normals(image) | ChannelImage::Factors(image) => {
-                    covered.fill(image);
-                    covered.mean(image)
+        let extent = Extent::new(texture.map.as_ref(), &texture.images, scale.halvings());
+        let mut means = vec![None; texture.images.len()];
+        if let Some(map) = &texture.map {
+            let covered = Covered::new(map, &positions, &patch.triangles);
+            let rest = halvings - scale.halvings();
+            for ((image, mean), info) in texture.images.iter_mut().zip(&mut means).zip(&infos) {
+                let Some(image) = image else { continue };
+                *mean = Some(covered.fill_image(image));
+                if rest > 0 {
+                    *image = covered.halved_image(image, rest, !info.kind.is_of_numbers());
                 }
-                ChannelImage::Values(image) => {
-                    covered.fill(image);
-                    covered.mean(image)
-                }
-            })
-        };
-        let means = texture.images.iter_mut().map(&mut mean).collect();
-        Ok(DrawnTexture { root: unit.root, texture, means })
+            }
+            if rest > 0 {
+                texture.map = Some(map.halved(rest));
+            }
+        }
+        Ok(DrawnTexture { root: unit.root, texture, means, halvings, extent })
     }
 
     fn byte_count(&self, data: &DrawnTexture) -> u64 {
-        data.byte_count()
+        data.extent.bytes(FULL - data.halvings.min(FULL))
     }
 
     fn page_name(&self, page: StreamKey) -> String {
         self.index.texel_location(page)
     }
 
-    fn unit_name(&self, TexelUnit { root, level }: TexelUnit) -> String {
+    fn unit_name(&self, TexelUnit { root, level, .. }: TexelUnit) -> String {
         format!("texels of root {root}, level {level}")
     }
 }

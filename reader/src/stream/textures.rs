@@ -1,12 +1,16 @@
-//! Which roots of a picture get which images, and in what order (Niski 2007, section 6.1.1).
+//! Which roots of a picture get which images, of which size, and in what order (Niski 2007, sections 3.3.3 and 6.1.1).
 //!
 //! An image belongs to one block, because its map divides that block's patch. So a root is drawn with the images of the
 //! block that is drawn. Until these are there, and where they are not needed, the mean over the nearest coarser block
 //! that is there stands for them: an image of one texel.
 //!
 //! The error of texels is one of their own: **a texel a pixel**. So the images of a root are wanted where the view
-//! shows it, and where it is larger than a pixel. Those of the largest roots come first, because there the mean is
-//! worst. Without a view all are wanted, in any order.
+//! shows it, and where it is larger than a pixel: first an eighth of their size, then the smallest size at which no
+//! pixel has less than a texel. Those of the largest roots come first, because there the mean is worst. Without a view
+//! all are wanted whole, in any order.
+//!
+//! All images of a picture together keep to a budget. Whoever has more than is seen keeps it while there is room.
+//! Where there is none, images become coarser: first those that are finer than they look, then all.
 
 use std::{sync::Arc, time::Duration};
 
@@ -16,34 +20,95 @@ use super::{
     loader::{Loader, UnitState},
     picture::{Changes, Picture},
     queue::Class,
-    texel_content::{DrawnTexture, TexelContent, TexelUnit},
+    texel_content::{DrawnTexture, EIGHTH, Extent, FULL, TexelContent, TexelUnit},
 };
 use crate::select::Projection;
 use crate::sorted::{SortedMap, SortedSet};
 
-/// The images of a picture's roots, kept from frame to frame. A frame looks only at roots that are new or still lack
-/// theirs.
+/// Added to the priority of a root that has no images yet, and of one that frees memory.
+const NOTHING_YET: u8 = 64;
+const FREES: u8 = 128;
+
+/// What is shown, and how well.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wishes<'v> {
+    /// Without one everything is shown from as near as may be.
+    pub view: Option<&'v Projection>,
+    /// Along each side of a pixel, at least.
+    pub texels_per_pixel: f64,
+    /// The most bytes of all images.
+    pub budget: u64,
+}
+
+/// The images that a root is drawn with.
+#[derive(Clone, Copy, Debug)]
+struct Held {
+    unit: TexelUnit,
+    extent: Extent,
+}
+
+/// A root of the picture.
+#[derive(Clone, Copy, Debug, Default)]
+struct Root {
+    held: Option<Held>,
+    /// Whether images were given up.
+    is_lost: bool,
+    /// Pixels in a unit of length, and the binary logarithm of its own size in pixels; none where it needs no images.
+    need: Option<(f64, u8)>,
+    /// The size that it is to have.
+    goal: u8,
+}
+
+impl Root {
+    fn bytes(&self, size: u8) -> u64 {
+        self.held.map_or(0, |held| held.extent.bytes(size))
+    }
+
+    /// The size of the images that it has.
+    fn size(&self) -> u8 {
+        self.held.map_or(0, |held| held.unit.size)
+    }
+
+    /// The least size at which no pixel has less than a texel, or several of them. `step` is the lattice's.
+    fn wanted(&self, wishes: &Wishes<'_>, step: f64) -> u8 {
+        let (Some(held), Some((factor, _))) = (self.held, self.need) else { return EIGHTH.min(self.size()) };
+        if self.is_lost {
+            return self.size();
+        }
+        if wishes.view.is_none() {
+            return FULL;
+        }
+        // In pixels, over how many there are to be in one.
+        let mut texel = held.extent.texel * step * factor * wishes.texels_per_pixel.max(0.0);
+        let mut size = FULL;
+        while size > 0 && 2.0 * texel <= 1.0 {
+            (texel, size) = (2.0 * texel, size - 1);
+        }
+        size
+    }
+}
+
+/// The images of a picture's roots, kept from frame to frame.
 #[derive(Debug, Default)]
 pub(crate) struct Textures {
-    /// Roots whose images are not there.
-    open: SortedSet<u32>,
-    /// What the loader holds for each of the others.
-    held: SortedMap<u32, TexelUnit>,
+    roots: SortedMap<u32, Root>,
+    /// What the frame before was shown from, if nothing is to do until something changes.
+    settled: Option<Option<Projection>>,
 }
 
 impl Textures {
     /// Forgets all images, because other channels are shown from now on.
     pub fn restart(&mut self, picture: &mut Picture) {
-        self.held.clear();
         let roots: Vec<u32> = picture.roots().map(|drawn| drawn.surface.root).collect();
         roots.iter().for_each(|&root| picture.set_texture(root, None));
-        self.open = roots.into_iter().collect();
+        self.roots = roots.into_iter().map(|root| (root, Root::default())).collect();
+        self.settled = None;
     }
 
     /// Makes the next frame look at roots anew whose images were given up.
-    pub fn doubt(&mut self, picture: &Picture) {
-        let roots = picture.roots().map(|drawn| drawn.surface.root);
-        self.open.extend(roots.filter(|root| !self.held.contains_key(root)));
+    pub fn doubt(&mut self) {
+        self.roots.values_mut().for_each(|root| root.is_lost = false);
+        self.settled = None;
     }
 
     /// Takes the roots that are new in a picture, and lets go of the images of those that are gone.
@@ -55,15 +120,15 @@ impl Textures {
         changes: &Changes,
     ) {
         for root in changes.removed.iter().chain(&changes.surfaces) {
-            self.open.remove(root);
-            if let Some(unit) = self.held.remove(root) {
-                loader.release(unit);
+            if let Some(held) = self.roots.remove(root).and_then(|root| root.held) {
+                loader.release(held.unit);
             }
+            self.settled = None;
         }
         for &root in &changes.surfaces {
             let Some(surface) = picture.root(root).map(|drawn| Arc::clone(&drawn.surface)) else { continue };
             picture.set_texture(root, stand_in(loader, content, &surface));
-            self.open.insert(root);
+            self.roots.insert(root, Root::default());
         }
     }
 
@@ -72,52 +137,136 @@ impl Textures {
         &mut self,
         loader: &mut Loader<TexelContent>,
         (picture, changes): (&mut Picture, &mut Changes),
-        view: Option<&Projection>,
+        wishes: &Wishes<'_>,
         now: Duration,
     ) -> u32 {
         loader.begin_frame();
+        if self.settled == Some(wishes.view.copied()) {
+            loader.end_wants();
+            return 0;
+        }
         let content = Arc::clone(loader.content());
-        let mut late = 0;
-        let mut wanted = SortedSet::new();
-        self.open.retain(|&root| {
-            let Some(surface) = picture.root(root).map(|drawn| Arc::clone(&drawn.surface)) else { return false };
-            let unit = TexelUnit::of(&surface);
-            let Some(need) = need(&content, view, root) else { return true };
-            if loader.state(unit) == UnitState::Coming {
-                content.add_surface(&surface);
-                wanted.insert(unit);
+        let mut frame = Demand { loader, content: &content, picture, now, wanted: SortedSet::new(), late: 0 };
+        let mut changed = SortedSet::new();
+        let mut total: u64 = self.roots.values().map(|root| root.bytes(root.size())).sum();
+        for (&number, root) in self.roots.iter_mut() {
+            root.need = need(&content, wishes.view, number);
+            let Some((_, pixels)) = root.need.filter(|_| root.held.is_none() && !root.is_lost) else { continue };
+            let size = if wishes.view.is_none() && total < wishes.budget { FULL } else { EIGHTH };
+            if frame.has(number, root, size, NOTHING_YET + pixels) {
+                frame.give(number, root, size);
+                changed.insert(number);
+                total += root.bytes(size);
             }
-            match loader.want(unit, Class::Demand, need, now) {
-                UnitState::Coming => {
-                    late += 1;
-                    return true;
+        }
+        set_goals(&mut self.roots, wishes, content.index().lattice().step());
+        let mut is_open = frame.late > 0;
+        // What frees memory comes first.
+        for frees in [true, false] {
+            for (&number, root) in self.roots.iter_mut() {
+                let (size, goal) = (root.size(), root.goal);
+                if root.held.is_none() || root.is_lost || goal == size || (goal < size) != frees {
+                    continue;
                 }
-                // It keeps what stands for them.
-                UnitState::Failed => return false,
-                UnitState::Decoded => {}
+                let pixels = root.need.map_or(0, |(_, pixels)| pixels);
+                let has = frame.has(number, root, goal, if frees { FREES + pixels } else { pixels });
+                let after = total - root.bytes(size) + root.bytes(goal);
+                if has && (frees || after <= wishes.budget) {
+                    frame.give(number, root, goal);
+                    changed.insert(number);
+                    total = after;
+                } else if !root.is_lost {
+                    is_open = true;
+                    // It waits for room.
+                    frame.late += u32::from(has);
+                }
             }
-            loader.hold(unit);
-            picture.set_texture(root, loader.take(unit));
-            self.held.insert(root, unit);
-            changes.textures.push(root);
-            false
-        });
+        }
+        let Demand { wanted, late, .. } = frame;
+        changes.textures.extend(changed.iter());
         loader.end_wants();
         content.keep_surfaces(|unit| wanted.contains(&unit) || loader.is_loading(unit));
+        self.settled = (!is_open).then(|| wishes.view.copied());
         late
     }
 }
 
-/// How much a root needs its images: the binary logarithm of its size in pixels; none if it needs none.
-fn need(content: &TexelContent, view: Option<&Projection>, root: u32) -> Option<u8> {
-    let Some(view) = view else { return Some(0) };
+/// A frame that gives roots their images.
+struct Demand<'f> {
+    loader: &'f mut Loader<TexelContent>,
+    content: &'f TexelContent,
+    picture: &'f mut Picture,
+    now: Duration,
+    wanted: SortedSet<TexelUnit>,
+    /// Roots that lack images.
+    late: u32,
+}
+
+impl Demand<'_> {
+    fn unit(&self, root: u32, size: u8) -> Option<(TexelUnit, Arc<DrawnSurface>)> {
+        let surface = Arc::clone(&self.picture.root(root)?.surface);
+        Some((TexelUnit { level: surface.level, root, size }, surface))
+    }
+
+    /// Whether images of a size are there. If not they are wanted.
+    fn has(&mut self, number: u32, root: &mut Root, size: u8, priority: u8) -> bool {
+        let Some((unit, surface)) = self.unit(number, size) else { return false };
+        if self.loader.state(unit) == UnitState::Coming {
+            self.content.add_surface(unit, &surface);
+            self.wanted.insert(unit);
+        }
+        match self.loader.want(unit, Class::Demand, priority, self.now) {
+            UnitState::Decoded => return true,
+            UnitState::Coming => self.late += u32::from(root.held.is_none_or(|held| held.unit.size < size)),
+            // It keeps what it has, or what stands for it.
+            UnitState::Failed => root.is_lost = true,
+        }
+        false
+    }
+
+    /// Draws a root with images that are there.
+    fn give(&mut self, number: u32, root: &mut Root, size: u8) {
+        let Some((unit, _)) = self.unit(number, size) else { return };
+        let Some(texture) = self.loader.take(unit) else { return };
+        self.loader.hold(unit);
+        if let Some(before) = root.held.replace(Held { unit, extent: texture.extent }) {
+            self.loader.release(before.unit);
+        }
+        self.picture.set_texture(number, Some(texture));
+    }
+}
+
+/// Decides about sizes: what is wanted, and what is there already where the budget has room for it.
+fn set_goals(roots: &mut SortedMap<u32, Root>, wishes: &Wishes<'_>, step: f64) {
+    let mut total = 0;
+    for root in roots.values_mut().filter(|root| root.held.is_some()) {
+        root.goal = root.wanted(wishes, step).max(root.size());
+        total += root.bytes(root.goal);
+    }
+    let mut coarser = 0;
+    while total > wishes.budget && coarser <= FULL {
+        total = 0;
+        for root in roots.values_mut().filter(|root| root.held.is_some()) {
+            let wanted = root.wanted(wishes, step);
+            root.goal = if root.is_lost { wanted } else { wanted.saturating_sub(coarser) };
+            total += root.bytes(root.goal);
+        }
+        coarser += 1;
+    }
+}
+
+/// How much a root needs its images: pixels in a unit of length, and the binary logarithm of its size in pixels; none
+/// if it needs none.
+fn need(content: &TexelContent, view: Option<&Projection>, root: u32) -> Option<(f64, u8)> {
+    let Some(view) = view else { return Some((f64::INFINITY, 0)) };
     // Index blocks of drawn roots are known.
     let [low, high] = content.index().root_bounds(root).ok()?;
     let lengths = [0, 1, 2].map(|k| high[k] - low[k]);
     let squared: f64 = lengths.iter().map(|length| length * length).sum();
-    let pixels = view.look([low, high]).factor * squared.sqrt();
+    let factor = view.look([low, high]).factor;
+    let pixels = factor * squared.sqrt();
     // The conversion saturates.
-    (pixels > 1.0).then(|| (pixels as u64).max(1).ilog2() as u8)
+    (pixels > 1.0).then(|| (factor, (pixels as u64).max(1).ilog2() as u8))
 }
 
 /// Images whose mean stands for those of a surface: of the nearest coarser block, of the root or above it, else of a
@@ -126,8 +275,8 @@ fn stand_in(loader: &Loader<TexelContent>, content: &FileContent, surface: &Draw
     let root = surface.root;
     let own = content.blocks(root);
     let (coarser, finer) = own.split_at(own.partition_point(|block| block.level <= surface.level));
-    let own = coarser.iter().rev().chain(finer).map(|block| TexelUnit { level: block.level, root });
-    let of_above =
-        |root: u32| content.blocks(root).into_iter().rev().map(move |block| TexelUnit { level: block.level, root });
-    own.chain(content.above(root).flat_map(of_above)).find_map(|unit| loader.peek(unit))
+    let own = coarser.iter().rev().chain(finer).map(|block| (block.level, root));
+    let of_above = |root: u32| content.blocks(root).into_iter().rev().map(move |block| (block.level, root));
+    let of_size = |(level, root)| (0..=FULL).rev().map(move |size| TexelUnit { level, root, size });
+    own.chain(content.above(root).flat_map(of_above)).flat_map(of_size).find_map(|unit| loader.peek(unit))
 }

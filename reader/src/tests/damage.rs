@@ -204,7 +204,7 @@ fn hostile_files_with_right_checksums_never_panic() {
                 assert_eq!(open_edges(&mesh), 0, "borders match whatever the samples are");
                 let channels: Vec<u8> = (0..file.channels().len() as u8).collect();
                 let nodes: Vec<(u32, u8)> = cut.nodes.iter().map(|node| (node.root, node.level)).collect();
-                if let Ok(texels) = file.texels(&nodes, &channels) {
+                if let Ok(texels) = file.texels(&nodes, &channels, crate::index::Scale::Full) {
                     assert!(texels.iter().all(|texels| texels.images.len() == channels.len()));
                 }
                 file.verify()

@@ -11,11 +11,12 @@ use crate::{
 /// Axes of pieces: one for each direction along an axis of the world.
 const SHAPES: [[i8; 3]; 6] = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]];
 
-/// A file in which each block has a map of up to six pieces, colours and numbers. One of nine has only numbers, and one
-/// of eleven nothing.
+/// A file in which each block has a map of up to six pieces, colours in scales and numbers. One of nine has only
+/// numbers, and one of eleven nothing.
 pub(crate) fn painted_file(faces: &Faces, options: Options) -> Vec<u8> {
     let (mut model, _) = model(faces, options);
     add_channels(&mut model, options.seed);
+    model.channels[0].is_scaled = true;
     model.roots.iter_mut().flat_map(|root| root.blocks.iter_mut().flatten()).for_each(|block| block.texels.clear());
     let mut bytes = Vec::new();
     let order = write_file(&model, &mut bytes).unwrap().root_order;
@@ -60,6 +61,6 @@ fn texels(positions: &[LatticePoint], triangles: &[[u32; 3]], seed: u64) -> Vec<
     let number = |(x, y): (u64, u64)| ((x * 70 + y * 130 + seed) % 60000) as u16;
     let numbers = Image { size: map.size, components: 1, data: texels().map(number).collect() };
     let is_used = vec![true; (width * height) as usize];
-    let colours = if seed.is_multiple_of(9) { vec![] } else { encode_image(&colours, &is_used, 3) };
-    vec![bytes, colours, encode_values(&numbers, &is_used)]
+    let colours = if seed.is_multiple_of(9) { Default::default() } else { encode_image(&colours, &is_used, 3) };
+    [bytes].into_iter().chain(colours).chain([encode_values(&numbers, &is_used)]).collect()
 }

@@ -376,6 +376,7 @@ pub(crate) fn add_channels(model: &mut Model, seed: u64) {
         name: name.into(),
         kind,
         is_exact: false,
+        is_scaled: false,
         components,
         low: 0.0,
         step: 1.0 / 255.0,

@@ -186,7 +186,8 @@ impl Arranged {
             [] => 0,
             channels => {
                 let section = Channels { channels: channels.to_vec(), stream_bytes: vec![0; 1 + channels.len()] };
-                2 * ENTRY_BYTES + section.write().len()
+                let scales = section.write_scales().map_or(0, |scales| ENTRY_BYTES + scales.len());
+                2 * ENTRY_BYTES + section.write().len() + scales
             }
         };
         let head = (HEADER_BYTES + 6 * ENTRY_BYTES + 40 + sections + channels) as u64;

@@ -9,7 +9,12 @@ use super::{
 use crate::{
     codec::entropy::{Codes, Symbols, Tables, encode},
     error::Result,
-    format::{channels::stream_count, clusters::Cluster, levels::Levels, sections::Part},
+    format::{
+        channels::{StreamOrder, stream_count},
+        clusters::Cluster,
+        levels::Levels,
+        sections::Part,
+    },
     write::model::OverviewRecord,
 };
 
@@ -53,6 +58,10 @@ impl Encoder {
     /// How many texel streams a block has.
     pub(super) fn stream_count(&self) -> usize {
         stream_count(&self.head.channels)
+    }
+
+    pub(super) fn channel_count(&self) -> usize {
+        self.head.channels.len()
     }
 
     /// For each root of the file its number among the roots of all pieces, as they came.
@@ -113,7 +122,8 @@ pub(super) fn encode_cluster(
         stream.part = append_stream(codes, &mut pages[level][1], runs)?;
         cluster.levels[level].blocks.length += stream.part.length;
     }
-    let texels = EncodedTexels::new(symbols, blocks.iter().map(|&(block, _)| block), stream_count(&head.channels));
+    let blocks: Vec<(usize, u8)> = blocks.iter().map(|&(number, block)| (number, block.level)).collect();
+    let texels = EncodedTexels::new(symbols, &blocks, &StreamOrder::new(&head.channels));
     let records = encode(codes, [index.records(&cluster, &head.levels.fillings, &head.tolerances)?.iter()])?;
     let corners = corner_symbols(corners, cluster.bounds[0]);
     let coarse = (0..in_index).flat_map(|level| symbols.arcs(0..cluster.arc_count, level, level_count));

@@ -62,8 +62,8 @@ pub use crate::codec::{
         irregular::{EncodeError, PatchTarget, encode_patch, encode_refined_patch},
     },
     texels::{
-        LongTexels, PieceShape, Seen, SeenPoint, encode_exact_image, encode_exact_normals, encode_image, encode_map,
-        encode_normals, encode_seen_image, encode_values, lost_squares, texel_size,
+        ImageStreams, LongTexels, PieceShape, Seen, SeenPoint, encode_exact_image, encode_exact_normals, encode_image,
+        encode_map, encode_normals, encode_seen_image, encode_values, lost_squares, texel_size,
     },
 };
 pub use crate::format::{

@@ -18,7 +18,7 @@ use crate::{
         cluster_lists::write_clusters,
         clusters::Cluster,
         error_code::ErrorCode,
-        header::{Header, Section, VERSION, VERSION_WITH_CHANNELS, kind},
+        header::{Header, Section, VERSION, VERSION_WITH_CHANNELS, VERSION_WITH_SCALES, kind},
         overview::OverviewSection,
         sections::write_source,
     },
@@ -75,7 +75,7 @@ impl<S: Read + Write + Seek> Output<S> {
         let level_count = encoder.head.levels.levels.len();
         let pages = (0..level_count).map(|_| Ok([waiting()?, waiting()?])).collect::<Result<_>>()?;
         let texels = (encoder.stream_count() > 0).then(waiting).transpose()?;
-        let texel_table = TexelTable::new(encoder.cluster_count(), encoder.stream_count());
+        let texel_table = TexelTable::new(encoder.cluster_count(), encoder.channel_count());
         let (clusters, list_sizes) = (Vec::new(), ListSizes::default());
         Ok(Self { encoder, symbols, clusters, list_sizes, index, pages, texel_table, texels })
     }
@@ -170,6 +170,10 @@ impl<S: Read + Write + Seek> Output<S> {
             let stream_bytes = self.texel_table.stream_bytes().to_vec();
             let section = Channels { channels: head.channels.clone(), stream_bytes };
             sections.insert(sections.len() - 1, ("channels", kind::CHANNELS, false, section.write()));
+            if let Some(scales) = section.write_scales() {
+                version = VERSION_WITH_SCALES;
+                sections.insert(sections.len() - 1, ("scales", kind::SCALES, true, scales));
+            }
         }
         if let Some(placement) = placement {
             sections.insert(0, ("placement", kind::PLACEMENT, false, placement.write()?));

@@ -1,6 +1,7 @@
 //! Texels on their way into a file: bytes, whose meaning concerns nobody here.
 
 use super::{encoder::append, sorting::ClusterSymbols};
+use crate::format::channels::StreamOrder;
 use crate::{
     error::{Error, Result},
     format::{
@@ -56,15 +57,25 @@ pub(super) struct EncodedTexels {
 }
 
 impl EncodedTexels {
-    /// Collects the texels of blocks, which come in the order of the file.
-    pub fn new(symbols: &ClusterSymbols, blocks: impl Iterator<Item = usize>, stream_count: usize) -> Self {
-        let mut result = Self { stream_bytes: vec![0; stream_count], ..Self::default() };
-        for block in blocks {
-            for (number, bytes) in result.stream_bytes.iter_mut().enumerate() {
-                let part = append(&mut result.streams, symbols.texels(block * stream_count + number));
-                part.write(&mut result.directory);
-                *bytes += part.length;
+    /// Collects the texels of blocks, each with its level, which come in the order of the file.
+    pub fn new(symbols: &ClusterSymbols, blocks: &[(usize, u8)], order: &StreamOrder) -> Self {
+        let count = order.count();
+        let mut sources = vec![(0, 0); blocks.len() * count];
+        let mut before = 0;
+        for of_level in blocks.chunk_by(|(_, one), (_, other)| one == other) {
+            for (number, &(block, _)) in (before..).zip(of_level) {
+                for stream in 0..count {
+                    sources[order.place(stream, number, [before, of_level.len()])] = (block * count + stream, stream);
+                }
             }
+            before += of_level.len();
+        }
+        let channels = order.channel_of(count.saturating_sub(1)).map_or(0, |last| last + 1);
+        let mut result = Self { stream_bytes: vec![0; if count == 0 { 0 } else { 1 + channels }], ..Self::default() };
+        for (source, stream) in sources {
+            let part = append(&mut result.streams, symbols.texels(source));
+            part.write(&mut result.directory);
+            result.stream_bytes[order.channel_of(stream).map_or(0, |channel| 1 + channel)] += part.length;
         }
         if result.streams.is_empty() {
             result.directory.clear();
@@ -82,8 +93,9 @@ pub(super) struct TexelTable {
 }
 
 impl TexelTable {
-    pub fn new(cluster_count: usize, stream_count: usize) -> Self {
-        Self { entries: Vec::new(), end: table_bytes(cluster_count as u32), stream_bytes: vec![0; stream_count] }
+    pub fn new(cluster_count: usize, channel_count: usize) -> Self {
+        let stream_bytes = vec![0; if channel_count == 0 { 0 } else { 1 + channel_count }];
+        Self { entries: Vec::new(), end: table_bytes(cluster_count as u32), stream_bytes }
     }
 
     /// Adds the next cluster.

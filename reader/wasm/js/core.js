@@ -116,8 +116,8 @@ export class Core {
   async openStream(options) {
     const number = (this.#streamCount += 1);
     const begin = () => this.#ask(() => {
-      const { byteCache, decodedCache, texelCache, maxReads, ahead, light, origin } = options;
-      return this.call('open_stream', byteCache, decodedCache, texelCache, maxReads, ahead, light ? 1 : 0, ...origin);
+      const { byteCache, decodedCache, texelCache, texelsPerPixel, maxReads, ahead, light, origin } = options;
+      return this.call('open_stream', byteCache, decodedCache, texelCache, texelsPerPixel, maxReads, ahead, light ? 1 : 0, ...origin);
     }, this.#closed.signal);
     const overview = () => (this.call('overview', options.light ? 1 : 0) ? this.#mesh() : null);
     this.#streams.set(number, new CoreStream(this, this.#host, number, begin, overview, options));

@@ -192,6 +192,7 @@ pub extern "C" fn lodpack_open_stream(
     byte_cache: f64,
     decoded_cache: f64,
     texel_cache: f64,
+    texels_per_pixel: f64,
     max_reads: u32,
     ahead_ms: f64,
     light: u32,
@@ -203,6 +204,7 @@ pub extern "C" fn lodpack_open_stream(
         byte_cache: byte_cache as u64,
         decoded_cache: decoded_cache as u64,
         texel_cache: texel_cache as u64,
+        texels_per_pixel,
         max_reads: max_reads as usize,
         // As the native viewer.
         sample_px: 3.0,

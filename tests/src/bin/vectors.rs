@@ -18,7 +18,7 @@ use lodpack::{
     index::SourceInfo,
     write::{
         LongTexels, PieceShape, Quantisation, RootRecord, Slide, SymbolBuffer, WantedSample, encode_exact_image,
-        encode_exact_normals, encode_map, encode_values, quantise_arcs, write_listed,
+        encode_exact_normals, encode_image, encode_map, encode_normals, encode_values, quantise_arcs, write_listed,
     },
 };
 use lodpack_cli::job::{BuildOptions, build};
@@ -78,6 +78,9 @@ fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
         ("channels", cube_with_channels()?),
         ("drawings", drawn_cube()?),
         ("exact_colours", exact_cube()?),
+        ("scales", scaled_cube()?),
+        // As a builder of version 4.3 wrote it, which nobody does any more.
+        ("one_scale", std::fs::read(spec.join("vectors/one_scale.lodpack"))?),
         ("many_clusters", cube_of_squares(3)?),
         ("lists", listed_cube()?),
         ("tree", tree()?),
@@ -347,6 +350,7 @@ fn drawn_cube() -> Result<Vec<u8>, Failure> {
 fn exact_cube() -> Result<Vec<u8>, Failure> {
     let exact = |name, kind, components, step: f64| ChannelInfo {
         is_exact: true,
+        is_scaled: false,
         ..channel(name, kind, components, step, step / 2.0)
     };
     let channels = vec![
@@ -381,8 +385,57 @@ fn exact_cube() -> Result<Vec<u8>, Failure> {
     })
 }
 
+/// The same cube with images in scales, a colour with alpha, a normal and a factor, and beside them numbers and an
+/// exact colour. The first root has images of one colour, the second means alone; every ninth texel is not used, nor
+/// any of some blocks of texels, and the last root's coarser block has no images.
+fn scaled_cube() -> Result<Vec<u8>, Failure> {
+    let scaled = |name, kind, components, step: f64| ChannelInfo {
+        is_scaled: true,
+        ..channel(name, kind, components, step, 0.0)
+    };
+    let channels = vec![
+        scaled("colour", ChannelKind::Colour, 4, 1.0),
+        channel("depth", ChannelKind::Scalar, 1, 0.25, 0.0),
+        ChannelInfo { low: -128.0 / 127.0, ..scaled("normal", ChannelKind::Normal, 2, 1.0 / 127.0) },
+        ChannelInfo { is_exact: true, ..channel("emissive", ChannelKind::Colour, 3, 1.0, 0.5) },
+        scaled("roughness", ChannelKind::Factor, 1, 1.0 / 255.0),
+    ];
+    painted_cube(channels, |number, level, map| {
+        if number == 5 && level == 0 {
+            return vec![vec![]; 14];
+        }
+        let [width, height] = map.size;
+        let texels = || (0..width * height).map(|texel| [texel % width, texel / width]);
+        let is_used: Vec<bool> = texels().map(|[x, y]| (x + y) % 9 != 4 && (x / 8 + y / 8) % 3 != 2).collect();
+        let image = |components: u8, seed: u32| {
+            let of_texel = |[x, y]: [u32; 2], k: u32| match (number, (x / 9 + y / 5 + seed) % 3) {
+                (0, _) => 40 * k + seed,
+                (1, _) => 20 * (x / 8) + 30 * (y / 8) + 10 * k,
+                (_, 0) => (200 + k).wrapping_sub(3 * x),
+                (_, 1) => (x * 31 + y * 17 + k * 5).pow(2) / 7,
+                _ => 2 * y + 60 * k,
+            };
+            let data = texels().flat_map(|at| (0..u32::from(components)).map(move |k| of_texel(at, k) as u8));
+            Image { size: map.size, components, data: data.collect() }
+        };
+        let direction = |[x, y]: [u32; 2]| match number {
+            0 => [0.0, 0.0, 1.0],
+            _ => [x as f32 - 8.0, 5.0 - y as f32, (x * y % 11) as f32],
+        };
+        let directions: Vec<[f32; 3]> = texels().map(direction).collect();
+        let numbers = Image { size: map.size, components: 1, data: texels().map(|[x, y]| (x * y) as u16).collect() };
+        let step = 2 + 7 * number as u8;
+        let mut streams = encode_image(&image(4, 1), &is_used, step).to_vec();
+        streams.push(encode_values(&numbers, &is_used));
+        streams.extend(encode_normals(map, &directions, &is_used, step));
+        streams.push(encode_exact_image(&image(3, 2), &is_used));
+        streams.extend(encode_image(&image(1, 3), &is_used, step));
+        streams
+    })
+}
+
 fn channel(name: &str, kind: ChannelKind, components: u8, step: f64, bound: f64) -> ChannelInfo {
-    ChannelInfo { name: name.to_owned(), kind, is_exact: false, components, low: 0.0, step, bound }
+    ChannelInfo { name: name.to_owned(), kind, is_exact: false, is_scaled: false, components, low: 0.0, step, bound }
 }
 
 /// A cube of six roots at two levels with these channels. `images` gives the streams of a block, of which the root, the

@@ -1,7 +1,7 @@
-//! The sections CHANNELS and TEXELS (SPEC.md, chapter 20) of a file with one cluster or none, as the numbers that are
-//! in them.
+//! The sections CHANNELS, SCALES and TEXELS (SPEC.md, chapter 20) of a file with one cluster or none, as the numbers
+//! that are in them.
 
-use super::{CHANNELS, CLUSTERS, Container, PAGES, Section, TEXELS, put_part, put_varint};
+use super::{CHANNELS, CLUSTERS, Container, PAGES, SCALES, Section, TEXELS, put_part, put_varint};
 
 /// A channel.
 #[derive(Clone, Debug)]
@@ -27,6 +27,8 @@ pub struct HandmadeTexels {
     pub size_excess: u64,
     /// The streams of each block, all levels together; none for a file without clusters.
     pub streams: Vec<Vec<u8>>,
+    /// What SCALES says; empty for a file without it.
+    pub scales: Vec<u8>,
     /// Whether there is a cluster.
     pub has_cluster: bool,
     /// Whether a cluster without texels has a directory, too.
@@ -55,6 +57,7 @@ impl HandmadeTexels {
             channel_excess: 0,
             size_excess: 0,
             streams: [&b"map 0"[..], b"red", b"7", b"map 1", b"green and blue", b""].map(<[u8]>::to_vec).to_vec(),
+            scales: vec![],
             has_cluster: true,
             always_has_directory: false,
             directory_excess: vec![],
@@ -82,6 +85,14 @@ impl HandmadeTexels {
         texels
     }
 
+    /// The example whose colours are in scales.
+    pub fn scaled() -> Self {
+        let blocks: [[&[u8]; 6]; 2] =
+            [[b"map 0", b"r", b"", b"e", b"d", b"7"], [b"map 1", b"gr", b"een", b" and", b" blue", b""]];
+        let streams = blocks.as_flattened().iter().map(|stream| stream.to_vec()).collect();
+        Self { streams, scales: vec![4, 1], ..Self::example() }
+    }
+
     /// Channels of a file without clusters.
     pub fn nothing() -> Self {
         Self { streams: vec![], has_cluster: false, ..Self::example() }
@@ -97,14 +108,27 @@ impl HandmadeTexels {
             let place = at(&file, before).expect("every file has these");
             file.sections.insert(place, Section { kind, flags, content, reserved: 0 });
         }
+        if !self.scales.is_empty() {
+            file.version[1] = 4;
+            let place = at(&file, CLUSTERS).expect("every file has these");
+            file.sections.insert(place, Section { kind: SCALES, flags: 1, content: self.scales.clone(), reserved: 0 });
+        }
         file
     }
 
     fn channels(&self) -> Vec<u8> {
-        let stream_count = 1 + self.channels.len();
-        let bytes_of = |stream: usize| {
-            let streams = self.streams.iter().skip(stream).step_by(stream_count);
-            streams.map(|stream| stream.len() as u64).sum::<u64>()
+        let counts: Vec<usize> = match self.scales.as_slice() {
+            [] => vec![1; self.channels.len()],
+            scales => scales.iter().map(|&count| count.into()).collect(),
+        };
+        let stream_count = 1 + counts.iter().sum::<usize>();
+        // Of all maps, or of the images of a channel.
+        let bytes_of = |number: usize| {
+            let first = counts.iter().take(number.saturating_sub(1)).sum::<usize>() + usize::from(number > 0);
+            let count = if number == 0 { 1 } else { counts[number - 1] };
+            let is_own = |stream: usize| (first..first + count).contains(&(stream % stream_count));
+            let streams = self.streams.iter().enumerate().filter(|(stream, _)| is_own(*stream));
+            streams.map(|(_, stream)| stream.len() as u64).sum::<u64>()
         };
         let mut bytes = vec![];
         put_varint(&mut bytes, self.channels.len() as u64 + self.channel_excess);
@@ -114,7 +138,7 @@ impl HandmadeTexels {
             bytes.extend(&channel.name);
             bytes.extend([channel.kind, channel.components]);
             channel.numbers.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
-            let excess = if number + 1 == stream_count { self.size_excess } else { 0 };
+            let excess = if number == self.channels.len() { self.size_excess } else { 0 };
             put_varint(&mut bytes, bytes_of(number) + excess);
         }
         bytes

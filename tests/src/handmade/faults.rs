@@ -4,8 +4,8 @@ use super::symbols::{CONTEXT_COUNT, contexts, flat_table_numbers};
 use super::{
     BOX_SIZE, CHANNELS, CHILD_CHILDREN, CHILD_HALF_ARCS, CHILD_TRIANGLES, CHILDREN, CLUSTERS, COARSE_ERROR, Container,
     FINE_BEGINS, FIRST_ARC, FIRST_ARC_SAMPLES, FIRST_CORNER_LEVEL, GROUND, HALF_ARC_COUNT, HALF_ARCS, Handmade,
-    HandmadeChannel, HandmadeTexels, INDEX, LAST_ARC, LEVEL_SET, LEVELS, PAGES, PLACEMENT, ROOT, SECOND_CORNER_LEVEL,
-    Section, TABLES, TEXELS, ground, pack_bits,
+    HandmadeChannel, HandmadeTexels, INDEX, LAST_ARC, LEVEL_SET, LEVELS, PAGES, PLACEMENT, ROOT, SCALES,
+    SECOND_CORNER_LEVEL, Section, TABLES, TEXELS, ground, pack_bits,
 };
 
 /// A file that must be refused.
@@ -78,7 +78,12 @@ pub fn faults() -> Vec<Fault> {
         Fault { name, what, bytes: container.bytes() }
     });
     let geometry = whole.chain(sections).chain(tables).chain(lists).chain(symbols).chain(trees).chain(grids);
-    geometry.chain(with_channels).chain(channels).chain(drawn).chain(grounded).collect()
+    let scaled = scale_faults().into_iter().map(|(name, what, edit)| {
+        let mut container = HandmadeTexels::scaled().put_into(Handmade::example().container());
+        edit(&mut container);
+        Fault { name, what, bytes: container.bytes() }
+    });
+    geometry.chain(with_channels).chain(channels).chain(drawn).chain(scaled).chain(grounded).collect()
 }
 
 type Edit<T> = (&'static str, &'static str, fn(&mut T));
@@ -455,6 +460,23 @@ fn ground_faults() -> Vec<Edit<Container>> {
             c.section(GROUND).content = ground::heights_in("EPSG:32633");
         }),
         ("ground_beside_heights", "heights lie beside a mesh and its ground (5)", ground::heights_beside),
+    ]
+}
+
+fn scale_faults() -> Vec<Edit<Container>> {
+    vec![
+        ("scales_without_channels", "SCALES is there without CHANNELS (20.3)", |c| {
+            c.sections.retain(|s| ![CHANNELS, TEXELS].contains(&s.kind));
+        }),
+        ("scales_version", "a file of version 4.3 has SCALES (20.3)", |c| c.version[1] = 3),
+        ("scales_optional", "SCALES is not required (5)", |c| c.section(SCALES).flags = 0),
+        ("scales_short", "SCALES has no byte for the last channel (20.3)", |c| c.section(SCALES).content.truncate(1)),
+        ("scales_longer", "a byte follows that of the last channel in SCALES (20.3)", |c| {
+            c.section(SCALES).content.push(1);
+        }),
+        ("scales_two", "an image is divided into two streams (20.3)", |c| c.section(SCALES).content[0] = 2),
+        ("scales_none", "SCALES says that no image is divided (20.3)", |c| c.section(SCALES).content[0] = 1),
+        ("scales_of_numbers", "images of numbers are divided (20.3)", |c| c.section(SCALES).content[1] = 4),
     ]
 }
 

@@ -38,6 +38,8 @@ pub const HEIGHTS: u32 = 11;
 pub const HEIGHT_INDEX: u32 = 12;
 /// See [`LEVELS`].
 pub const GROUND: u32 = 14;
+/// The section SCALES.
+pub const SCALES: u32 = 15;
 
 /// Codes of fillings.
 pub const IRREGULAR: u16 = 0;

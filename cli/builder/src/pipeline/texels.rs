@@ -34,12 +34,18 @@ const SMALL_TEXELS: f64 = 4096.0;
 /// blur is all that there is.
 const SMALL_FINER: f64 = 16.0;
 
+/// Whether texels of a kind are bytes, of which something may be lost.
+fn is_of_bytes(kind: ChannelKind) -> bool {
+    matches!(kind, ChannelKind::Colour | ChannelKind::Normal | ChannelKind::Factor)
+}
+
 /// The channels of a file whose input looks like this, and of whose colours nothing is lost if they are exact.
 pub(super) fn channels(appearance: &Appearance, is_exact: bool) -> Vec<ChannelInfo> {
     let of = |name: &str, kind: ChannelKind, components: u8, low: f64, step: f64, bound: f64| ChannelInfo {
         name: name.into(),
         kind,
-        is_exact: is_exact && matches!(kind, ChannelKind::Colour | ChannelKind::Normal | ChannelKind::Factor),
+        is_exact: is_exact && is_of_bytes(kind),
+        is_scaled: !is_exact && is_of_bytes(kind),
         components,
         low,
         step,

@@ -5,8 +5,8 @@
 
 use glam::DVec3;
 use lodpack::decode::texels::Map;
-use lodpack::decode::{ChannelImage, Patch, Texture, TexturedMesh};
-use lodpack::index::{ChannelInfo, ChannelKind, TexelBytes};
+use lodpack::decode::{ChannelImage, Texture, TexturedMesh};
+use lodpack::index::{ChannelInfo, ChannelKind};
 use lodpack::write::texel_size;
 use lodpack::{Lattice, Mesh};
 use rayon::prelude::*;
@@ -184,11 +184,10 @@ impl<'a> CutPainter<'a> {
         let mut source = Located::new(CutSource::new(self));
         let finer = self.exponent.saturating_sub(exponent);
         let baked = Baker::new(&self.storage).bake_cut(&target.patch(), &mut source, exponent, finer)?;
-        let mut streams = baked.streams.into_iter();
-        let bytes = TexelBytes { level: 0, map: streams.next()?, images: streams.collect() };
-        let whole = Patch { triangles: finished.triangles.clone(), ..Patch::default() };
-        let texture = Texture::decode(&bytes, self.channels, &target.points, &whole, MAX_TEXELS_OF_CUT).ok()?;
-        let map = texture.map.as_ref()?;
+        let (map, streams) = baked.streams.split_first()?;
+        let map = Map::decode(map, &target.points, &finished.triangles, MAX_TEXELS_OF_CUT).ok()?;
+        let images = self.storage.by_channel(streams).map(|(channel, streams)| channel.decode(streams, &map));
+        let images = images.map(|image| Some(Some(image?))).collect::<Option<Vec<_>>>()?;
         let place = |(number, corners): (usize, &[u32; 3])| {
             corners.map(|corner| map.piece(number).place(target.points[corner as usize]).map(|x| x as f32))
         };
@@ -199,7 +198,7 @@ impl<'a> CutPainter<'a> {
                 triangle_nodes: vec![0; finished.triangles.len()],
                 triangles: finished.triangles.clone(),
             },
-            textures: vec![texture],
+            textures: vec![Texture { level: 0, map: Some(map), images }],
         })
     }
 }

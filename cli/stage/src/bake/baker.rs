@@ -164,8 +164,8 @@ impl<'s> Baker<'s> {
         Surfels::new(patch, (map, usual), &self.drawn, &self.kept.sums, self.storage)
     }
 
-    /// The map and the image of each channel, and what the outer border should show. `wanted` says what borders should,
-    /// if colours have no opacity.
+    /// The streams of the map and of the image of each channel, and what the outer border should show. `wanted` says
+    /// what borders should, if colours have no opacity.
     fn streams(
         &mut self,
         patch: &BakedPatch<'_>,

@@ -12,8 +12,8 @@ use super::storage::{Storage, Stored};
 use lodpack_mesh::srgb::{share_byte, srgb_byte};
 
 impl Storage {
-    /// The image of each channel, of texels that have these values, as [`super::values::Sums`] has them. Texels that
-    /// are not used may have any value afterwards. `memory` serves one image after another.
+    /// The streams of each channel's image, of texels that have these values, as [`super::values::Sums`] has them.
+    /// Texels that are not used may have any value afterwards. `memory` serves one image after another.
     pub(super) fn encode(
         &self,
         map: &Map,
@@ -27,7 +27,7 @@ impl Storage {
         let mut streams = vec![];
         for &channel in self.channels() {
             let texels = values.chunks_exact(self.stride()).map(|texel| &texel[first..first + channel.values()]);
-            streams.push(match channel {
+            streams.extend(match channel {
                 Stored::Colour { step, .. } if self.is_plain() => {
                     let image = plain_colours(values, map.size, std::mem::take(memory));
                     let bytes = coded(&image, is_used, Some(seen), steps.of_opaque_colours(step, &image, is_used));
@@ -44,8 +44,8 @@ impl Storage {
                 Stored::Normal { step } => {
                     let directions: Vec<[f32; 3]> = texels.map(|texel| [texel[0], texel[1], texel[2]]).collect();
                     match steps.of_others(step) {
-                        0 => encode_exact_normals(map, &directions, is_used),
-                        step => encode_normals(map, &directions, is_used, step),
+                        0 => vec![encode_exact_normals(map, &directions, is_used)],
+                        step => encode_normals(map, &directions, is_used, step).into(),
                     }
                 }
                 Stored::Factor { step } => {
@@ -55,11 +55,11 @@ impl Storage {
                 }
                 Stored::Scalar { low, step } => {
                     let data = texels.map(|texel| number_of(texel[0], low, step)).collect();
-                    encode_values(&Image { size: map.size, components: 1, data }, is_used)
+                    vec![encode_values(&Image { size: map.size, components: 1, data }, is_used)]
                 }
                 Stored::Label { low } => {
                     let data = texels.map(|texel| number_of(texel[0], low, 1.0)).collect();
-                    encode_values(&Image { size: map.size, components: 1, data }, is_used)
+                    vec![encode_values(&Image { size: map.size, components: 1, data }, is_used)]
                 }
             });
             first += channel.values();
@@ -70,11 +70,11 @@ impl Storage {
 
 /// Codes an image with a step, or exactly if there is none. What is seen of it beside its pieces only counts where
 /// something is lost.
-fn coded(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, step: u8) -> Vec<u8> {
+fn coded(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, step: u8) -> Vec<Vec<u8>> {
     match (step, seen) {
-        (0, _) => encode_exact_image(image, is_used),
-        (_, Some(seen)) => encode_seen_image(image, is_used, seen, step),
-        (_, None) => encode_image(image, is_used, step),
+        (0, _) => vec![encode_exact_image(image, is_used)],
+        (_, Some(seen)) => encode_seen_image(image, is_used, seen, step).into(),
+        (_, None) => encode_image(image, is_used, step).into(),
     }
 }
 
@@ -191,7 +191,7 @@ mod tests {
                         image.data.chunks(3).map(<[u8]>::to_vec).collect()
                     }
                 };
-                let image = match channel.decode(stream, &map).unwrap() {
+                let image = match channel.decode(std::slice::from_ref(stream), &map).unwrap() {
                     ChannelImage::Colours(image) | ChannelImage::Normals(image) | ChannelImage::Factors(image) => image,
                     ChannelImage::Values(_) => panic!("values are of other kinds"),
                 };

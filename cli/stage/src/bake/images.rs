@@ -3,7 +3,7 @@
 use std::borrow::Borrow;
 
 use lodpack::decode::ChannelImage;
-use lodpack::decode::texels::{Image, Map};
+use lodpack::decode::texels::{Image, Map, SCALES};
 
 use super::{Storage, Stored};
 use lodpack_mesh::srgb::LINEAR_OF_BYTE;
@@ -12,17 +12,41 @@ use lodpack_mesh::srgb::LINEAR_OF_BYTE;
 const MOST_SAMPLES: f64 = 8.0;
 
 impl Stored {
-    /// Decodes the image of a channel. None if its bytes break a rule of the format.
-    pub fn decode(self, bytes: &[u8], map: &Map) -> Option<ChannelImage> {
-        let decode_bytes = if self.is_exact() { Image::decode_exact } else { Image::decode_colours };
-        let decode_normals = if self.is_exact() { Image::decode_exact_normals } else { Image::decode_normals };
+    /// Decodes the image of a channel from its streams. None if they break a rule of the format.
+    pub fn decode(self, streams: &[Vec<u8>], map: &Map) -> Option<ChannelImage> {
+        let first = streams.first()?;
+        let bytes = |components: u8| match self.is_exact() {
+            true => Image::decode_exact(first, map.size, components),
+            false => Image::decode_scaled(streams, map.size, components),
+        };
+        let normals = || match self.is_exact() {
+            true => Image::decode_exact_normals(first, map),
+            false => Image::decode_scaled_normals(streams, map),
+        };
         Some(match self {
-            Self::Colour { components, .. } => ChannelImage::Colours(decode_bytes(bytes, map.size, components).ok()?),
-            Self::Normal { .. } => ChannelImage::Normals(decode_normals(bytes, map).ok()?),
-            Self::Factor { .. } => ChannelImage::Factors(decode_bytes(bytes, map.size, 1).ok()?),
+            Self::Colour { components, .. } => ChannelImage::Colours(bytes(components).ok()?),
+            Self::Normal { .. } => ChannelImage::Normals(normals().ok()?),
+            Self::Factor { .. } => ChannelImage::Factors(bytes(1).ok()?),
             Self::Scalar { .. } | Self::Label { .. } => {
-                ChannelImage::Values(Image::decode_values(bytes, map.size, 1).ok()?)
+                ChannelImage::Values(Image::decode_values(first, map.size, 1).ok()?)
             }
+        })
+    }
+
+    /// How many streams the image of a channel has.
+    pub fn stream_count(self) -> usize {
+        let is_scaled = !self.is_exact() && !matches!(self, Self::Scalar { .. } | Self::Label { .. });
+        if is_scaled { SCALES } else { 1 }
+    }
+}
+
+impl Storage {
+    /// Each channel with the streams of its image, of those of a block behind its map.
+    pub fn by_channel<'s>(&self, mut streams: &'s [Vec<u8>]) -> impl Iterator<Item = (Stored, &'s [Vec<u8>])> {
+        self.channels().iter().map(move |&channel| {
+            let (own, rest) = streams.split_at(channel.stream_count().min(streams.len()));
+            streams = rest;
+            (channel, own)
         })
     }
 }

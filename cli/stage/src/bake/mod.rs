@@ -173,7 +173,7 @@ pub trait Source {
 /// What a block stores of its images.
 #[derive(Clone, Debug, Default)]
 pub struct Baked {
-    /// The map, then the image of each channel.
+    /// The map, then those of the image of each channel ([`Stored::stream_count`]).
     pub streams: Vec<Vec<u8>>,
     /// Its texels as points, before they were quantised: for the images of coarser patches.
     pub surfels: Surfels,

@@ -301,7 +301,7 @@ mod tests {
                 let baked = baker.bake_coarser(&coarser, std::iter::once(&surfels), no_source, Coarse::even(6));
                 let streams = baked.expect("it has an image").streams;
                 let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).expect("sound");
-                let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+                let image = Image::decode_scaled(&streams[1..5], map.size, 3).expect("sound");
                 let at = |point: [f64; 3]| image.interpolated(map.piece(0).unbounded(point))[0];
                 [at([64.0, 32.0, 0.0]), at([70.5, 32.0, 0.0])]
             });

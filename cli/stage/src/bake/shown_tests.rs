@@ -43,7 +43,7 @@ fn where_nothing_was_measured_texels_have_the_number_beside_it() {
         BakedPatch { positions: &positions, triangles: &triangles, reach: 1.0, areas: None, finer: 0, is_sharp: false };
     let baked = bake(&mut Baker::new(&Storage::new(channels)), &patch, &mut source, 4).unwrap();
     let map = Map::decode(&baked.streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
-    let [scalars, labels] = [2, 3].map(|k| Image::decode_values(&baked.streams[k], map.size, 1).unwrap());
+    let [scalars, labels] = [5, 6].map(|k| Image::decode_values(&baked.streams[k], map.size, 1).unwrap());
     for x in 1..100 {
         let [x, y] = map.piece(0).unbounded([f64::from(x), 50.0, 0.0]).map(|x| x as u32);
         let (scalar, label) = (scalars.texel(x, y)[0], labels.texel(x, y)[0]);
@@ -212,7 +212,7 @@ fn texels_show_what_lies_closest_however_far_it_is() {
         };
         let streams = baked.expect("it has an image").streams;
         let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).expect("sound");
-        let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+        let image = Image::decode_scaled(&streams[1..5], map.size, 3).expect("sound");
         let mut largest = 0.0_f64;
         for (triangle, side) in [(0, -1.0), (3, 1.0)] {
             for down in [40.0, 60.0, 80.0, 95.0] {
@@ -254,7 +254,7 @@ fn the_far_side_of_a_sheet_counts_a_little() {
     let streams =
         Baker::new(&storage).bake_cut(&patch, &mut Located::new(Sheet), 2, 0).expect("it has an image").streams;
     let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).expect("sound");
-    let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+    let image = Image::decode_scaled(&streams[1..5], map.size, 3).expect("sound");
     let shown = image.interpolated(map.piece(0).unbounded([40.0, 24.0, 0.0]))[0];
     let wanted = f64::from(srgb_byte(1.0 / (1.3 * 1.3)));
     assert!((shown - wanted).abs() < 3.0, "{shown} {wanted}");
@@ -297,7 +297,7 @@ fn shown_of_cut(
     let streams =
         Baker::new(&storage).bake_cut(&patch, &mut Located::new(source), 2, 0).expect("it has an image").streams;
     let map = Map::decode(&streams[0], positions, triangles, MAX_TEXELS).expect("sound");
-    let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+    let image = Image::decode_scaled(&streams[1..5], map.size, 3).expect("sound");
     at.iter().map(|&(triangle, point)| image.interpolated(map.piece(triangle).unbounded(point))[0]).collect()
 }
 

@@ -46,7 +46,7 @@ fn floor() -> (Vec<LatticePoint>, Vec<[u32; 3]>) {
 /// The size of texels of each triangle, and how far brightness is off at most.
 fn sizes_and_error(streams: &[Vec<u8>], positions: &[LatticePoint], triangles: &[[u32; 3]]) -> (Vec<f64>, f64) {
     let map = Map::decode(&streams[0], positions, triangles, MAX_TEXELS).expect("sound");
-    let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+    let image = Image::decode_scaled(&streams[1..5], map.size, 3).expect("sound");
     let mut largest = 0.0_f64;
     for (number, corners) in triangles.iter().enumerate() {
         let piece = map.piece(number);
@@ -142,7 +142,7 @@ fn texels_are_long_where_images_are_stretched() {
     // Width and length of texels, how many there are, and how far brightness is off in the mean.
     let measured = |streams: &[Vec<u8>]| {
         let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).expect("sound");
-        let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+        let image = Image::decode_scaled(&streams[1..5], map.size, 3).expect("sound");
         let piece = &map.pieces[0];
         let ([length, width], [u, v, _]) = (piece.texel(), piece.frame());
         let across = if length < width { u } else { v };

@@ -124,12 +124,12 @@ fn a_coarse_sphere_shows_the_colours_of_a_fine_one() {
     let storage =
         Storage::new(vec![Stored::Colour { components: 3, step: 4 }, Stored::Scalar { low: -1000.0, step: 0.5 }]);
     let baked = bake(&mut Baker::new(&storage), &patch, &mut source, 8).unwrap();
-    let [map, colours, heights] = &baked.streams[..] else { panic!("a map, colours and heights") };
+    let [map, colours @ .., heights] = &baked.streams[..] else { panic!("a map, colours and heights") };
     let map = Map::decode(map, &positions, &triangles, MAX_TEXELS).unwrap();
-    let image = Image::decode_colours(colours, map.size, 3).unwrap();
+    let image = Image::decode_scaled(colours, map.size, 3).unwrap();
     let heights = Image::decode_values(heights, map.size, 1).unwrap();
     assert!(map.pieces.len() < 20, "{} pieces", map.pieces.len());
-    let lengths: Vec<usize> = baked.streams.iter().map(Vec::len).collect();
+    let lengths = [baked.streams[0].len(), colours.concat().len(), baked.streams[5].len()];
     assert!(lengths.iter().zip([150, 12_000, 18_000]).all(|(&length, most)| length < most), "{lengths:?}");
     let (mut squares, mut count) = (0.0, 0);
     for (number, corners) in triangles.iter().enumerate() {
@@ -198,7 +198,7 @@ fn patches_without_area_and_without_a_source_have_an_image_or_none() {
         };
         if let Some(baked) = bake(&mut Baker::new(&storage), &patch, &mut Nothing, 0) {
             let map = Map::decode(&baked.streams[0], &positions, &[[0, 1, 2]], MAX_TEXELS).unwrap();
-            Image::decode_colours(&baked.streams[1], map.size, 4).unwrap();
+            Image::decode_scaled(&baked.streams[1..5], map.size, 4).unwrap();
         }
     }
 }
@@ -298,7 +298,7 @@ fn both_sides_of_a_border_show_the_mean_where_no_source_is_at_hand_unless_colour
         let finer = std::iter::once(&fine.surfels);
         let streams = Baker::new(&storage).bake_coarser(&patch, finer, NO_SOURCE, Coarse::even(6)).unwrap().streams;
         let map = Map::decode(&streams[0], &positions, &triangles, MAX_TEXELS).unwrap();
-        let image = Image::decode_colours(&streams[1], map.size, 3).unwrap();
+        let image = Image::decode_scaled(&streams[1..5], map.size, 3).unwrap();
         let shown = |side: usize, y: f64| image.interpolated(map.piece(side).unbounded([0.0, y, 80.0]))[0];
         (10..90).map(|y| (shown(0, f64::from(y)) - shown(1, f64::from(y))).abs()).fold(0.0, f64::max)
     };

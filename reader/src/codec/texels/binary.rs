@@ -10,6 +10,14 @@ const MOST_MISSING: u32 = 5;
 /// Unary parts of numbers that are longer than this are refused: no 32-bit number has them.
 const LONGEST: u32 = 32;
 
+/// The probability of a zero, as it is estimated from what came before.
+pub(super) trait Estimate {
+    /// In 1/4096, from 4 to 4091.
+    fn of_zero(&self) -> u32;
+    /// Takes what has come.
+    fn learn(&mut self, bit: bool);
+}
+
 /// The estimated probability of a zero, learned quickly and slowly.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chance([u16; 2]);
@@ -20,9 +28,8 @@ impl Default for Chance {
     }
 }
 
-impl Chance {
-    /// In 1/4096, from 4 to 4091.
-    fn of_zero(self) -> u32 {
+impl Estimate for Chance {
+    fn of_zero(&self) -> u32 {
         (u32::from(self.0[0]) + u32::from(self.0[1])) >> 5
     }
 
@@ -90,7 +97,7 @@ impl<'a> BitDecoder<'a> {
 
     /// A bit with an adaptive probability.
     #[inline]
-    pub(super) fn bit(&mut self, chance: &mut Chance) -> bool {
+    pub(super) fn bit(&mut self, chance: &mut impl Estimate) -> bool {
         let bit = !self.below((self.range >> 12) * chance.of_zero());
         chance.learn(bit);
         bit
@@ -196,7 +203,7 @@ impl Interval {
     }
 
     #[inline(always)]
-    pub(super) fn bit(&mut self, bytes: &mut Vec<u8>, chance: &mut Chance, bit: bool) {
+    pub(super) fn bit(&mut self, bytes: &mut Vec<u8>, chance: &mut impl Estimate, bit: bool) {
         self.narrow(bytes, (self.range >> 12) * chance.of_zero(), !bit);
         chance.learn(bit);
     }

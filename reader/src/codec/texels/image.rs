@@ -1,8 +1,8 @@
 //! Images over maps, and the way in which each is coded.
 
-#[cfg(feature = "write")]
-use super::seen::Seen;
 use super::{colours, map::LONGEST, values};
+#[cfg(feature = "write")]
+use super::{scaled, seen::Seen};
 use crate::error::{Error, Result};
 
 /// Values of texels, row after row, the components of a texel together.
@@ -111,24 +111,28 @@ pub(super) fn check(size: [u32; 2], components: u8) -> Result<()> {
 }
 
 /// Codes colours of three or four components with a step of quantisation, or with a finer one where most of an image is
-/// even; the fourth component is not transformed. Texels that are not used may have any value afterwards.
+/// even; the fourth component is not transformed. Returns the streams of all scales. Texels that are not used may have
+/// any value afterwards.
 #[cfg(feature = "write")]
-pub fn encode_image(image: &Image<u8>, is_used: &[bool], step: u8) -> Vec<u8> {
+pub fn encode_image(image: &Image<u8>, is_used: &[bool], step: u8) -> ImageStreams {
     encode(image, is_used, None, step)
 }
 
 /// As [`encode_image`], of an image of which borders are known. Texels that are used, but not covered by a piece, are
 /// right where borders are seen.
 #[cfg(feature = "write")]
-pub fn encode_seen_image(image: &Image<u8>, is_used: &[bool], seen: &Seen<'_>, step: u8) -> Vec<u8> {
+pub fn encode_seen_image(image: &Image<u8>, is_used: &[bool], seen: &Seen<'_>, step: u8) -> ImageStreams {
     encode(image, is_used, Some(seen), step)
 }
 
+/// The streams of an image in scales, the coarsest first.
 #[cfg(feature = "write")]
-fn encode(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, step: u8) -> Vec<u8> {
-    if let Some(even) = image.even_texel(is_used) {
-        return [&[0], even].concat();
+pub type ImageStreams = [Vec<u8>; scaled::SCALES];
+
+#[cfg(feature = "write")]
+fn encode(image: &Image<u8>, is_used: &[bool], seen: Option<&Seen<'_>>, step: u8) -> ImageStreams {
+    match image.even_texel(is_used) {
+        Some(even) => [[&[0], even].concat(), vec![], vec![], vec![]],
+        None => scaled::encode(image, is_used, seen, step.max(1)),
     }
-    let (step, bytes) = colours::encode(image, is_used, seen, step.max(1));
-    [&[step], bytes.as_slice()].concat()
 }

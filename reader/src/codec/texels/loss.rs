@@ -1,8 +1,8 @@
 //! What quantisation costs an image, and whether a finer step is worth its bytes.
 
 use super::{
-    colours::{ROUNDING, WHOLE, planes, step_of, store},
     image::Image,
+    planes::{ROUNDING, WHOLE, planes, step_of, store},
     transform::{AREA, MOST, SIDE, forward, inverse},
 };
 

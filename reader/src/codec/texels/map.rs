@@ -78,6 +78,11 @@ impl Piece {
     }
 }
 
+/// The size of an image after it has been halved so many times along each side.
+pub(crate) fn halved(size: [u32; 2], times: u8) -> [u32; 2] {
+    size.map(|length| u64::from(length).div_ceil(1 << times.min(31)) as u32)
+}
+
 /// The map of a patch.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Map {
@@ -230,6 +235,17 @@ impl Map {
             }
         });
         Ok(Self { size: [width, height], pieces: pieces.collect(), labels })
+    }
+
+    /// The map of the same images, halved so many times along each side: a texel is the mean of a square of theirs.
+    pub fn halved(&self, times: u8) -> Self {
+        let share = 1.0 / f64::from(1_u32 << times.min(31));
+        let pieces = self.pieces.iter().map(|piece| Piece {
+            across: piece.across.map(|across| scale(across, share)),
+            offset: piece.offset.map(|x| x * share),
+            range: piece.range.map(|place| place.map(|x| x * share)),
+        });
+        Self { size: halved(self.size, times), pieces: pieces.collect(), labels: self.labels.clone() }
     }
 
     /// The piece of a triangle.

@@ -17,6 +17,8 @@ mod image;
 mod loss;
 mod map;
 mod normals;
+mod planes;
+mod scaled;
 #[cfg(feature = "write")]
 mod seen;
 mod shape;
@@ -27,14 +29,16 @@ mod values;
 pub use exact::encode_exact_image;
 pub use image::Image;
 #[cfg(feature = "write")]
-pub use image::{encode_image, encode_seen_image};
+pub use image::{ImageStreams, encode_image, encode_seen_image};
 #[cfg(feature = "write")]
 pub use loss::lost_squares;
 #[cfg(feature = "write")]
 pub use map::encode_map;
+pub(crate) use map::halved;
 pub use map::{Map, Piece};
 #[cfg(feature = "write")]
 pub use normals::{encode_exact_normals, encode_normals};
+pub use scaled::SCALES;
 #[cfg(feature = "write")]
 pub use seen::{Seen, SeenPoint};
 #[cfg(feature = "write")]

@@ -7,6 +7,7 @@
 use super::{
     image::{Image, check},
     map::{Map, Piece},
+    scaled::SCALES,
 };
 #[cfg(feature = "write")]
 use crate::codec::vector::dot;
@@ -30,6 +31,20 @@ impl Image<u8> {
     /// If the bytes break a rule of the format.
     pub fn decode_normals(bytes: &[u8], map: &Map) -> Result<Self> {
         Self::decode_colours(bytes, map.size, 2)?.directions(map)
+    }
+
+    /// As [`Image::decode_normals`], from the first strings of an image in scales ([`Image::decode_scaled`]); `map` is
+    /// that of the image in full.
+    ///
+    /// # Errors
+    /// If the strings break a rule of the format.
+    pub fn decode_scaled_normals<S: AsRef<[u8]>>(strings: &[S], map: &Map) -> Result<Self> {
+        let image = Self::decode_scaled(strings, map.size, 2)?;
+        if image.size == map.size {
+            return image.directions(map);
+        }
+        let halvings = SCALES.saturating_sub(strings.len()) as u8;
+        image.directions(&map.halved(halvings))
     }
 
     /// As [`Image::decode_normals`], of an exact channel.
@@ -76,7 +91,7 @@ fn direction(bytes: [u8; 2], [u, v, axis]: &[[f64; 3]; 3]) -> [u8; 3] {
 /// Codes directions of any length, one for each texel of a map, with a step of quantisation. Texels that are not used
 /// may have any value afterwards.
 #[cfg(feature = "write")]
-pub fn encode_normals(map: &Map, directions: &[[f32; 3]], is_used: &[bool], step: u8) -> Vec<u8> {
+pub fn encode_normals(map: &Map, directions: &[[f32; 3]], is_used: &[bool], step: u8) -> super::ImageStreams {
     super::encode_image(&projected_image(map, directions), is_used, step)
 }
 
@@ -135,8 +150,8 @@ mod tests {
         };
         let directions: Vec<[f32; 3]> = (0..count).map(direction).collect();
         // With the smallest step. Neighbours have nothing in common here.
-        let bytes = encode_normals(&map, &directions, &vec![true; count], 1);
-        let image = Image::decode_normals(&bytes, &map).unwrap();
+        let streams = encode_normals(&map, &directions, &vec![true; count], 1);
+        let image = Image::decode_scaled_normals(&streams, &map).unwrap();
         for (wanted, texel) in directions.iter().zip(image.data.chunks_exact(3)) {
             let found = [0, 1, 2].map(|k| (f64::from(texel[k]) - 128.0) / 127.0);
             let wanted = wanted.map(|x| f64::from(x) / 7.0);

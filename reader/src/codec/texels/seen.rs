@@ -177,7 +177,7 @@ fn add_shown(levels: &[f32; AREA], values: &mut [f32; AREA]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Image, encode_image, encode_seen_image};
+    use super::super::{Image, ImageStreams, encode_image, encode_seen_image};
     use super::*;
 
     #[test]
@@ -195,8 +195,8 @@ mod tests {
             let texel = |x: u32, y: u32| f64::from(image.texel(x, y)[0]);
             0.25 * (texel(20, y) + texel(21, y) + texel(20, y + 1) + texel(21, y + 1))
         };
-        let error = |bytes: &[u8]| {
-            let back = Image::decode_colours(bytes, size, 3).unwrap();
+        let error = |streams: &ImageStreams| {
+            let back = Image::decode_scaled(streams, size, 3).unwrap();
             let squares: f64 = (0..63).map(|y| (border(&back, y) - border(&image, y)).powi(2)).sum();
             (squares / 63.0).sqrt()
         };
@@ -204,7 +204,8 @@ mod tests {
         let before = encode_image(&image, &used, step);
         let after = encode_seen_image(&image, &used, &Seen::new(&covered, size, points), step);
         assert!(error(&after) < 0.6 * error(&before), "{} {}", error(&after), error(&before));
-        assert!(after.len() < before.len() + before.len() / 10, "{} {}", after.len(), before.len());
+        let [before, after] = [before, after].map(|streams| streams.concat().len());
+        assert!(after < before + before / 10, "{after} {before}");
     }
 
     #[test]

@@ -20,6 +20,11 @@ const COSINES: [[i32; SIDE]; SIDE] = [
     [400, -1138, 1703, -2009, 2009, -1703, 1138, -400],
 ];
 
+/// The same of four values, and of two.
+const COSINES_OF_FOUR: [[i32; 4]; 4] =
+    [[2048, 2048, 2048, 2048], [2676, 1108, -1108, -2676], [2048, -2048, -2048, 2048], [1108, -2676, 2676, -1108]];
+const COSINES_OF_TWO: [[i32; 2]; 2] = [[2896, 2896], [2896, -2896]];
+
 /// The same as fractions.
 #[cfg(feature = "write")]
 pub(super) static COSINES_OF: [[f32; SIDE]; SIDE] = {
@@ -71,6 +76,35 @@ pub(super) fn inverse(coefficients: &[i32; AREA]) -> [i32; AREA] {
         (0..SIDE).for_each(|x| values[y * SIDE + x] = row(of_row[x]));
     }
     values
+}
+
+/// The values of a block of 1, 2, 4 or 8 values along each side that shows the same smaller, from the coefficients of
+/// lowest frequency of one of 8 x 8: each at most [`MOST`].
+pub(super) fn inverse_of(values: &mut [i32], side: usize) {
+    if let Ok(all) = <&mut [i32; AREA]>::try_from(&mut *values) {
+        *all = inverse(all);
+        return;
+    }
+    // Rows of cosines of fewer values, and a shift for means of squares.
+    let (cosines, halvings): (&[i32], u32) = match side {
+        4 => (COSINES_OF_FOUR.as_flattened(), 1),
+        2 => (COSINES_OF_TWO.as_flattened(), 2),
+        _ => (&[4096], 3),
+    };
+    let sum = |values: &[i32], first: usize, by: usize, n: usize| -> i32 {
+        (0..side).map(|k| values[first + k * by] * cosines[k * side + n]).sum()
+    };
+    let mut columns = [0; AREA / 4];
+    for at in 0..side * side {
+        columns[at] = column(sum(values, at % side, side, at / side));
+    }
+    for (at, value) in values.iter_mut().enumerate().take(side * side) {
+        *value = row_of(sum(&columns, at / side * side, 1, at % side), halvings);
+    }
+}
+
+fn row_of(sum: i32, halvings: u32) -> i32 {
+    (sum + (1 << (14 + halvings))) >> (15 + halvings)
 }
 
 fn column(sum: i32) -> i32 {

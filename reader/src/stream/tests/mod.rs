@@ -33,6 +33,7 @@ const APART: Options = Options {
     byte_cache: 64 << 20,
     decoded_cache: 64 << 20,
     texel_cache: 64 << 20,
+    texels_per_pixel: 1.0,
     max_reads: 4,
     max_gap: 0,
     max_read_bytes: 0,

@@ -8,9 +8,7 @@ use lodpack::write::RootRecord;
 use super::super::drawn::DrawnBlocks;
 use super::Node;
 use lodpack_stage::bake::exponent_of;
-use lodpack_stage::bake::{
-    BakedPatch, Baker, Images, Located, MAX_EXPONENT, MAX_TEXELS, Points, Source, Storage, Stored,
-};
+use lodpack_stage::bake::{BakedPatch, Baker, Images, Located, MAX_EXPONENT, MAX_TEXELS, Points, Source, Storage};
 
 /// A top whose texels are known.
 pub(super) struct KnownTop {
@@ -26,12 +24,12 @@ pub(super) struct KnownTop {
 impl KnownTop {
     /// Decodes the streams of a top. None if it has none.
     pub fn new(node: &Node, streams: &[Vec<u8>], storage: &Storage, step: f64) -> Option<Self> {
-        let (map, mut images) = (streams.first().filter(|map| !map.is_empty())?, streams[1..].iter());
+        let (map, streams) = streams.split_first().filter(|(map, _)| !map.is_empty())?;
         let positions: Vec<DVec3> = node.surface.positions.iter().map(|&point| (point / step).round()).collect();
         let lattice: Vec<[i64; 3]> = positions.iter().map(|point| point.to_array().map(|x| x as i64)).collect();
         let map = Map::decode(map, &lattice, &node.surface.triangles, MAX_TEXELS).ok()?;
-        let image = |channel: &Stored| channel.decode(images.next()?, &map);
-        let images = storage.channels().iter().map(image).collect::<Option<Vec<_>>>()?;
+        let images = storage.by_channel(streams).map(|(channel, streams)| channel.decode(streams, &map));
+        let images = images.collect::<Option<Vec<_>>>()?;
         let images = Images::new(storage, images);
         let sizes = map.pieces.iter().map(|piece| piece.texel_size()).collect();
         Some(Self { positions, triangles: node.surface.triangles.clone(), map, sizes, images })

@@ -53,7 +53,7 @@ fn floors_show_nothing_of_one_another_however_far_the_patch_may_be() {
             .expect("it has an image")
             .streams;
         let map = Map::decode(&streams[0], &positions, &TRIANGLES, MAX_TEXELS).expect("sound");
-        let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+        let image = Image::decode_scaled(&streams[1..5], map.size, 3).expect("sound");
         for (triangle, corners) in TRIANGLES.iter().enumerate() {
             let [a, b, c] = corners.map(point);
             let wanted = f64::from(srgb_byte(light(triangle)));
@@ -89,7 +89,7 @@ fn what_lies_beyond_the_border_of_a_piece_is_not_seen_in_the_piece_beside_it() {
         .expect("it has an image")
         .streams;
     let map = Map::decode(&streams[0], &coarse, &TRIANGLES, MAX_TEXELS).expect("sound");
-    let image = Image::decode_colours(&streams[1], map.size, 3).expect("sound");
+    let image = Image::decode_scaled(&streams[1..5], map.size, 3).expect("sound");
     for (y, z) in (4..61).step_by(4).flat_map(|y| (4..61).step_by(4).map(move |z| (y, z))) {
         let triangle = if y > z { 2 } else { 3 };
         let place = map.piece(triangle).unbounded([300.0, f64::from(y), f64::from(z)]);
