@@ -395,7 +395,7 @@ export interface StreamOptions {
   decodedCache?: number;
   /** Bound of the cache of decoded images, bytes; 128 MiB. They are drawn smaller where they would not fit. */
   texelCache?: number;
-  /** How many texels images have at least along each side of a pixel, up to twice as many; above 0; 1. */
+  /** About how many texels images have along each side of a pixel, as near as halving allows; above 0; 1. */
   texelsPerPixel?: number;
   /** The channel to show: 'auto' (the first one of colours), 'none' or a name; 'none'. */
   channel?: 'auto' | 'none' | (string & {});
@@ -473,8 +473,8 @@ export interface Frame {
   /** Roots that are coarser than wanted because their bytes are not there yet. */
   lateRoots: number;
   /**
-   * Roots that are drawn without their image because it is not there yet. A single texel stands for it: the mean of one
-   * that is near.
+   * Roots whose image is not there yet, or coarser than wanted. Without one a single texel stands for it: the mean of
+   * one that is near.
    */
   lateImages: number;
   /** Roots that cannot be drawn at all, because what they need was given up. */

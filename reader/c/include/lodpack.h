@@ -340,7 +340,7 @@ typedef struct {
   uint64_t mesh_cache_bytes;
   // Most bytes of decoded images. They are drawn smaller where they would not fit.
   uint64_t texel_cache_bytes;
-  // Images have at least as many texels along each side of a pixel, and up to twice as many; above 0. 1 by default.
+  // About how many texels images have along each side of a pixel, as near as halving allows; above 0. 1 by default.
   double texels_per_pixel;
   // Threads that read and decode; at least 1.
   uint32_t thread_count;

@@ -49,7 +49,7 @@ pub struct StreamOptions {
     pub mesh_cache_bytes: u64,
     /// Most bytes of decoded images. They are drawn smaller where they would not fit.
     pub texel_cache_bytes: u64,
-    /// Images have at least as many texels along each side of a pixel, and up to twice as many; above 0. 1 by default.
+    /// About how many texels images have along each side of a pixel, as near as halving allows; above 0. 1 by default.
     pub texels_per_pixel: f64,
     /// Threads that read and decode; at least 1.
     pub thread_count: u32,

@@ -140,8 +140,8 @@ pub struct Options {
     /// Bound of the cache of decoded images, bytes; streams of texels may take an eighth of it besides. Images are
     /// drawn smaller where they would not fit.
     pub texel_cache: u64,
-    /// In a view, images are drawn at the smallest size at which no pixel has fewer texels than this along each side;
-    /// larger than 0. With 1, the default, a pixel has one to four texels.
+    /// In a view, images are drawn at the size at which a pixel has about this many texels along each side, at most by
+    /// the root of two more or fewer; larger than 0. With 1, the default, a pixel has half a texel to two.
     pub texels_per_pixel: f64,
     /// Most reads in flight at once; at least 1. Correa has eight threads; with twice as many there is nearly always
     /// one left to prefetch.

@@ -5,9 +5,9 @@
 //! that is there stands for them: an image of one texel.
 //!
 //! The error of texels is one of their own: **a texel a pixel**. So the images of a root are wanted where the view
-//! shows it, and where it is larger than a pixel: first an eighth of their size, then the smallest size at which no
-//! pixel has less than a texel. Those of the largest roots come first, because there the mean is worst. Without a view
-//! all are wanted whole, in any order.
+//! shows it, and where it is larger than a pixel: first an eighth of their size, or less where images of the same level
+//! have shown that it is enough, then the size at which a texel is nearest to a pixel. Those of the largest roots come
+//! first, because there the mean is worst. Without a view all are wanted whole, in any order.
 //!
 //! All images of a picture together keep to a budget. Whoever has more than is seen keeps it while there is room.
 //! Where there is none, images become coarser: first those that are finer than they look, then all.
@@ -29,12 +29,15 @@ use crate::sorted::{SortedMap, SortedSet};
 const NOTHING_YET: u8 = 64;
 const FREES: u8 = 128;
 
+/// The largest texel, in pixels: half of it is as much smaller than a pixel.
+const LARGEST_TEXEL: f64 = std::f64::consts::SQRT_2;
+
 /// What is shown, and how well.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Wishes<'v> {
     /// Without one everything is shown from as near as may be.
     pub view: Option<&'v Projection>,
-    /// Along each side of a pixel, at least.
+    /// Along each side of a pixel, as near as halving allows.
     pub texels_per_pixel: f64,
     /// The most bytes of all images.
     pub budget: u64,
@@ -69,19 +72,24 @@ impl Root {
         self.held.map_or(0, |held| held.unit.size)
     }
 
-    /// The least size at which no pixel has less than a texel, or several of them. `step` is the lattice's.
+    /// The size at which a texel is nearest to a pixel, or to some part of one. `step` is the lattice's.
     fn wanted(&self, wishes: &Wishes<'_>, step: f64) -> u8 {
         let (Some(held), Some((factor, _))) = (self.held, self.need) else { return EIGHTH.min(self.size()) };
         if self.is_lost {
             return self.size();
         }
-        if wishes.view.is_none() {
+        wishes.size(held.extent.texel * step * factor)
+    }
+}
+
+impl Wishes<'_> {
+    /// The size at which images are wanted whose texels have so many pixels along each side at [`FULL`].
+    fn size(&self, texel: f64) -> u8 {
+        if self.view.is_none() {
             return FULL;
         }
-        // In pixels, over how many there are to be in one.
-        let mut texel = held.extent.texel * step * factor * wishes.texels_per_pixel.max(0.0);
-        let mut size = FULL;
-        while size > 0 && 2.0 * texel <= 1.0 {
+        let (mut texel, mut size) = (texel * self.texels_per_pixel.max(0.0), FULL);
+        while size > 0 && 2.0 * texel <= LARGEST_TEXEL {
             (texel, size) = (2.0 * texel, size - 1);
         }
         size
@@ -92,6 +100,8 @@ impl Root {
 #[derive(Debug, Default)]
 pub(crate) struct Textures {
     roots: SortedMap<u32, Root>,
+    /// The side of a texel in images that came last, by level, in lattice units: those of a level are much alike.
+    texels: SortedMap<u8, f64>,
     /// What the frame before was shown from, if nothing is to do until something changes.
     settled: Option<Option<Projection>>,
 }
@@ -148,18 +158,27 @@ impl Textures {
         let content = Arc::clone(loader.content());
         let mut frame = Demand { loader, content: &content, picture, now, wanted: SortedSet::new(), late: 0 };
         let mut changed = SortedSet::new();
+        let step = content.index().lattice().step();
         let mut total: u64 = self.roots.values().map(|root| root.bytes(root.size())).sum();
         for (&number, root) in self.roots.iter_mut() {
             root.need = need(&content, wishes.view, number);
-            let Some((_, pixels)) = root.need.filter(|_| root.held.is_none() && !root.is_lost) else { continue };
-            let size = if wishes.view.is_none() && total < wishes.budget { FULL } else { EIGHTH };
+            let Some((factor, pixels)) = root.need.filter(|_| root.held.is_none() && !root.is_lost) else { continue };
+            let level = frame.picture.root(number).map_or(0, |drawn| drawn.surface.level);
+            let size = match self.texels.get(&level) {
+                _ if wishes.view.is_none() && total < wishes.budget => FULL,
+                Some(texel) => wishes.size(texel * step * factor).min(EIGHTH),
+                None => EIGHTH,
+            };
             if frame.has(number, root, size, NOTHING_YET + pixels) {
                 frame.give(number, root, size);
                 changed.insert(number);
                 total += root.bytes(size);
+                if let Some(held) = root.held.filter(|held| held.extent.texel > 0.0) {
+                    self.texels.insert(level, held.extent.texel);
+                }
             }
         }
-        set_goals(&mut self.roots, wishes, content.index().lattice().step());
+        set_goals(&mut self.roots, wishes, step);
         let mut is_open = frame.late > 0;
         // What frees memory comes first.
         for frees in [true, false] {
