@@ -100,13 +100,15 @@ impl<S: ReadAt> File<S> {
             }
             next = entry.end;
             let Some(directory) = self.ask(|index, fetched| index.texel_directory(cluster, fetched))? else { continue };
-            for level in 0..self.index().levels().levels.len() as u8 {
-                let of_level = || directory.streams().filter(move |((of_stream, ..), _)| *of_stream == level);
-                for ((.., stream), part) in of_level() {
-                    let number = self.index().channel_of_stream(stream).map_or(0, |channel| 1 + channel);
+            let all: Vec<_> = directory.streams().collect();
+            // They come level by level.
+            for of_level in all.chunk_by(|((one, ..), _), ((other, ..), _)| one == other) {
+                for ((.., stream), part) in of_level {
+                    let number = self.index().size_of_stream(*stream);
                     stream_bytes[number] = stream_bytes[number].saturating_add(part.length);
                 }
-                let streams = || of_level().map(|((level, root, number), part)| ((cluster, level, root, number), part));
+                let streams =
+                    || of_level.iter().map(|&((level, root, number), part)| ((cluster, level, root, number), part));
                 self.ask(|index, fetched| index.texel_streams(streams(), fetched).map(drop))?;
             }
         }

@@ -35,8 +35,7 @@ pub(super) fn check_images(
     progress: &dyn Progress,
 ) -> Result<(), ImportError> {
     (appearance.texels, appearance.decoding_bytes) = (0, 0);
-    let mut coded_step: Option<f64> = None;
-    let mut are_coded = true;
+    let mut coded_step = Some(f64::INFINITY);
     appearance.image_sizes = vec![[0; 2]; appearance.images.len()];
     let (mut unusable, mut causes) = (BTreeSet::new(), Causes::default());
     for number in named_images(appearance) {
@@ -74,8 +73,7 @@ pub(super) fn check_images(
                         format!("the image {name} has more than 8 bits for each number; texels of the file have 8")
                     });
                 }
-                are_coded &= step.is_some();
-                coded_step = step.map(|step| coded_step.map_or(step, |least| least.min(step))).or(coded_step);
+                coded_step = coded_step.zip(step).map(|(least, step)| least.min(step));
                 appearance.texels += texels;
                 appearance.image_sizes[number] = [width, height];
                 appearance.decoding_bytes = appearance.decoding_bytes.max(bytes);
@@ -88,7 +86,8 @@ pub(super) fn check_images(
             }
         }
     }
-    appearance.coded_step = coded_step.filter(|_| are_coded);
+    // Without images nothing was coded.
+    appearance.coded_step = coded_step.filter(|step| step.is_finite());
     causes.sentences().for_each(|sentence| progress.note(&sentence));
     appearance.materials.iter_mut().for_each(|material| drop_images(material, &unusable));
     Ok(())

@@ -66,21 +66,18 @@ impl Covered {
         let width = result.size[0] as usize;
         for (number, texel) in result.data.chunks_exact_mut(components).enumerate() {
             let [left, top] = [number % width, number / width].map(|place| place as u32 * side);
-            let (mut sums, mut count, mut is_known) = ([0.0; 4], 0.0, false);
-            for (x, y) in (top..(top + side).min(image.size[1]))
-                .flat_map(|y| (left..(left + side).min(image.size[0])).map(move |x| (x, y)))
-            {
-                let is_covered = self.is_covered[y as usize * image.size[0] as usize + x as usize];
-                if is_known && !(is_covered && is_mean) {
-                    continue;
-                }
-                if is_covered && !is_known {
-                    (sums, count, is_known) = ([0.0; 4], 0.0, true);
-                }
-                if count == 0.0 || is_mean {
-                    sums.iter_mut().zip(image.texel(x, y)).for_each(|(sum, &value)| *sum += value.into());
-                    count += 1.0;
-                }
+            let square = || {
+                (top..(top + side).min(image.size[1]))
+                    .flat_map(|y| (left..(left + side).min(image.size[0])).map(move |x| [x, y]))
+            };
+            let is_covered = |[x, y]: [u32; 2]| self.is_covered[y as usize * image.size[0] as usize + x as usize];
+            let has_covered = square().any(is_covered);
+            let shown =
+                square().filter(|&at| !has_covered || is_covered(at)).take(if is_mean { usize::MAX } else { 1 });
+            let (mut sums, mut count) = ([0.0; 4], 0.0);
+            for [x, y] in shown {
+                sums.iter_mut().zip(image.texel(x, y)).for_each(|(sum, &value)| *sum += value.into());
+                count += 1.0;
             }
             texel.iter_mut().zip(sums).for_each(|(value, sum)| *value = rounded(sum / f64::max(count, 1.0)));
         }

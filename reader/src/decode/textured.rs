@@ -70,7 +70,6 @@ impl Texture {
         }
         let full = Map::decode(&bytes.map, positions, &patch.triangles, texel_limit)?;
         let halvings = bytes.scale.halvings();
-        let map = if halvings > 0 { full.halved(halvings) } else { full.clone() };
         let covered = LazyCell::new(|| Covered::new(&full, positions, &patch.triangles));
         let image = |(streams, channel): (&Vec<Vec<u8>>, &&ChannelInfo)| {
             if streams.first().is_none_or(Vec::is_empty) {
@@ -90,6 +89,7 @@ impl Texture {
             Ok(Some(image))
         };
         let images = bytes.images.iter().zip(channels).map(image).collect::<Result<Vec<_>>>()?;
+        let map = if halvings > 0 { full.halved(halvings) } else { full };
         Ok(Self { level, map: Some(map), images })
     }
 }

@@ -223,9 +223,14 @@ impl StreamOrder {
         }
     }
 
-    /// The channel of a stream; none for the map.
-    pub fn channel_of(&self, stream: usize) -> Option<usize> {
-        self.firsts.partition_point(|&first| first <= stream).checked_sub(1)
+    /// How many sums of sizes section CHANNELS has: that of maps, and one for each channel.
+    pub fn size_count(&self) -> usize {
+        self.firsts.len()
+    }
+
+    /// Which of these counts a stream.
+    pub fn size_number(&self, stream: usize) -> usize {
+        self.firsts.partition_point(|&first| first <= stream)
     }
 
     /// Where a stream lies among those of a file's cluster, given how many blocks its level has, how many come before

@@ -194,7 +194,7 @@ impl TexelDirectory {
         let blocks = if self.parts.is_empty() { 0 } else { self.blocks.len() };
         let all = (0..blocks).flat_map(|block| (0..self.order.count()).map(move |stream| (block, stream)));
         let mut all: Vec<(usize, usize)> = all.collect();
-        all.sort_by_key(|&(block, stream)| self.place(block, stream));
+        all.sort_by_cached_key(|&(block, stream)| self.place(block, stream));
         let key = |(block, stream): (usize, usize)| (self.blocks[block].0, self.blocks[block].1, stream);
         all.into_iter().map(key).zip(self.parts.iter().copied())
     }

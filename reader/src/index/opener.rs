@@ -101,9 +101,17 @@ impl Opener {
             return Err(Error::Query { what });
         }
         let (index, pages) = (*header.required_section(kind::INDEX)?, *header.required_section(kind::PAGES)?);
-        let resident =
-            [kind::SOURCE, kind::PLACEMENT, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CHANNELS, kind::SCALES];
-        self.need(resident.into_iter().chain([kind::CLUSTERS]).filter_map(|kind| header.section(kind)))?;
+        let resident = [
+            kind::SOURCE,
+            kind::PLACEMENT,
+            kind::LEVELS,
+            kind::TABLES,
+            kind::OVERVIEW,
+            kind::CHANNELS,
+            kind::SCALES,
+            kind::CLUSTERS,
+        ];
+        self.need(resident.into_iter().filter_map(|kind| header.section(kind)))?;
 
         let levels = self.parse(&header, kind::LEVELS, |bytes| Levels::parse(bytes, pages.length))?;
         let tables = self.parse(&header, kind::TABLES, Tables::parse)?;

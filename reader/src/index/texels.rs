@@ -2,7 +2,10 @@
 //!
 //! Chunks of the table and directories are read when they are first needed, and stay.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::{
+    ops::Range,
+    sync::{Arc, Mutex, PoisonError},
+};
 
 use super::{Index, absolute, checked_part, checked_parts, lists::together};
 use crate::{
@@ -142,13 +145,14 @@ impl Index {
         let directory = |&cluster: &u32| Ok((cluster, self.texel_directory(cluster, fetched)?));
         let directories: SortedMap<_, _> = together(owners.iter().map(directory))?;
 
+        let images: Vec<Range<usize>> = channels.iter().map(|&channel| self.image_streams(channel, scale)).collect();
         let (mut blocks, mut parts) = (Vec::with_capacity(wanted.len()), Vec::new());
         for &(root, level) in wanted {
             let owner = self.owner(root, |cluster| cluster.first_root)?;
             let entry = self.root_entry(root)?;
             let level = entry.blocks[entry.block_at(level)].level;
             let local = root - self.cluster(owner)?.first_root;
-            for stream in self.streams_of(channels, scale) {
+            for stream in [0].into_iter().chain(images.iter().cloned().flatten()) {
                 let directory = directories.get(&owner).and_then(|directory| directory.as_ref());
                 let part = directory.map_or(Ok(Part::default()), |directory| directory.part(level, local, stream))?;
                 parts.push(((owner, level, local, stream), part));
@@ -158,8 +162,8 @@ impl Index {
         let found = self.texel_streams(parts, fetched)?;
         let texels = blocks.into_iter().map(|(owner, level, local)| {
             let bytes = |stream| found.get(&(owner, level, local, stream)).map_or(vec![], |bytes| bytes.to_vec());
-            let image = |&channel: &u8| self.streams_of(&[channel], scale).skip(1).map(bytes).collect();
-            TexelBytes { level, scale, map: bytes(0), images: channels.iter().map(image).collect() }
+            let image = |streams: &Range<usize>| streams.clone().map(bytes).collect();
+            TexelBytes { level, scale, map: bytes(0), images: images.iter().map(image).collect() }
         });
         Ok(texels.collect())
     }
@@ -213,21 +217,16 @@ impl Index {
         checked_parts(self.texels_offset(), parts, fetched, |key| self.texel_location(key), || Ok(Before::default()))
     }
 
-    /// The numbers of a block's streams: that of its map, and those of the images of some channels up to a scale.
-    pub(crate) fn streams_of(&self, channels: &[u8], scale: Scale) -> impl Iterator<Item = usize> {
-        let of_channel = |&channel: &u8| {
-            let channel = usize::from(channel);
-            let streams = self.texels.as_ref().map_or(0..0, |texels| texels.order.of_channel(channel));
-            let is_scaled = self.channels().get(channel).is_some_and(|channel| channel.is_scaled);
-            streams.take(if is_scaled { scale.stream_count() } else { 1 })
-        };
-        let images: Vec<usize> = channels.iter().flat_map(of_channel).collect();
-        [0].into_iter().chain(images)
+    /// The numbers of the streams that a channel's image has up to a scale.
+    pub(crate) fn image_streams(&self, channel: u8, scale: Scale) -> Range<usize> {
+        let all = self.texels.as_ref().map_or(0..0, |texels| texels.order.of_channel(channel.into()));
+        // An image that is not in scales has one.
+        all.start..all.end.min(all.start + scale.stream_count())
     }
 
-    /// The channel of a stream; none for maps.
-    pub(crate) fn channel_of_stream(&self, stream: usize) -> Option<usize> {
-        self.texels.as_ref()?.order.channel_of(stream)
+    /// Which of [`Index::texel_bytes`] counts a stream.
+    pub(crate) fn size_of_stream(&self, stream: usize) -> usize {
+        self.texels.as_ref().map_or(0, |texels| texels.order.size_number(stream))
     }
 
     /// The streams of a block that are not empty: its map, and the images of some channels. None where it has no map.
@@ -248,7 +247,7 @@ impl Index {
         if directory.part(level, local, 0)?.length == 0 {
             return Ok(vec![]);
         }
-        let streams = self.streams_of(channels, scale);
+        let streams = [0].into_iter().chain(channels.iter().flat_map(|&channel| self.image_streams(channel, scale)));
         let mut keys: Vec<StreamKey> = streams.map(|stream| (cluster, level, local, stream)).collect();
         keys.retain(|key| self.texel_part(*key).length > 0);
         Ok(keys)
@@ -268,7 +267,7 @@ impl Index {
     /// The name of a stream in messages.
     pub(crate) fn texel_location(&self, (cluster, level, local, stream): StreamKey) -> String {
         let root = self.cluster(cluster).map_or(local, |cluster| cluster.first_root + local);
-        match self.channel_of_stream(stream) {
+        match self.size_of_stream(stream).checked_sub(1) {
             None => format!("map of root {root}, level {level}"),
             Some(channel) => format!("image of channel {channel}, root {root}, level {level}"),
         }

@@ -34,6 +34,18 @@ pub(crate) struct TexelUnit {
     pub size: u8,
 }
 
+impl TexelUnit {
+    /// How often its images are halved along each side.
+    fn halvings(self) -> u8 {
+        FULL.saturating_sub(self.size)
+    }
+
+    /// What is read of images in scales for it.
+    fn scale(self) -> Scale {
+        Scale::of_halvings(self.halvings())
+    }
+}
+
 /// The images of a root at a level, ready to draw.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawnTexture {
@@ -153,8 +165,7 @@ impl Content for TexelContent {
 
     fn pages(&self, unit: TexelUnit) -> Result<Vec<StreamKey>> {
         let mut fetched = locked(&self.fetched);
-        let scale = Scale::of_halvings(FULL.saturating_sub(unit.size));
-        let parts = self.index.texel_parts((unit.root, unit.level), &self.channels, scale, &fetched);
+        let parts = self.index.texel_parts((unit.root, unit.level), &self.channels, unit.scale(), &fetched);
         if !matches!(parts, Ok(_) | Err(Error::Missing { .. })) {
             // What is not sound is read again when it is asked for again.
             *fetched = self.index.fetched();
@@ -199,9 +210,8 @@ impl Content for TexelContent {
             let page = pages.iter().find(|((.., stream), _)| *stream == number);
             page.map_or(vec![], |(_, bytes)| bytes.to_vec())
         };
-        let halvings = FULL.saturating_sub(unit.size);
-        let scale = Scale::of_halvings(halvings);
-        let streams = |&channel: &u8| self.index.streams_of(&[channel], scale).skip(1).map(stream).collect();
+        let (halvings, scale) = (unit.halvings(), unit.scale());
+        let streams = |&channel: &u8| self.index.image_streams(channel, scale).map(stream).collect();
         let images = self.channels.iter().map(streams).collect();
         let bytes = TexelBytes { level: unit.level, scale, map: stream(0), images };
         let infos = self.channels.iter().filter_map(|&channel| self.index.channels().get(usize::from(channel)));

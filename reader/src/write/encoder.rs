@@ -60,8 +60,8 @@ impl Encoder {
         stream_count(&self.head.channels)
     }
 
-    pub(super) fn channel_count(&self) -> usize {
-        self.head.channels.len()
+    pub(super) fn stream_order(&self) -> StreamOrder {
+        StreamOrder::new(&self.head.channels)
     }
 
     /// For each root of the file its number among the roots of all pieces, as they came.

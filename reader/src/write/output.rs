@@ -75,7 +75,7 @@ impl<S: Read + Write + Seek> Output<S> {
         let level_count = encoder.head.levels.levels.len();
         let pages = (0..level_count).map(|_| Ok([waiting()?, waiting()?])).collect::<Result<_>>()?;
         let texels = (encoder.stream_count() > 0).then(waiting).transpose()?;
-        let texel_table = TexelTable::new(encoder.cluster_count(), encoder.channel_count());
+        let texel_table = TexelTable::new(encoder.cluster_count(), &encoder.stream_order());
         let (clusters, list_sizes) = (Vec::new(), ListSizes::default());
         Ok(Self { encoder, symbols, clusters, list_sizes, index, pages, texel_table, texels })
     }

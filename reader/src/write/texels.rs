@@ -60,22 +60,21 @@ impl EncodedTexels {
     /// Collects the texels of blocks, each with its level, which come in the order of the file.
     pub fn new(symbols: &ClusterSymbols, blocks: &[(usize, u8)], order: &StreamOrder) -> Self {
         let count = order.count();
-        let mut sources = vec![(0, 0); blocks.len() * count];
+        let mut sources = vec![0; blocks.len() * count];
         let mut before = 0;
         for of_level in blocks.chunk_by(|(_, one), (_, other)| one == other) {
             for (number, &(block, _)) in (before..).zip(of_level) {
                 for stream in 0..count {
-                    sources[order.place(stream, number, [before, of_level.len()])] = (block * count + stream, stream);
+                    sources[order.place(stream, number, [before, of_level.len()])] = block * count + stream;
                 }
             }
             before += of_level.len();
         }
-        let channels = order.channel_of(count.saturating_sub(1)).map_or(0, |last| last + 1);
-        let mut result = Self { stream_bytes: vec![0; if count == 0 { 0 } else { 1 + channels }], ..Self::default() };
-        for (source, stream) in sources {
+        let mut result = Self { stream_bytes: vec![0; order.size_count()], ..Self::default() };
+        for source in sources {
             let part = append(&mut result.streams, symbols.texels(source));
             part.write(&mut result.directory);
-            result.stream_bytes[order.channel_of(stream).map_or(0, |channel| 1 + channel)] += part.length;
+            result.stream_bytes[order.size_number(source % count)] += part.length;
         }
         if result.streams.is_empty() {
             result.directory.clear();
@@ -93,8 +92,8 @@ pub(super) struct TexelTable {
 }
 
 impl TexelTable {
-    pub fn new(cluster_count: usize, channel_count: usize) -> Self {
-        let stream_bytes = vec![0; if channel_count == 0 { 0 } else { 1 + channel_count }];
+    pub fn new(cluster_count: usize, order: &StreamOrder) -> Self {
+        let stream_bytes = vec![0; order.size_count()];
         Self { entries: Vec::new(), end: table_bytes(cluster_count as u32), stream_bytes }
     }
 

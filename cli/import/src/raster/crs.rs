@@ -226,11 +226,7 @@ impl Crs {
     /// The system of degrees on an ellipsoid, which then has WKT for a name.
     pub fn of_degrees(name: &str, body: Body) -> Self {
         let name: String = name.chars().filter(|c| !c.is_control() && *c != '"').take(80).collect();
-        let Body { axis, inverse_flattening } = body;
-        let wkt = format!(
-            "GEOGCS[\"{name}\",DATUM[\"{name}\",SPHEROID[\"{name}\",{axis},{inverse_flattening}]],\
-             PRIMEM[\"Reference meridian\",0],UNIT[\"degree\",0.0174532925199433]]"
-        );
+        let wkt = globe_wkt([&name; 3], body, ("Reference meridian", 0.0));
         Self { name: wkt, kind: CrsKind::Geographic, ellipsoid: Some(body), ..Self::default() }
     }
 
@@ -384,18 +380,20 @@ pub(super) fn globe_of(text: &str) -> Option<String> {
     let tree = wkt::parse(text).ok()?;
     let node = tree.first().filter(|node| GEOGRAPHIC.contains(&node.word.as_str()))?;
     let crs = Crs::of_tree(&tree).ok()?;
-    let Body { axis, inverse_flattening } = crs.ellipsoid?;
     let datum = node.part(&DATUMS)?;
     let ellipsoid = datum.part(&["SPHEROID", "ELLIPSOID"])?;
     let meridian = node.part(&["PRIMEM", "PRIMEMERIDIAN"]).map_or("Greenwich", |part| part.name());
-    Some(format!(
-        "GEOGCS[\"{}\",DATUM[\"{}\",SPHEROID[\"{}\",{axis},{inverse_flattening}]],PRIMEM[\"{meridian}\",{}],\
-         UNIT[\"degree\",0.0174532925199433]]",
-        node.name(),
-        datum.name(),
-        ellipsoid.name(),
-        crs.meridian
-    ))
+    Some(globe_wkt([node.name(), datum.name(), ellipsoid.name()], crs.ellipsoid?, (meridian, crs.meridian)))
+}
+
+/// WKT 1 of a system of degrees: names of the system, its datum and its ellipsoid, and the prime meridian.
+pub(super) fn globe_wkt([name, datum, ellipsoid]: [&str; 3], body: Body, meridian: (&str, f64)) -> String {
+    let Body { axis, inverse_flattening } = body;
+    format!(
+        "GEOGCS[\"{name}\",DATUM[\"{datum}\",SPHEROID[\"{ellipsoid}\",{axis},{inverse_flattening}]],\
+         PRIMEM[\"{}\",{}],UNIT[\"degree\",0.0174532925199433]]",
+        meridian.0, meridian.1
+    )
 }
 
 /// What the EPSG dataset says about a code.

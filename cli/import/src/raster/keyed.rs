@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::crs::{globe_of, text_of};
+use super::crs::{globe_of, globe_wkt, text_of};
 use super::geokeys::{
     ANGULAR_UNITS, CITATION, GEODETIC_CITATION, GEODETIC_CRS, GeoTags, METHOD, PROJECTED_CITATION, PROJECTION,
 };
@@ -65,7 +65,7 @@ impl GeoTags {
         let metres = self.linear_unit().ok()?.unwrap_or(1.0);
         let title = self.text(PROJECTED_CITATION).or(self.text(CITATION)).unwrap_or_default();
         let title = plain(if title.is_empty() { "unnamed" } else { title });
-        let globe = self.globe_wkt()?;
+        let globe = self.base_wkt()?;
         let (method, parameters) = self.conversion(metres)?;
         let mut wkt = format!("PROJCS[\"{title}\",{globe},PROJECTION[\"{method}\"]");
         for (name, value) in parameters {
@@ -107,7 +107,7 @@ impl GeoTags {
     }
 
     /// The geographic system beneath.
-    fn globe_wkt(&self) -> Option<String> {
+    fn base_wkt(&self) -> Option<String> {
         if let Some(code) = self.code(GEODETIC_CRS) {
             return globe_of(text_of(code.into())?);
         }
@@ -121,14 +121,7 @@ impl GeoTags {
         let name = if said.is_empty() || said.contains('=') { named("GCS Name") } else { plain(said) };
         let meridian = self.number(PRIME_MERIDIAN).unwrap_or(0.0);
         let prime = if meridian == 0.0 { "Greenwich".to_owned() } else { named("Primem") };
-        Some(format!(
-            "GEOGCS[\"{name}\",DATUM[\"{}\",SPHEROID[\"{}\",{},{}]],PRIMEM[\"{prime}\",{meridian}],\
-             UNIT[\"degree\",0.0174532925199433]]",
-            named("Datum"),
-            named("Ellipsoid"),
-            body.axis,
-            body.inverse_flattening
-        ))
+        Some(globe_wkt([&name, &named("Datum"), &named("Ellipsoid")], body, (&prime, meridian)))
     }
 }
 

@@ -40,11 +40,10 @@ impl Image<u8> {
     /// If the strings break a rule of the format.
     pub fn decode_scaled_normals<S: AsRef<[u8]>>(strings: &[S], map: &Map) -> Result<Self> {
         let image = Self::decode_scaled(strings, map.size, 2)?;
-        if image.size == map.size {
-            return image.directions(map);
+        match SCALES.saturating_sub(strings.len()) as u8 {
+            0 => image.directions(map),
+            halvings => image.directions(&map.halved(halvings)),
         }
-        let halvings = SCALES.saturating_sub(strings.len()) as u8;
-        image.directions(&map.halved(halvings))
     }
 
     /// As [`Image::decode_normals`], of an exact channel.

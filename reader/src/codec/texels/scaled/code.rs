@@ -1,14 +1,15 @@
 //! The levels of an image's blocks, scale by scale: one code for those who write and those who read.
 
-use super::super::planes::{is_difference, too_large};
+use super::super::{
+    planes::{is_difference, too_large},
+    transform::MOST,
+};
 use super::bits::{Bits, Counted};
 use super::contexts::{BandChances, Chances, UNARY, bin_of, class_of};
 use crate::error::Result;
 
 /// Blocks between checks that the bytes have not ended.
 const CHECKED: usize = 64;
-/// Largest absolute level: no step makes a larger coefficient of it than a transform takes.
-pub(super) const MOST_LEVEL: i32 = 4095;
 /// A block that is left out.
 const NONE: u32 = u32::MAX;
 /// Where nothing is.
@@ -96,7 +97,7 @@ impl Levels {
                 let bin = bin_of(spread + if is_difference { before } else { 0 });
                 let value = i32::from(self.values[place + component * area]) - expected;
                 let value = code_mean(bits, chances.constant(is_difference, bin), value)?;
-                let level = value.checked_add(expected).filter(|level| level.abs() <= MOST_LEVEL);
+                let level = value.checked_add(expected).filter(|level| level.abs() <= MOST);
                 self.values[place + component * area] = level.ok_or_else(too_large)? as i16;
                 before = value.unsigned_abs().min(8);
             }
@@ -278,7 +279,7 @@ impl<const SIDE: usize, const SCALE: usize> BlockCode<'_, SIDE, SCALE> {
             0 => bits.even(level < 0),
             _ => bits.bit(chances.sign(expected as usize), (level < 0) != (slope < 0)) != (slope < 0),
         };
-        let size = i32::try_from(size).ok().filter(|&size| size <= MOST_LEVEL).ok_or_else(too_large)?;
+        let size = i32::try_from(size).ok().filter(|&size| size <= MOST).ok_or_else(too_large)?;
         values[at] = if is_negative { -size } else { size } as i16;
         Ok(())
     }
@@ -292,7 +293,7 @@ fn code_mean<B: Bits>(bits: &mut B, chances: &mut [Counted; 2 + UNARY], value: i
     }
     let is_negative = bits.bit(sign, value < 0);
     let size = code_number(bits, unary, value.unsigned_abs().wrapping_sub(1))?;
-    let size = i32::try_from(size).ok().filter(|&size| size < 2 * MOST_LEVEL).ok_or_else(too_large)? + 1;
+    let size = i32::try_from(size).ok().filter(|&size| size < 2 * MOST).ok_or_else(too_large)? + 1;
     Ok(if is_negative { -size } else { size })
 }
 
