@@ -356,11 +356,18 @@ mod tests {
             assert_eq!((quality.step(), quality.to_string().as_str()), (step, text));
             assert_eq!(ColourQuality::from(u8::from(quality)), quality);
         }
-        assert_eq!(serde_json::to_string(&ColourQuality::default()).unwrap(), "85");
+        assert_eq!((ColourQuality::Auto.step(), "auto".parse()), (7, Ok(ColourQuality::Auto)));
+        for quality in [ColourQuality::Auto, ColourQuality::Lossless, ColourQuality::Lossy(85)] {
+            let written = serde_json::to_string(&quality).unwrap();
+            assert_eq!(serde_json::from_str::<ColourQuality>(&written).unwrap(), quality);
+        }
         let even = Appearance { has_colour: true, ..Appearance::default() };
         assert_eq!(["75", "85", "95"].map(|text| text.parse::<ColourQuality>().unwrap().step_of(&even)), [11, 0, 0]);
         let textured = Appearance { layout: AttributeLayout { colour: Some(0), ..Default::default() }, ..even };
         assert_eq!(ColourQuality::default().step_of(&textured), 7);
+        let coded = |step| Appearance { coded_step: Some(step), ..textured.clone() };
+        assert_eq!([0.1, 5.0, 100.0].map(|step| ColourQuality::Auto.step_of(&coded(step))), [5, 11, 31]);
+        assert_eq!(ColourQuality::Lossy(85).step_of(&coded(5.0)), 7);
         for text in ["0", "101", "256", "-1", "", "Lossless", "85.5"] {
             assert!(text.parse::<ColourQuality>().is_err(), "{text}");
         }
