@@ -9,6 +9,7 @@ pub mod handmade;
 pub mod nginx;
 pub mod parts;
 pub mod raster;
+pub mod scene;
 pub mod server;
 pub mod strips;
 pub mod terrain;
