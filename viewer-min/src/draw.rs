@@ -15,7 +15,7 @@ use crate::{
     args::{Overlay, Way},
     blocks::{RECORD, border_records, snap_table},
     camera::{Vertex, pair, vertices},
-    gpu::{Gpu, Targets},
+    gpu::{Gpu, Programs, Targets},
     picture::{BACKGROUND, Picture},
     pool::{List, Place, Pool},
     scene::{GroundScene, Report, Scene, milliseconds},
@@ -470,53 +470,68 @@ impl Renderer {
     pub fn draw_in_turn(&self, targets: &Targets, view: &View, turn: Turn) {
         let [colour, where_from, depth, _] = &targets.views;
         let [r, g, b, a] = BACKGROUND.0.map(|x| f64::from(x) / 255.0);
-        let attachment = |view, colour| {
+        let attachment = |view, resolve_target, colour| {
             let load = if turn == Turn::Last { LoadOp::Load } else { LoadOp::Clear(colour) };
             let ops = Operations { load, store: StoreOp::Store };
-            Some(wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops })
+            Some(wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target, ops })
         };
-        let colours = [attachment(colour, Color { r, g, b, a }), attachment(where_from, Color::TRANSPARENT)];
+        let background = Color { r, g, b, a };
+        let exact = [attachment(colour, None, background), attachment(where_from, None, Color::TRANSPARENT)];
+        let pipelines = &self.gpu.pipelines;
+        let smooth = targets
+            .smooth
+            .as_ref()
+            .map(|[samples, depth]| ([attachment(samples, Some(colour), background)], depth, pipelines.smooth()));
+        let (colours, depth, programs) = match &smooth {
+            Some((colours, depth, programs)) => (&colours[..], *depth, *programs),
+            None => (&exact[..], depth, &pipelines.exact),
+        };
         let load = if turn == Turn::Last { LoadOp::Load } else { LoadOp::Clear(0.0) };
         let store = if turn == Turn::First { StoreOp::Store } else { StoreOp::Discard };
         let depth_ops = Some(Operations { load, store });
-        self.pass(&colours, DepthStencil { view: depth, depth_ops, stencil_ops: None }, view);
+        self.pass(colours, DepthStencil { view: depth, depth_ops, stencil_ops: None }, view, programs);
     }
 
     /// Counts front faces minus back faces of every pixel in the stencil; `is_first` starts from zero.
     pub fn count_faces(&self, targets: &Targets, view: &View, is_first: bool) {
         let load = if is_first { LoadOp::Clear(0) } else { LoadOp::Load };
         let stencil_ops = Some(Operations { load, store: StoreOp::Store });
-        self.pass(&[], DepthStencil { view: &targets.views[3], depth_ops: None, stencil_ops }, view);
+        let depth = DepthStencil { view: &targets.views[3], depth_ops: None, stencil_ops };
+        self.pass(&[], depth, view, &self.gpu.pipelines.counting);
     }
 
-    fn pass(&self, colours: &[Option<wgpu::RenderPassColorAttachment<'_>>], depth: DepthStencil<'_>, view: &View) {
+    fn pass(
+        &self,
+        colours: &[Option<wgpu::RenderPassColorAttachment<'_>>],
+        depth: DepthStencil<'_>,
+        view: &View,
+        programs: &Programs,
+    ) {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let descriptor = wgpu::RenderPassDescriptor {
             color_attachments: colours,
             depth_stencil_attachment: Some(depth),
             ..Default::default()
         };
-        self.record(&mut encoder.begin_render_pass(&descriptor), view, colours.is_empty());
+        self.record(&mut encoder.begin_render_pass(&descriptor), view, programs);
         self.gpu.queue.submit([encoder.finish()]);
     }
 
-    fn record(&self, pass: &mut wgpu::RenderPass<'_>, view: &View, counts: bool) {
+    fn record(&self, pass: &mut wgpu::RenderPass<'_>, view: &View, programs: &Programs) {
         // A tile is a window onto the whole picture: its triangles cover the same points of the same pixels.
         let [width, height] = view.viewport.map(f64::from);
         let [x, y] = [view.window[0][0] * width, (1.0 - view.window[1][1]) * height].map(|at| -at.round() as f32);
         pass.set_viewport(x, y, width as f32, height as f32, 0.0, 1.0);
         pass.set_bind_group(0, &self.globals(view), &[]);
-        let pipelines = &self.gpu.pipelines;
         // Where colours mean something else, images are not seen.
-        let draws_images = !counts && !self.overlays.iter().any(|overlay| COLOURINGS.contains(overlay));
+        let draws_images =
+            programs.textured.is_some() && !self.overlays.iter().any(|overlay| COLOURINGS.contains(overlay));
         let is_pooled = *self.made.is_pooled.get_or_init(|| !self.drawn().any(|(_, block)| block.is_own()));
         // The programs for images belong to passes that draw images.
         let kinds = if draws_images { &[false, true][..] } else { &[false] };
         for &is_textured in kinds {
-            let program = |number: usize| match is_textured {
-                false => &pipelines.programs[number][usize::from(counts)],
-                true => &pipelines.textured[number],
-            };
+            let of_images = programs.textured.as_ref().filter(|_| is_textured);
+            let program = |number: usize| &of_images.unwrap_or(&programs.plain)[number];
             let of_kind = || self.drawn().filter(move |(_, block)| is_textured == (draws_images && block.has_texels()));
             let own = || of_kind().filter_map(|(slot, block)| Some((slot, block.own.as_ref()?, &block.images)));
             pass.set_pipeline(program(0));
@@ -531,8 +546,10 @@ impl Renderer {
             for (slot, own, images) in own().filter(|(_, own, _)| own.pulled.is_none()) {
                 let Own { triangles: Some(batch), texels, pieces, .. } = &**own else { continue };
                 // All roots of a picture are tiles of heights, or none is.
-                if is_textured && images.is_some() && !std::mem::replace(&mut is_for_tiles, true) {
-                    pass.set_pipeline(&pipelines.tile);
+                if let (true, Some(_), Some(tile)) = (is_textured, images, &programs.tile)
+                    && !std::mem::replace(&mut is_for_tiles, true)
+                {
+                    pass.set_pipeline(tile);
                 }
                 if let (true, Some(texels), Some(pieces)) = (is_textured, texels, pieces) {
                     pass.set_bind_group(2, &texels.group, &[]);

@@ -4,7 +4,10 @@ use std::sync::{Arc, OnceLock};
 
 use anyhow::{Context, Result, bail};
 use image::RgbaImage;
-use wgpu::{BufferUsages, CompareFunction, StencilFaceState, StencilOperation, TextureFormat, TextureUsages};
+use wgpu::{
+    BufferUsages, CompareFunction, StencilFaceState, StencilOperation, TextureFormat, TextureFormatFeatureFlags,
+    TextureUsages,
+};
 
 use crate::picture::Picture;
 
@@ -16,6 +19,8 @@ pub(crate) const WHERE_FROM: TextureFormat = TextureFormat::Rg32Uint;
 pub(crate) const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 /// The counter for the check for cracks.
 pub(crate) const STENCIL: TextureFormat = TextureFormat::Stencil8;
+/// Samples of a pixel where edges are smooth: what every device has.
+const SAMPLES: u32 = 4;
 
 /// What gives out devices. Lists of draws are not checked on the device: the pool writes them, and knows where its
 /// roots lie.
@@ -30,6 +35,8 @@ pub struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     pub(crate) pipelines: Pipelines,
+    /// Whether edges can be smoothed: pixels of four samples, which become one.
+    can_smooth: bool,
     /// Whether one call draws a list of roots. Otherwise each is a call of its own.
     pub draws_lists: bool,
     trouble: Arc<OnceLock<String>>,
@@ -63,7 +70,10 @@ impl Gpu {
             let _ = wrong.set(format!("graphics: {error}"));
         }));
         let pipelines = Pipelines::new(&device);
-        Ok(Self { adapter, device, queue, pipelines, draws_lists, trouble })
+        let has = |format, flags| adapter.get_texture_format_features(format).flags.contains(flags);
+        let four = TextureFormatFeatureFlags::MULTISAMPLE_X4;
+        let can_smooth = has(COLOUR, four | TextureFormatFeatureFlags::MULTISAMPLE_RESOLVE) && has(DEPTH, four);
+        Ok(Self { adapter, device, queue, pipelines, can_smooth, draws_lists, trouble })
     }
 
     /// An error if anything has gone wrong so far. The device cannot be used any more then.
@@ -115,12 +125,17 @@ impl Gpu {
     }
 
     pub(crate) fn texture(&self, size: [u32; 2], format: TextureFormat, usage: TextureUsages) -> wgpu::Texture {
+        self.sampled(size, format, usage, 1)
+    }
+
+    /// A texture whose texels have several samples.
+    fn sampled(&self, size: [u32; 2], format: TextureFormat, usage: TextureUsages, sample_count: u32) -> wgpu::Texture {
         let [width, height] = size.map(|side| side.max(1));
         self.device.create_texture(&wgpu::TextureDescriptor {
             label: None,
             size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
             mip_level_count: 1,
-            sample_count: 1,
+            sample_count,
             dimension: wgpu::TextureDimension::D2,
             format,
             usage,
@@ -167,6 +182,9 @@ pub(crate) struct Targets {
     /// Colours, roots and depths, depth buffer, stencil.
     pub textures: [wgpu::Texture; 4],
     pub views: [wgpu::TextureView; 4],
+    /// Colours and depth buffer of four samples a pixel: what is drawn first, where edges are smooth. Then no roots and
+    /// depths are drawn.
+    pub smooth: Option<[wgpu::TextureView; 2]>,
 }
 
 impl Targets {
@@ -174,7 +192,17 @@ impl Targets {
         let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC | TextureUsages::TEXTURE_BINDING;
         let textures = [COLOUR, WHERE_FROM, DEPTH, STENCIL].map(|format| gpu.texture(size, format, usage));
         let views = textures.each_ref().map(|texture| texture.create_view(&Default::default()));
-        Self { size, textures, views }
+        Self { size, textures, views, smooth: None }
+    }
+
+    /// With smooth edges, if the device can do that.
+    pub fn smooth(gpu: &Gpu, size: [u32; 2]) -> Self {
+        let sampled = |format| {
+            let texture = gpu.sampled(size, format, TextureUsages::RENDER_ATTACHMENT, SAMPLES);
+            texture.create_view(&Default::default())
+        };
+        let smooth = gpu.can_smooth.then(|| [COLOUR, DEPTH].map(sampled));
+        Self { smooth, ..Self::new(gpu, size) }
     }
 
     /// The current picture.
@@ -194,15 +222,34 @@ impl Targets {
     }
 }
 
-/// Render pipelines: each program once for pictures and once for counting faces.
+/// What a pass draws into.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Drawing {
+    /// Colours, roots and depths.
+    Exact,
+    /// Colours of several samples.
+    Smooth,
+    /// The counter of faces.
+    Counting,
+}
+
+/// Render pipelines for one drawing.
+pub(crate) struct Programs {
+    /// From vertex and index buffers; inner triangles, pulled; border triangles, pulled and snapped.
+    pub plain: [wgpu::RenderPipeline; 3],
+    /// The same for roots with images, and one for tiles of heights with images; none where faces are counted.
+    pub textured: Option<[wgpu::RenderPipeline; 3]>,
+    pub tile: Option<wgpu::RenderPipeline>,
+}
+
+/// Render pipelines, and what they have in common.
 pub(crate) struct Pipelines {
-    /// From vertex and index buffers; inner triangles, pulled; border triangles, pulled and snapped. Each for pictures
-    /// and for counting.
-    pub programs: [[wgpu::RenderPipeline; 2]; 3],
-    /// The same for roots with images; only for pictures.
-    pub textured: [wgpu::RenderPipeline; 3],
-    /// For tiles of heights with images.
-    pub tile: wgpu::RenderPipeline,
+    pub exact: Programs,
+    pub counting: Programs,
+    /// Made when something is drawn with smooth edges.
+    smooth: OnceLock<Programs>,
+    device: wgpu::Device,
+    module: wgpu::ShaderModule,
     /// Bind group 0.
     pub globals_layout: wgpu::BindGroupLayout,
     /// Bind group 1 of pulling.
@@ -225,6 +272,27 @@ impl Pipelines {
             min_filter: interpolated,
             ..Default::default()
         });
+        let layouts = [&globals_layout, &block_layout, &texels_layout];
+        let [exact, counting] =
+            [Drawing::Exact, Drawing::Counting].map(|drawing| Programs::new(device, &module, layouts, drawing));
+        let (device, smooth) = (device.clone(), OnceLock::new());
+        Self { exact, counting, smooth, device, module, globals_layout, block_layout, texels_layout, sampler }
+    }
+
+    /// Those for smooth edges.
+    pub fn smooth(&self) -> &Programs {
+        let layouts = [&self.globals_layout, &self.block_layout, &self.texels_layout];
+        self.smooth.get_or_init(|| Programs::new(&self.device, &self.module, layouts, Drawing::Smooth))
+    }
+}
+
+impl Programs {
+    fn new(
+        device: &wgpu::Device,
+        module: &wgpu::ShaderModule,
+        layouts: [&wgpu::BindGroupLayout; 3],
+        drawing: Drawing,
+    ) -> Self {
         let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 3 => Uint32];
         let step_mode = wgpu::VertexStepMode::Vertex;
         let positions = wgpu::VertexBufferLayout { array_stride: 28, step_mode, attributes: &attributes };
@@ -234,59 +302,67 @@ impl Pipelines {
         let places = wgpu::VertexBufferLayout { array_stride: 8, step_mode, attributes: &attributes };
         let vertices = [Some(positions), Some(pieces)];
         let of_tiles = [vertices[0].clone(), Some(places)];
-        let depth_stencil = |format, depth_compare: Option<CompareFunction>, stencil| wgpu::DepthStencilState {
+        let depth_stencil = drawing.depth_stencil();
+        let targets = [Some(COLOUR.into()), Some(WHERE_FROM.into())];
+        let count = if drawing == Drawing::Smooth { SAMPLES } else { 1 };
+        let pipeline = |entry: &str| {
+            let is_tile = entry.ends_with("_tile");
+            let (is_pulled, is_textured) = (entry.starts_with("pulled"), is_tile || entry.ends_with("_textured"));
+            let vertices = if is_tile { &of_tiles } else { &vertices };
+            let [globals, block, texels] = layouts;
+            let groups = [Some(globals), is_pulled.then_some(block), is_textured.then_some(texels)];
+            let bind_group_layouts = &groups[..1 + usize::from(is_pulled).max(2 * usize::from(is_textured))];
+            let layout = device
+                .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor { bind_group_layouts, ..Default::default() });
+            let fragment = wgpu::FragmentState {
+                module,
+                entry_point: Some(if is_textured { "shade_textured" } else { "shade" }),
+                compilation_options: Default::default(),
+                targets: if drawing == Drawing::Smooth { &targets[..1] } else { &targets },
+            };
+            device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                label: None,
+                layout: Some(&layout),
+                vertex: wgpu::VertexState {
+                    module,
+                    entry_point: Some(entry),
+                    compilation_options: Default::default(),
+                    buffers: if is_pulled { &[] } else { &vertices[..1 + usize::from(is_textured)] },
+                },
+                primitive: Default::default(),
+                depth_stencil: Some(depth_stencil.clone()),
+                multisample: wgpu::MultisampleState { count, ..Default::default() },
+                fragment: (drawing != Drawing::Counting).then_some(fragment),
+                multiview_mask: None,
+                cache: None,
+            })
+        };
+        let plain = ["stitched", "pulled", "pulled_border"].map(pipeline);
+        let draws_images = drawing != Drawing::Counting;
+        let textured = ["stitched_textured", "pulled_textured", "pulled_border_textured"];
+        let textured = draws_images.then(|| textured.map(pipeline));
+        Self { plain, textured, tile: draws_images.then(|| pipeline("stitched_tile")) }
+    }
+}
+
+impl Drawing {
+    fn depth_stencil(self) -> wgpu::DepthStencilState {
+        let state = |format, depth_compare: Option<CompareFunction>, stencil| wgpu::DepthStencilState {
             format,
             depth_write_enabled: depth_compare.map(|_| true),
             depth_compare,
             stencil,
             bias: Default::default(),
         };
-        // Larger depths are nearer.
-        let nearest = depth_stencil(DEPTH, Some(CompareFunction::Greater), Default::default());
+        if self != Self::Counting {
+            // Larger depths are nearer.
+            return state(DEPTH, Some(CompareFunction::Greater), Default::default());
+        }
         // Front faces count up, back faces down. Where a closed surface is drawn without cracks, the result is zero
         // everywhere.
         let face = |pass_op| StencilFaceState { compare: CompareFunction::Always, pass_op, ..Default::default() };
         let (front, back) = (face(StencilOperation::IncrementWrap), face(StencilOperation::DecrementWrap));
-        let counting =
-            depth_stencil(STENCIL, None, wgpu::StencilState { front, back, read_mask: 0xff, write_mask: 0xff });
-        let pipeline = |entry: &str, counts: bool| {
-            let is_tile = entry.ends_with("_tile");
-            let (is_pulled, is_textured) = (entry.starts_with("pulled"), is_tile || entry.ends_with("_textured"));
-            let vertices = if is_tile { &of_tiles } else { &vertices };
-            let groups =
-                [Some(&globals_layout), is_pulled.then_some(&block_layout), is_textured.then_some(&texels_layout)];
-            let bind_group_layouts = &groups[..1 + usize::from(is_pulled).max(2 * usize::from(is_textured))];
-            let layout = device
-                .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor { bind_group_layouts, ..Default::default() });
-            let fragment = wgpu::FragmentState {
-                module: &module,
-                entry_point: Some(if is_textured { "shade_textured" } else { "shade" }),
-                compilation_options: Default::default(),
-                targets: &[Some(COLOUR.into()), Some(WHERE_FROM.into())],
-            };
-            device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-                label: None,
-                layout: Some(&layout),
-                vertex: wgpu::VertexState {
-                    module: &module,
-                    entry_point: Some(entry),
-                    compilation_options: Default::default(),
-                    buffers: if is_pulled { &[] } else { &vertices[..1 + usize::from(is_textured)] },
-                },
-                primitive: Default::default(),
-                depth_stencil: Some(if counts { counting.clone() } else { nearest.clone() }),
-                multisample: Default::default(),
-                fragment: (!counts).then_some(fragment),
-                multiview_mask: None,
-                cache: None,
-            })
-        };
-        let programs =
-            ["stitched", "pulled", "pulled_border"].map(|entry| [false, true].map(|counts| pipeline(entry, counts)));
-        let textured = ["stitched_textured", "pulled_textured", "pulled_border_textured"];
-        let textured = textured.map(|entry| pipeline(entry, false));
-        let tile = pipeline("stitched_tile", false);
-        Self { programs, textured, tile, globals_layout, block_layout, texels_layout, sampler }
+        state(STENCIL, None, wgpu::StencilState { front, back, read_mask: 0xff, write_mask: 0xff })
     }
 }
 

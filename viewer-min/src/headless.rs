@@ -37,7 +37,7 @@ pub fn draw_picture(args: &Args) -> Result<()> {
         (path, tile_nodes) = (vec![view], Some((nodes, path[0])));
         size = [0, 1].map(|k| args.size[k] / counts[k]);
     }
-    let targets = Targets::new(&gpu, size);
+    let targets = Targets::smooth(&gpu, size);
     let mut table = csv::Writer::from_writer(Vec::new());
     let (mut panel, mut report) = (Panel::default(), Report::default());
     for (number, view) in path.iter().enumerate() {

@@ -49,7 +49,7 @@ impl Present {
         surface.configure(&gpu.device, &config);
         let blitter = wgpu::util::TextureBlitterBuilder::new(&gpu.device, config.format);
         let blitter = blitter.blend_state(wgpu::BlendState::ALPHA_BLENDING).build();
-        let (renderer, targets) = (renderer(&gpu, way), Targets::new(&gpu, size));
+        let (renderer, targets) = (renderer(&gpu, way), Targets::smooth(&gpu, size));
         Ok(Self { gpu, renderer, targets, surface, config, blitter })
     }
 
@@ -58,7 +58,7 @@ impl Present {
         if self.targets.size != size {
             [self.config.width, self.config.height] = size;
             self.surface.configure(&self.gpu.device, &self.config);
-            self.targets = Targets::new(&self.gpu, size);
+            self.targets = Targets::smooth(&self.gpu, size);
         }
         if self.renderer.way != way {
             self.renderer = renderer(&self.gpu, way);

@@ -12,8 +12,9 @@ use crate::codec::{
     texels::{Image, Map, halved},
 };
 
-/// How far from what a patch covers texels are stored, because images are interpolated and borders of finer neighbours
-/// reach further.
+/// How far from what a patch covers texels of an image at its full size are stored, because images are interpolated and
+/// borders of finer neighbours reach further. A smaller one may have nothing beside the texels that a patch covers: a
+/// block of the full size is there if any of its texels is.
 const STORED_RINGS: u8 = 2;
 /// How far from it texels get a value.
 const RINGS: u8 = 12;
@@ -27,8 +28,8 @@ pub(crate) struct Covered {
 }
 
 impl Covered {
-    /// Finds out which triangle covers which texel.
-    pub fn new(map: &Map, positions: &[LatticePoint], triangles: &[[u32; 3]]) -> Self {
+    /// Finds out which triangle covers which texel, of images that the file has at a smaller size, or at this one.
+    pub fn new(map: &Map, positions: &[LatticePoint], triangles: &[[u32; 3]], is_smaller: bool) -> Self {
         let [width, height] = map.size.map(|length| length as usize);
         let mut is_covered = vec![false; width * height];
         for (number, corners) in triangles.iter().enumerate() {
@@ -39,7 +40,7 @@ impl Covered {
             }
             for_each_centre(places, map.size, |texel| is_covered[texel] = true);
         }
-        let copies = copies(map, &is_covered);
+        let copies = copies(map, &is_covered, if is_smaller { 0 } else { STORED_RINGS });
         Self { is_covered, copies }
     }
 
@@ -157,7 +158,7 @@ fn for_each_centre(places: [[f64; 2]; 3], size: [u32; 2], mut visit: impl FnMut(
 }
 
 /// For texels beyond those that are stored the nearest of these in their piece.
-fn copies(map: &Map, is_covered: &[bool]) -> Vec<[u32; 2]> {
+fn copies(map: &Map, is_covered: &[bool], stored_rings: u8) -> Vec<[u32; 2]> {
     let width = map.size[0] as usize;
     let mut ring = vec![u8::MAX; is_covered.len()];
     let mut copies = Vec::new();
@@ -182,8 +183,8 @@ fn copies(map: &Map, is_covered: &[bool]) -> Vec<[u32; 2]> {
                     let beside = v * width + u;
                     if ring[beside] > next {
                         ring[beside] = next;
-                        let from = if next <= STORED_RINGS { beside } else { from };
-                        if next > STORED_RINGS {
+                        let from = if next <= stored_rings { beside } else { from };
+                        if next > stored_rings {
                             copies.push([beside as u32, from as u32]);
                         }
                         pending.push_back((beside, from));
@@ -206,7 +207,7 @@ mod tests {
         let (positions, triangles) = (vec![[0, 0, 0], [640, 0, 0], [0, 640, 0]], vec![[0, 1, 2]]);
         let shapes = [PieceShape { axis: [0, 0, 1], ..PieceShape::default() }];
         let (map, _) = encode_map(&positions, &triangles, 8, &shapes, &[0], 1 << 20).unwrap();
-        let covered = Covered::new(&map, &positions, &triangles);
+        let covered = Covered::new(&map, &positions, &triangles, false);
         let count = covered.is_covered.iter().filter(|&&is_covered| is_covered).count();
         assert!((800..=930).contains(&count), "{count} of 41 * 41 / 2");
         let mut image = Image::filled(map.size, &[0_u16]);
@@ -214,8 +215,10 @@ mod tests {
         for texel in (0..image.data.len()).filter(|&texel| covered.is_covered[texel]) {
             image.data[texel] = 50;
         }
-        // Two rings are stored.
+        // Two rings are stored, or none of a smaller image: then these are filled, too.
         let stored = image.clone();
+        let mut smaller = image.clone();
+        Covered::new(&map, &positions, &triangles, true).fill(&mut smaller);
         for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
             let is_near = (-2..=2).flat_map(|v| (-2..=2).map(move |u| [u, v])).any(|[u, v]| {
                 let [x, y] = [x as i32 + u, y as i32 + v];
@@ -231,5 +234,6 @@ mod tests {
         let filled = image.data.iter().filter(|&&value| value == 50).count();
         let all = image.data.len();
         assert!(filled > all * 3 / 4 && filled < all, "{filled} of {all}: so far and no further");
+        assert_eq!(smaller, image);
     }
 }

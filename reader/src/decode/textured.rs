@@ -70,7 +70,7 @@ impl Texture {
         }
         let full = Map::decode(&bytes.map, positions, &patch.triangles, texel_limit)?;
         let halvings = bytes.scale.halvings();
-        let covered = LazyCell::new(|| Covered::new(&full, positions, &patch.triangles));
+        let covered = LazyCell::new(|| Covered::new(&full, positions, &patch.triangles, false));
         let image = |(streams, channel): (&Vec<Vec<u8>>, &&ChannelInfo)| {
             if streams.first().is_none_or(Vec::is_empty) {
                 return Ok(None);

@@ -220,7 +220,7 @@ impl Content for TexelContent {
         let extent = Extent::new(texture.map.as_ref(), &texture.images, scale.halvings());
         let mut means = vec![None; texture.images.len()];
         if let Some(map) = &texture.map {
-            let covered = Covered::new(map, &positions, &patch.triangles);
+            let covered = Covered::new(map, &positions, &patch.triangles, scale.halvings() > 0);
             let rest = halvings - scale.halvings();
             for ((image, mean), info) in texture.images.iter_mut().zip(&mut means).zip(&infos) {
                 let Some(image) = image else { continue };

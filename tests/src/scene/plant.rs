@@ -205,7 +205,7 @@ impl Plant {
         middle.forward(2.5 * thickness)
     }
 
-    /// A row of trays, with a cable that hangs in them.
+    /// A row of trays, with cables that hang in them.
     fn add_trays(&mut self, area: u32, catalogue: &Catalogue) {
         let run = self.assembly("TRAY RUN".to_owned(), Some(area), DVec3::ZERO);
         let start = DVec3::new(2.0, 2.0 + self.random.unit() * 26.0, 4.0 + self.random.unit() * 8.0);
@@ -215,15 +215,17 @@ impl Plant {
             self.object(format!("TRAY-{number}"), run, shape, Transform::at(start + DVec3::X * x));
             x += length;
         }
-        let [sag, wave] = [0.01 + 0.02 * self.random.unit(), 2.0 + 5.0 * self.random.unit()];
-        let steps = (x * 8.0).ceil().max(2.0) as u32;
-        let points = (0..=steps).map(|k| f64::from(k) / f64::from(steps) * x);
-        let path: Vec<DVec3> =
-            points.map(|x| DVec3::new(x, 0.05 + sag * (wave * x).sin(), 0.03 + sag * (wave * 0.7 * x).cos())).collect();
-        let mut cable = Shape::new(3);
-        cable.tube(&path, |_| 0.008, 8);
-        let shape = self.scene.add_shape(cable);
-        self.object("CABLE".to_owned(), run, shape, Transform::at(start));
+        for number in 1..=3 + self.below(6) {
+            let [sag, wave] = [0.01 + 0.02 * self.random.unit(), 2.0 + 5.0 * self.random.unit()];
+            let steps = (x * 8.0).ceil().max(2.0) as u32;
+            let points = (0..=steps).map(|k| f64::from(k) / f64::from(steps) * x);
+            let place = |x: f64| DVec3::new(x, sag * (wave * x).sin(), sag * (wave * 0.7 * x).cos());
+            let mut cable = Shape::new(3);
+            cable.tube(&points.map(place).collect::<Vec<_>>(), |_| 0.008, 8);
+            let shape = self.scene.add_shape(cable);
+            let at = start + DVec3::new(0.0, 0.018 * f64::from(number), 0.03);
+            self.object(format!("CABLE-{number}"), run, shape, Transform::at(at));
+        }
     }
 
     fn add_gratings(&mut self, area: u32, catalogue: &Catalogue) {
