@@ -176,6 +176,15 @@ impl<S: ReadAt> File<S> {
         self.ask(|index, fetched| decode::extract_textured(index, cut, channels, fetched))
     }
 
+    /// As [`File::extract_textured`], with images of a part of their texels along each side, for whom these are enough.
+    /// Of images in scales only that part is read.
+    ///
+    /// # Errors
+    /// As [`File::extract_textured`].
+    pub fn extract_textured_scaled(&self, cut: &Cut, channels: &[u8], scale: Scale) -> Result<TexturedMesh> {
+        self.ask(|index, fetched| decode::extract_textured_scaled(index, cut, channels, scale, fetched))
+    }
+
     /// [`File::extract_textured`] with borders at a finer level: see [`decode::extract_textured_with_borders`].
     ///
     /// # Errors

@@ -17,6 +17,7 @@
 //! - [`stages`]: jobs whose planning is divided into tasks: workers, kills in every stage
 //! - [`slurm`]: parts on a compute cluster whose tasks fail and whose nodes die
 //! - [`channels`]: colours and numbers of the input come through builds of every kind, and out again
+//! - [`reduced_images`]: images of simplified meshes have fewer texels and bytes the fewer triangles there are
 //! - [`lossless`]: texels that come back as they were made, and what else holds of files with them
 //! - [`drawings`]: alpha modes, double-sided and unlit materials come through builds of every kind, and out again
 //! - [`normals`]: what stores no normals is shaded by computed ones, up to creases and alike on both sides of arcs
@@ -77,6 +78,7 @@ mod quantized;
 mod queries;
 mod ragged;
 mod rasters;
+mod reduced_images;
 mod remote;
 mod report;
 mod serve;

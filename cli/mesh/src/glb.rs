@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use super::encoded::{Formats, WEBP, encoded};
+use super::encoded::{Formats, WEBP, Written, encoded};
 use super::material::{UNLIT, draw, material, plain};
 use super::pages::{PagedMesh, Part};
 use super::smooth::COMPUTED;
@@ -40,13 +40,20 @@ struct Scene {
     materials: Vec<Value>,
     textures: Vec<Value>,
     images: Vec<Value>,
+    written: Written,
 }
 
-/// Writes GLB with the pages inside, in one of these formats. Coordinates are relative to a node translation.
+/// Writes GLB with the pages inside, in these formats, and says which images these are. Coordinates are relative to a
+/// node translation.
 ///
 /// # Errors
 /// Any error of the writer; [`io::ErrorKind::InvalidInput`] beyond 4 GiB.
-pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh, formats: Formats, upright: Upright) -> io::Result<()> {
+pub fn write_textured_glb(
+    out: impl Write,
+    mesh: &PagedMesh,
+    formats: Formats,
+    upright: Upright,
+) -> io::Result<Written> {
     let mut scene = Scene::default();
     let centre = super::export::glb_origin(&mesh.positions);
     scene.add(mesh, centre, formats)?;
@@ -63,18 +70,23 @@ pub fn add_rounding(levels: &mut [GlbLevel]) {
 
 /// Writes the levels of a mesh, the finest first, as nodes of which a program shows one by the share of the picture
 /// that the model covers: a level from where on its error is below a pixel at 1,920 x 1,080. Programs that do not know
-/// the extension show the finest.
+/// the extension show the finest. Returns which images were written.
 ///
 /// # Errors
 /// Any error of the writer; [`io::ErrorKind::InvalidInput`] without a level or beyond 4 GiB.
-pub fn write_levels_glb(out: impl Write, levels: &[GlbLevel], upright: Upright) -> io::Result<()> {
+pub fn write_levels_glb(
+    out: impl Write,
+    levels: &[GlbLevel],
+    formats: Formats,
+    upright: Upright,
+) -> io::Result<Written> {
     let Some(finest) = levels.first() else {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "there is no level to write"));
     };
     let mut scene = Scene::default();
     let centre = super::export::glb_origin(&finest.mesh.positions);
     for level in levels {
-        scene.add(&level.mesh, centre, Formats::PNG)?;
+        scene.add(&level.mesh, centre, formats)?;
     }
     let mut nodes: Vec<Value> = levels
         .iter()
@@ -130,7 +142,9 @@ impl Scene {
         let (known, mut of_pages) = (self.textures.len(), vec![]);
         for page in &mesh.pages {
             of_pages.push(material(page, |layer, image| {
-                let (bytes, media_type) = encoded(layer, image, formats)?;
+                let encoded = encoded(layer, image, formats)?;
+                self.written.add(image, &encoded);
+                let (bytes, media_type) = encoded;
                 let view = self.binary.add(bytes.into_iter(), None);
                 self.images.push(json!({"bufferView": view, "mimeType": media_type}));
                 let source = json!({"source": self.images.len() - 1});
@@ -194,7 +208,7 @@ impl Scene {
     }
 
     /// Writes everything; the first node is the one that the scene shows.
-    fn write(self, out: impl Write, nodes: &[Value], extension: Option<&str>) -> io::Result<()> {
+    fn write(self, out: impl Write, nodes: &[Value], extension: Option<&str>) -> io::Result<Written> {
         let mut document = json!({
             "asset": {"version": "2.0", "generator": "lodpack"},
             "scene": 0, "scenes": [{"nodes": [0]}],
@@ -224,7 +238,8 @@ impl Scene {
         if !extensions.is_empty() {
             document["extensionsUsed"] = json!(extensions);
         }
-        super::export::write_glb_chunks(out, &document, &self.binary.bytes)
+        super::export::write_glb_chunks(out, &document, &self.binary.bytes)?;
+        Ok(self.written)
     }
 }
 

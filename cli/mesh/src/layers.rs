@@ -19,6 +19,13 @@ pub enum Layer {
     Factors,
 }
 
+impl Layer {
+    /// How many there are.
+    pub const COUNT: usize = 4;
+    /// All of them, by number.
+    pub const ALL: [Self; Self::COUNT] = [Self::Colour, Self::Normal, Self::Emissive, Self::Factors];
+}
+
 /// The channels that make up the look of a mesh: places among those that were asked for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Look {
@@ -30,6 +37,8 @@ pub struct Look {
     /// Occlusion, roughness and metallic.
     factors: [Option<usize>; 3],
     drawing: Option<usize>,
+    /// Layers of which the file has lost nothing, by number.
+    exact: [bool; Layer::COUNT],
 }
 
 impl Look {
@@ -52,6 +61,7 @@ impl Look {
             factors: [OCCLUSION, ROUGHNESS, METALLIC].map(|name| find(&named(name, ChannelKind::Factor))),
             drawing: find(&|channel| with_all && channel.kind == ChannelKind::Drawing),
             layers: vec![],
+            exact: [false; Layer::COUNT],
         };
         let layers = [
             (look.colour.is_some(), Layer::Colour),
@@ -60,7 +70,21 @@ impl Look {
             (look.factors.iter().any(Option::is_some), Layer::Factors),
         ];
         look.layers = layers.into_iter().filter(|(is_there, _)| *is_there).map(|(_, layer)| layer).collect();
+        let is_exact = |place: Option<usize>| {
+            place.and_then(|place| channels.get(usize::from(*wanted.get(place)?))).is_some_and(|known| known.is_exact)
+        };
+        look.exact = Layer::ALL.map(|layer| match layer {
+            Layer::Colour => is_exact(look.colour),
+            Layer::Normal => is_exact(look.normal),
+            Layer::Emissive => is_exact(look.emissive),
+            Layer::Factors => look.factors.into_iter().any(is_exact),
+        });
         (look, wanted)
+    }
+
+    /// Whether the file has lost nothing of a layer.
+    pub fn is_exact(&self, layer: Layer) -> bool {
+        self.exact[layer as usize]
     }
 
     /// The place of the colours.

@@ -9,13 +9,10 @@ use std::io;
 use super::glb::{Positions, in_order_of_use};
 use super::light::BorderNormals;
 use crate::mesh::encoded::{Encoded, Formats, encoded};
-use crate::mesh::layers::{Layer, Look};
+use crate::mesh::layers::Look;
 use crate::mesh::material::{draw, material};
 use crate::mesh::pages::{Page, PagedMesh};
 use crate::mesh::shaded::Shading;
-
-/// What is JPEG where it is opaque. Directions lose little, too; factors would be blurred into each other.
-const FORMATS: Formats = Formats { lossy: &[Layer::Colour, Layer::Normal, Layer::Emissive], has_webp: false };
 
 /// The surface of a tile.
 #[derive(Default)]
@@ -38,6 +35,8 @@ pub struct Paint {
     pub frames: Vec<[[f32; 3]; 2]>,
     /// The images.
     page: Page,
+    /// Their formats.
+    formats: Formats,
     /// How the triangles are drawn, if the file says it, and how many follow each other that are drawn so.
     pub parts: Vec<(Option<Drawing>, usize)>,
 }
@@ -74,7 +73,13 @@ impl Surface {
         let triangles = parts.iter().flat_map(|part| part.triangles.iter().copied()).collect();
         let parts = parts.iter().map(|part| (part.drawing, part.triangles.len())).collect();
         let page = paged.pages.into_iter().next();
-        let paint = page.map(|page| Paint { places: paged.places, frames: paged.frames, page, parts });
+        let paint = page.map(|page| Paint {
+            places: paged.places,
+            frames: paged.frames,
+            page,
+            formats: Formats::of(look),
+            parts,
+        });
         let mut this = Self { points, triangles, paint, shading: None };
         if let Some(light) = light.filter(|_| !paged.normals.is_empty()) {
             let mut normals = paged.normals;
@@ -133,7 +138,7 @@ impl Paint {
     pub fn encode(&self) -> io::Result<(Vec<Encoded>, Vec<Value>)> {
         let mut images = vec![];
         let texture = |layer, image: &_| {
-            images.push(encoded(layer, image, FORMATS)?);
+            images.push(encoded(layer, image, self.formats)?);
             Ok(images.len() - 1)
         };
         let mut material = if self.has_images() { material(&self.page, texture)? } else { plain() };

@@ -34,7 +34,9 @@ pub use drawing::{AlphaMode, DEFAULT_CUTOFF, Drawing, coverages};
 pub use overview::{Overview, overview};
 pub use pages::PagedMesh;
 pub use stitch::Mesh;
-pub use textured::{ChannelImage, Texture, TexturedMesh, extract_textured, extract_textured_with_borders};
+pub use textured::{
+    ChannelImage, Texture, TexturedMesh, extract_textured, extract_textured_scaled, extract_textured_with_borders,
+};
 
 pub(crate) use border::{BorderEdges, BorderSide};
 pub(crate) use covered::Covered;

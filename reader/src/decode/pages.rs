@@ -32,7 +32,7 @@ pub struct PagedMesh {
 
 impl ChannelImage {
     /// Texels in a row, and rows.
-    fn size(&self) -> [u32; 2] {
+    pub(crate) fn size(&self) -> [u32; 2] {
         match self {
             Self::Colours(image) | Self::Normals(image) | Self::Factors(image) => image.size,
             Self::Values(image) => image.size,

@@ -175,7 +175,22 @@ impl ChannelImage {
 /// # Errors
 /// As [`super::extract`] and [`Index::texels`].
 pub fn extract_textured(index: &Index, cut: &Cut, channels: &[u8], fetched: &Fetched) -> Result<TexturedMesh> {
-    extract_textured_with_borders(index, cut, 0, channels, fetched)
+    extract(index, cut, (0, Scale::Full), channels, fetched)
+}
+
+/// As [`extract_textured`], with images of a part of their texels along each side. Of images in scales no more is asked
+/// for than that part takes.
+///
+/// # Errors
+/// As [`extract_textured`].
+pub fn extract_textured_scaled(
+    index: &Index,
+    cut: &Cut,
+    channels: &[u8],
+    scale: Scale,
+    fetched: &Fetched,
+) -> Result<TexturedMesh> {
+    extract(index, cut, (0, scale), channels, fetched)
 }
 
 /// As [`super::extract_with_borders`], with the images of some channels, by number.
@@ -189,11 +204,21 @@ pub fn extract_textured_with_borders(
     channels: &[u8],
     fetched: &Fetched,
 ) -> Result<TexturedMesh> {
+    extract(index, cut, (border_level, Scale::Full), channels, fetched)
+}
+
+fn extract(
+    index: &Index,
+    cut: &Cut,
+    (border_level, scale): (u8, Scale),
+    channels: &[u8],
+    fetched: &Fetched,
+) -> Result<TexturedMesh> {
     index.id().check_cut(cut.file)?;
     let wanted: Vec<(u32, u8)> = cut.nodes.iter().map(|node| (node.root, node.level)).collect();
     let known: Vec<&ChannelInfo> =
         channels.iter().filter_map(|&channel| index.channels().get(usize::from(channel))).collect();
-    let texels = match index.texels(&wanted, channels, Scale::Full, fetched) {
+    let texels = match index.texels(&wanted, channels, scale, fetched) {
         Ok(texels) => texels,
         // What else is missing is asked for at once.
         Err(missing) => {

@@ -1,9 +1,10 @@
 //! Synthetic files whose blocks have texels that decode.
 
-use super::synthetic::{Faces, Options, Random, add_channels, model};
+use super::synthetic::{Faces, Options, Random, add_channels, cube, model};
 use crate::{
     File, Limits,
     decode::texels::Image,
+    index::Scale,
     lattice::LatticePoint,
     write::{PieceShape, encode_image, encode_map, encode_values, write_file},
 };
@@ -63,4 +64,38 @@ fn texels(positions: &[LatticePoint], triangles: &[[u32; 3]], seed: u64) -> Vec<
     let is_used = vec![true; (width * height) as usize];
     let colours = if seed.is_multiple_of(9) { Default::default() } else { encode_image(&colours, &is_used, 3) };
     [bytes].into_iter().chain(colours).chain([encode_values(&numbers, &is_used)]).collect()
+}
+
+#[test]
+fn a_cut_at_a_scale_has_the_same_triangles_at_places_of_smaller_images() {
+    let options = Options { levels: 3, seed: 8, grids_of_four: 1, heights: 0 };
+    let bytes = painted_file(&cube(4), options);
+    let file = File::open(bytes, Limits::default()).unwrap();
+    let cut = file.uniform_cut(2).unwrap();
+    let whole = file.extract_textured(&cut, &[0, 1]).unwrap();
+    assert_eq!(file.extract_textured_scaled(&cut, &[0, 1], Scale::Full).unwrap(), whole);
+    for scale in [Scale::Half, Scale::Quarter, Scale::Eighth] {
+        let smaller = file.extract_textured_scaled(&cut, &[0, 1], scale).unwrap();
+        assert_eq!(smaller.mesh, whole.mesh);
+        let side = 1_u32 << scale.halvings();
+        let (mut count, mut worst) = (0, 0.0_f32);
+        for (places, expected) in smaller.places.iter().flatten().zip(whole.places.iter().flatten()) {
+            if expected[0].is_nan() {
+                assert!(places[0].is_nan());
+                continue;
+            }
+            (0..2).for_each(|k| worst = worst.max((places[k] - expected[k] / side as f32).abs()));
+            count += 1;
+        }
+        assert!(count > 100 && worst < 1e-3, "{scale:?}: {worst} of {count}");
+        for (texture, expected) in smaller.textures.iter().zip(&whole.textures) {
+            for (image, expected) in texture.images.iter().zip(&expected.images) {
+                let (Some(image), Some(expected)) = (image, expected) else {
+                    assert_eq!(image, expected);
+                    continue;
+                };
+                assert_eq!(image.size(), expected.size().map(|length| length.div_ceil(side)));
+            }
+        }
+    }
 }

@@ -49,7 +49,7 @@ pub use finish::{Finished, cut_to_finish, finish, is_nearer};
 pub(crate) use manifold::open_edges;
 pub(crate) use manifold::{boundary_loops, manifold};
 pub(crate) use other_topology::clustered;
-pub use painted_cut::CutPainter;
+pub use painted_cut::{CutPainter, Detail};
 pub(crate) use spread_points::weights_of;
 pub(crate) use surface::{CoarseSurface, error_sum, filled};
 pub use ways::Topology;

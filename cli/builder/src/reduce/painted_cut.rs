@@ -20,8 +20,8 @@ use super::ways::Ways;
 use lodpack_mesh::NONE;
 use lodpack_stage::areas::{Areas, ColourAreas};
 use lodpack_stage::bake::{
-    BakedPatch, Baker, Images, Located, MAX_TEXELS_OF_CUT, Points, Source, Storage, Stored, exponent_of, growth_over,
-    larger,
+    BakedPatch, Baker, Images, Located, MAX_EXPONENT, MAX_TEXELS_OF_CUT, Points, Source, Storage, Stored, exponent_of,
+    growth_over, larger,
 };
 
 /// The step of quantisation of images that are not stored.
@@ -33,6 +33,14 @@ const UNSEEN: f64 = 1e-4;
 const FINER: u32 = 4;
 /// Their number is bounded by about this.
 const FINE_TEXELS: f64 = 4_194_304.0;
+/// So many texels are no more than a small file can hold. Where colours jump, lines between them may have these.
+const FEW_TEXELS: f64 = 65_536.0;
+/// How the number of texels that are needed grows with that of triangles. Of a smooth surface that is a quarter as far
+/// off, edges are half as long and triangles four times as many: who sees it from as near as its error allows comes
+/// four times as near, and sees 16 times as many texels. Who looks at it from the same distance as before wants as many
+/// texels as before. This is what a surface of few triangles is made for: something between the two that lets images
+/// become smaller, and never faster than the triangles become fewer.
+const TEXELS_PER_TRIANGLES: f64 = 0.5;
 /// Sizes of texels that differ by less are alike.
 const MORE: f64 = 1.01;
 /// A reduced cut gets larger texels if its area is this many times that of the cut.
@@ -52,11 +60,41 @@ pub struct CutPainter<'a> {
     storage: Storage,
     /// Where colours of the cut jump, if they do.
     areas: Option<ColourAreas>,
+    /// The side of its smallest texels, lattice units.
+    smallest: f64,
     /// The size of texels.
     exponent: u32,
 }
 
-/// A reduced cut on the lattice.
+/// How many texels a reduced cut gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Detail {
+    /// As fine as those of the cut, and finer where its colours jump.
+    All,
+    /// Fewer, by how many triangles fewer than the cut it has.
+    Needed,
+}
+
+/// The units in which a reduced cut is painted: those of the lattice, or somewhat smaller ones. Sides of texels are
+/// powers of the root of two in them, and so of any length in the world.
+#[derive(Clone, Copy)]
+struct Units {
+    /// How many there are to a lattice step: 1, up to the root of two.
+    per_step: f64,
+    /// The size of texels.
+    exponent: u32,
+}
+
+impl Units {
+    /// For texels of a side, lattice units.
+    fn of(side: f64) -> Self {
+        let exponent = (0..=MAX_EXPONENT).find(|&exponent| texel_size(exponent) >= side).unwrap_or(MAX_EXPONENT);
+        let per_step = texel_size(exponent) / side;
+        Self { per_step: per_step.clamp(1.0, std::f64::consts::SQRT_2), exponent }
+    }
+}
+
+/// A reduced cut in its units.
 struct Target<'a> {
     points: Vec<[i64; 3]>,
     finished: &'a Finished,
@@ -81,10 +119,12 @@ impl<'a> CutPainter<'a> {
     /// `channels` are those of the cut. None if nothing is known of one of them.
     pub fn new(cut: &'a TexturedMesh, channels: &'a [&'a ChannelInfo], lattice: &'a Lattice) -> Option<Self> {
         let sizes = cut.textures.iter().filter_map(|texture| smallest_texel(texture.map.as_ref()?));
+        let smallest = sizes.fold(f64::INFINITY, f64::min);
         Some(Self {
             storage: storage(channels)?,
             areas: areas_of_cut(cut, channels),
-            exponent: exponent_of(sizes.fold(f64::INFINITY, f64::min)),
+            exponent: exponent_of(smallest),
+            smallest,
             cut,
             channels,
             lattice,
@@ -113,30 +153,52 @@ impl<'a> CutPainter<'a> {
         }
     }
 
-    fn target<'f>(&'f self, finished: &'f Finished) -> Target<'f> {
-        let on_lattice = |&position: &[f64; 3]| self.lattice.units(position).map(|units| units.round() as i64);
+    /// The side of the smallest texels of the cut, world units.
+    pub fn side_of_cut(&self) -> f64 {
+        self.smallest * self.lattice.step()
+    }
+
+    /// The side of the smallest texels that a reduced cut gets, world units.
+    pub fn side(&self, finished: &Finished, detail: Detail) -> f64 {
+        let shown = texel_size(self.exponent_on(finished));
+        let side = match detail {
+            Detail::All => shown,
+            Detail::Needed => {
+                let [area, of_cut] =
+                    [(&finished.positions, &finished.triangles), (&self.cut.mesh.positions, &self.cut.mesh.triangles)]
+                        .map(|(positions, triangles)| area(positions, triangles));
+                let share = finished.triangles.len() as f64 / self.cut.mesh.triangles.len().max(1) as f64;
+                let fewer = share.min(1.0).powf(TEXELS_PER_TRIANGLES) / (area / of_cut).max(1.0);
+                let needed = self.smallest / fewer.sqrt();
+                let few = (area / FEW_TEXELS).sqrt() / self.lattice.step();
+                let side = if self.areas.is_some() { needed.min(few) } else { needed };
+                side.max(shown)
+            }
+        };
+        side * self.lattice.step()
+    }
+
+    fn target<'f>(&'f self, finished: &'f Finished, units: Units) -> Target<'f> {
+        let in_units = |&position: &[f64; 3]| self.lattice.units(position).map(|x| (x * units.per_step).round() as i64);
         let jumps = self.areas.as_ref().map(|areas| &areas.jumps);
         Target {
-            points: finished.positions.iter().map(on_lattice).collect(),
-            reach: finished.error / self.lattice.step(),
+            points: finished.positions.iter().map(in_units).collect(),
+            reach: finished.error / self.lattice.step() * units.per_step,
             areas: Areas::of(&finished.areas, jumps),
             finished,
         }
     }
 
-    /// The cut reduced to at most `triangles` triangles, and the same with images of the channels, if anything can be
-    /// projected. Of all ways that come near enough, with lines between colours and without, it is the one that shows
-    /// most of what the cut does. `error` bounds the distance of the cut from the input. None if there is no surface of
-    /// so few triangles.
-    pub fn finished(&self, error: f64, triangles: usize) -> Option<(Finished, Option<TexturedMesh>)> {
+    /// The cut reduced to at most `triangles` triangles. Of all ways that come near enough, with lines between colours
+    /// and without, it is the one that shows most of what the cut does. `error` bounds the distance of the cut from the
+    /// input. None if there is no surface of so few triangles.
+    pub fn finished(&self, error: f64, triangles: usize) -> Option<Finished> {
         let Mesh { positions, triangles: whole, .. } = &self.cut.mesh;
         let areas = self.areas.as_ref().map(ColourAreas::all);
-        let best = self.best(
+        self.best(
             finished_ways(positions, whole, error, Ways::Each(areas), self.lattice, triangles),
             Recollapse::new(positions, whole, error, areas, self.lattice, triangles),
-        )?;
-        let painted = self.painted(&best, self.exponent_on(&best));
-        Some((best, painted))
+        )
     }
 
     /// Of reduced cuts, and what they become where they are collapsed again, the one that shows most of what the cut
@@ -178,12 +240,15 @@ impl<'a> CutPainter<'a> {
         self.channels.iter().position(|channel| channel.kind == ChannelKind::Colour)
     }
 
-    /// A reduced cut with images of the channels. None if nothing can be projected.
-    fn painted(&self, finished: &Finished, exponent: u32) -> Option<TexturedMesh> {
-        let target = self.target(finished);
-        let mut source = Located::new(CutSource::new(self));
-        let finer = self.exponent.saturating_sub(exponent);
-        let baked = Baker::new(&self.storage).bake_cut(&target.patch(), &mut source, exponent, finer)?;
+    /// A reduced cut with images of the channels, whose smallest texels have a side, world units: see
+    /// [`CutPainter::side`]. None if nothing can be projected.
+    pub fn painted(&self, finished: &Finished, side: f64) -> Option<TexturedMesh> {
+        let units = Units::of(side / self.lattice.step());
+        let target = self.target(finished, units);
+        let source = CutSource::new(self, units);
+        let finer = source.exponent.saturating_sub(units.exponent);
+        let mut source = Located::new(source);
+        let baked = Baker::new(&self.storage).bake_cut(&target.patch(), &mut source, units.exponent, finer)?;
         let (map, streams) = baked.streams.split_first()?;
         let map = Map::decode(map, &target.points, &finished.triangles, MAX_TEXELS_OF_CUT).ok()?;
         let images = self.storage.by_channel(streams).map(|(channel, streams)| channel.decode(streams, &map));
@@ -229,7 +294,7 @@ fn storage(channels: &[&ChannelInfo]) -> Option<Storage> {
     Some(Storage::new(channels.iter().map(of).collect::<Option<_>>()?))
 }
 
-/// The images of a node, the size of its smallest texels in lattice units, and the middle of the first and the last
+/// The images of a node, the size of its smallest texels in the units of the source, and the middle of the first and the last
 /// texel.
 struct PaintedNode<'a> {
     images: Images<&'a ChannelImage>,
@@ -251,7 +316,7 @@ struct CutSource<'a> {
     cut: &'a TexturedMesh,
     /// Their numbers.
     own: Vec<u32>,
-    /// Lattice units.
+    /// In its units.
     positions: Vec<DVec3>,
     nodes: Vec<Option<PaintedNode<'a>>>,
     /// The area of each triangle of the cut; empty if colours jump nowhere.
@@ -261,14 +326,15 @@ struct CutSource<'a> {
 }
 
 impl<'a> CutSource<'a> {
-    fn new(painter: &'a CutPainter<'a>) -> Self {
+    fn new(painter: &'a CutPainter<'a>, Units { per_step, .. }: Units) -> Self {
         let CutPainter { cut, storage, lattice, areas, .. } = painter;
         let node = |texture: &'a Texture| {
             let map = texture.map.as_ref()?;
             let images: Vec<&ChannelImage> = texture.images.iter().map(Option::as_ref).collect::<Option<_>>()?;
             let range = [[0.5; 2], map.size.map(|length| f64::from(length) - 0.5)];
-            let size = smallest_texel(map)?;
-            let is_even = map.pieces.iter().all(|piece| piece.texel_size() < size * MORE);
+            let smallest = smallest_texel(map)?;
+            let is_even = map.pieces.iter().all(|piece| piece.texel_size() < smallest * MORE);
+            let size = smallest * per_step;
             let has_long = map.pieces.iter().any(|piece| piece.texel()[0] != piece.texel()[1]);
             Some(PaintedNode { images: Images::new(storage, images), size, is_even, has_long, range })
         };
@@ -279,9 +345,9 @@ impl<'a> CutSource<'a> {
         };
         Self {
             own: (0..cut.mesh.triangles.len() as u32).filter(is_known).collect(),
-            positions: cut.mesh.positions.iter().map(|&p| DVec3::from(lattice.units(p))).collect(),
+            positions: cut.mesh.positions.iter().map(|&p| DVec3::from(lattice.units(p)) * per_step).collect(),
             cut,
-            exponent: painter.exponent,
+            exponent: exponent_of(painter.smallest * per_step),
             nodes,
             areas: areas.as_ref().map_or(&[], |areas| &areas.of_triangles),
         }

@@ -138,6 +138,8 @@ pub const EXTRACT: &str = "\
 Examples:
   lodpack extract scan.lodpack -o finest.ply
   lodpack extract scan.lodpack --triangles 50000 -o small.glb
+  lodpack extract scan.lodpack --triangles 50000 --texels all -o sharp.glb    its images are as fine as those of the file
+  lodpack extract scan.lodpack --triangles 5000 --texels 1048576 --images png -o web.glb     at most 1,024 x 1,024 texels, exact
   lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --tolerance 0.002 -o corner.obj
   lodpack extract scan.lodpack --tolerance 0.4edge -o near.ply           0.4 mean edges of the input
   lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --context -o focus.ply

@@ -20,7 +20,7 @@ pub use measure::{ReportArgs, SelftestArgs, VerifyArgs};
 pub use read::{ExtractArgs, GroundChoice, ImagesChoice, InfoArgs, NormalsChoice, OutputFormat, ViewArgs};
 pub use serve::ServeArgs;
 pub use shell::{CompletionsArgs, ManArgs};
-pub use values::{BoundingBox, LevelChoice, PartRange, ProgressStyle, UpAxis};
+pub use values::{BoundingBox, LevelChoice, PartRange, ProgressStyle, TexelsChoice, UpAxis};
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;

@@ -1,6 +1,6 @@
 //! Arguments of the commands that read a file: `info`, `extract`, `view`.
 
-use super::values::{BoundingBox, parse_count};
+use super::values::{BoundingBox, TexelsChoice, parse_count};
 use clap::{Args, ValueEnum};
 use lodpack_cli::mesh::tolerance::Tolerance;
 use std::ffi::OsString;
@@ -57,9 +57,12 @@ pub enum NormalsChoice {
 /// Formats of images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ImagesChoice {
+    /// What is opaque as JPEG of quality 90 where that is smaller, unless the file holds it without loss; the rest as
+    /// PNG.
+    Auto,
     /// Exact.
     Png,
-    /// Opaque colours and emitted light as JPEG of quality 90, the rest as PNG.
+    /// What is opaque as JPEG of quality 90, the rest as PNG.
     Jpeg,
     /// Everything as WebP without loss, or as PNG where that is smaller.
     Webp,
@@ -111,10 +114,16 @@ pub struct ExtractArgs {
     #[arg(long, value_name = "N", default_value_t = lodpack::decode::PagedMesh::SIDE,
         value_parser = clap::value_parser!(u32).range(64..=16384))]
     pub page_size: u32,
-    /// Images of a GLB or OBJ: png, which is exact; jpeg, which codes opaque colours and emitted light once more at
-    /// quality 90 (normals, factors, and colours with opacity stay PNG); or webp, of GLB alone, which is exact, too,
-    /// and smaller, for programs that know EXT_texture_webp.
-    #[arg(long, value_enum, default_value_t = ImagesChoice::Png, value_name = "png|jpeg|webp", hide_possible_values = true)]
+    /// Texels of a GLB or OBJ: auto, which gives a mesh that is simplified to --triangles fewer of them the fewer
+    /// triangles it has: a quarter of the triangles half of the texels; all, as fine as those that the file has; or the
+    /// most texels of an image, or of all pages of one kind together: 1048576 for about 1,024 x 1,024.
+    #[arg(long, default_value = "auto", value_name = "auto|all|N")]
+    pub texels: TexelsChoice,
+    /// Images of a GLB or OBJ: auto, which codes what is opaque once more, as JPEG of quality 90, where that is smaller
+    /// and the file has not kept it without loss; png, which is exact; jpeg, for all that is opaque; or webp, of GLB
+    /// alone, which is exact, too, and smaller, for programs that know EXT_texture_webp. Images with opacity are never
+    /// JPEG.
+    #[arg(long, value_enum, default_value_t = ImagesChoice::Auto, value_name = "auto|png|jpeg|webp", hide_possible_values = true)]
     pub images: ImagesChoice,
     /// Only roots that touch this box, in input units. Of a file of heights on a globe: degrees of longitude and
     /// latitude, and a number that has no meaning; 170 to 190 crosses the date line.

@@ -47,6 +47,36 @@ impl FromStr for Bounds {
     }
 }
 
+/// How many texels images have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TexelsChoice {
+    /// By the number of triangles.
+    Auto,
+    /// As many as there are.
+    All,
+    /// At most so many.
+    Most(u64),
+}
+
+/// The least number of texels that can be asked for: images of fewer show nothing.
+const LEAST_TEXELS: u64 = 1024;
+
+impl FromStr for TexelsChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "all" => Ok(Self::All),
+            _ => match parse_count(text) {
+                Ok(most) if most >= LEAST_TEXELS => Ok(Self::Most(most)),
+                Ok(_) => Err(format!("images need at least {LEAST_TEXELS} texels")),
+                Err(_) => Err("write auto, all, or a whole number of texels, such as 1048576".into()),
+            },
+        }
+    }
+}
+
 /// A length above zero.
 pub fn parse_length(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {

@@ -1,9 +1,10 @@
 //! `lodpack extract`
 
 use super::heights;
+use super::images::{self, ImageSummary};
 use super::open::{Opened, Source, in_file, open_any, open_ground, tolerance_in, tolerance_in_heights};
 use super::print_json;
-use crate::args::{ExtractArgs, GroundChoice, ImagesChoice, NormalsChoice, OutputFormat};
+use crate::args::{ExtractArgs, GroundChoice, ImagesChoice, NormalsChoice, OutputFormat, TexelsChoice};
 use crate::interrupt;
 use crate::messages;
 use crate::output::{PendingFile, bound, bytes, count, length, say};
@@ -12,7 +13,7 @@ use anyhow::{Context, Result, bail};
 use lodpack::decode::TexturedMesh;
 use lodpack::index::{ChannelInfo, ChannelKind};
 use lodpack::{Cut, Lattice, Limiter, Outside, Query};
-use lodpack_cli::mesh::encoded::{Formats, encoded};
+use lodpack_cli::mesh::encoded::{Written, encoded};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh_with_normals};
 use lodpack_cli::mesh::glb::write_textured_glb;
 use lodpack_cli::mesh::glb_nodes::write_joined_glb;
@@ -57,6 +58,8 @@ struct ExtractSummary {
     /// What keeps the mesh from being finer: "tolerance" (it is as fine as was asked for), "finest" (the file has
     /// nothing finer), "triangles" or "nodes" (a budget).
     limited_by: &'static str,
+    /// Images that were written, if some were.
+    images: Option<ImageSummary>,
     bytes_read: u64,
     requests: u64,
 }
@@ -96,11 +99,12 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         tell(part, tolerance, moved, args);
         most_moved = f64::max(most_moved, moved);
     }
-    {
+    let written = {
         let progress = Terminal::while_waiting();
         progress.begin("write", 0);
-        output.write(args, (format, upright), &drawn)?;
-    }
+        output.write(args, (format, upright), &drawn)?
+    };
+    let coarser = drawn.iter().map(|(_, part)| part.coarser).fold(1.0, f64::max);
     let sum = |count: fn(&Drawn) -> usize| drawn.iter().map(|(_, part)| count(part) as u64).sum::<u64>();
     let largest = |error: fn(&Drawn) -> f64| drawn.iter().map(|(_, part)| error(part)).fold(0.0, f64::max);
     // What is farthest off says what keeps all of it from being finer.
@@ -118,6 +122,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         certified_error_in_box: args.bbox.map(|_| largest(|part| part.error) + most_moved),
         tolerance,
         limited_by: coarsest.limited_by.name(),
+        images: images::tell(written, coarser, args),
         bytes_read: traffic[0],
         requests: traffic[1],
     };
@@ -267,18 +272,26 @@ fn mesh_of(
         let file = args.file.display();
         bail!("{file}: nothing touches the box; the model reaches from {low:?} to {high:?}");
     }
-    let draw = |cut: &Cut| match channels.is_empty() {
-        true => anyhow::Ok(Drawn::new(in_file(&args.file, file.extract(cut))?, cut)),
-        false => Ok(Drawn::textured(in_file(&args.file, file.extract_textured(cut, &channels))?, look.clone(), cut)),
+    let draw = |cut: &Cut, with_all: bool| {
+        if channels.is_empty() {
+            return anyhow::Ok(Drawn::new(in_file(&args.file, file.extract(cut))?, cut));
+        }
+        let shown = match with_all || !has_pages(format) {
+            true => file.extract_textured(cut, &channels).map(|textured| (textured, 1.0)),
+            false => images::extracted(file, cut, &channels, args),
+        };
+        let (textured, coarser) = in_file(&args.file, shown)?;
+        Ok(Drawn { coarser, ..Drawn::textured(textured, look.clone(), cut) })
     };
-    let mut drawn = draw(&cut)?;
+    // What is simplified has all its texels: from these come fewer.
+    let mut drawn = draw(&cut, finishing.is_some_and(|most| cut.triangle_count > most))?;
     let known: Vec<&ChannelInfo> =
         channels.iter().filter_map(|&channel| file.channels().get(usize::from(channel))).collect();
     if let Some(most) = finishing.filter(|&most| drawn.triangles.len() as u64 > most) {
         progress.begin("simplify", 0);
-        drawn = drawn.finished(&file.lattice(), most, &known, &progress)?;
+        drawn = drawn.finished(&file.lattice(), most, &known, (format, args), &progress)?;
         if let Some(coarser) = coarser.filter(|coarser| is_nearer(coarser, drawn.error)) {
-            drawn = draw(&coarser)?;
+            drawn = draw(&coarser, false)?;
             cut = coarser;
         }
     }
@@ -299,6 +312,8 @@ pub struct Drawn {
     pub topology: Topology,
     /// The same with images of its look.
     pub textured: Option<(TexturedMesh, Look)>,
+    /// How many times as long the sides of texels are as those of the cut in the file.
+    pub coarser: f64,
     /// Measured numbers and labels among its channels, with their places.
     pub numbers: Vec<(usize, ChannelInfo)>,
     /// Of heights: normals, and colours if there is a ramp.
@@ -317,6 +332,7 @@ impl Drawn {
             cut_triangles: None,
             topology: Topology::Kept,
             textured: None,
+            coarser: 1.0,
             numbers: vec![],
             shading: None,
         }
@@ -333,22 +349,29 @@ impl Drawn {
     }
 
     /// The cut, simplified to a number of triangles; `channels` are those of its images.
-    fn finished(self, lattice: &Lattice, most: u64, channels: &[&ChannelInfo], progress: &Terminal) -> Result<Self> {
+    fn finished(
+        self,
+        lattice: &Lattice,
+        most: u64,
+        channels: &[&ChannelInfo],
+        (format, args): (MeshFormat, &ExtractArgs),
+        progress: &Terminal,
+    ) -> Result<Self> {
         let triangles = usize::try_from(most).unwrap_or(usize::MAX);
         let error = self.error_everywhere;
         let painter = self.textured.as_ref().and_then(|(cut, _)| CutPainter::new(cut, channels, lattice));
         let finished = match &painter {
             Some(painter) => painter.finished(error, triangles),
-            None => {
-                finish(&self.positions, &self.triangles, error, lattice, triangles).map(|finished| (finished, None))
-            }
+            None => finish(&self.positions, &self.triangles, error, lattice, triangles),
         };
-        let Some((finished, painted)) = finished else {
+        let Some(finished) = finished else {
             bail!("no surface like this one has only {} triangles; ask for more with --triangles", count(most));
         };
+        let painted = painter.and_then(|painter| images::painted(&painter, &finished, has_pages(format), args));
         if self.textured.is_some() && painted.is_none() {
             progress.note("no image can be made for so few triangles: what is written has its shape alone");
         }
+        let (painted, coarser) = painted.map_or((None, 1.0), |(painted, coarser)| (Some(painted), coarser));
         let textured = painted.zip(self.textured.map(|(_, look)| look));
         Ok(Self {
             positions: finished.positions,
@@ -359,10 +382,16 @@ impl Drawn {
             cut_triangles: Some(self.triangles.len() as u64),
             topology: finished.topology,
             textured,
+            coarser,
             numbers: vec![],
             shading: None,
         })
     }
+}
+
+/// Whether a format has images of what a mesh looks like.
+fn has_pages(format: MeshFormat) -> bool {
+    matches!(format, MeshFormat::Obj | MeshFormat::Glb)
 }
 
 /// The look that is written, and its channels; none where the format has no room for them.
@@ -407,6 +436,9 @@ fn format_of(args: &ExtractArgs) -> Result<MeshFormat> {
         Some(MeshFormat::Obj) if args.images == ImagesChoice::Webp => {
             bail!("programs that read OBJ know no WebP; write GLB, or --images png or jpeg")
         }
+        Some(format) if matches!(args.texels, TexelsChoice::Most(_)) && !has_pages(format) => {
+            bail!("only GLB and OBJ have images; omit --texels, or write one of them")
+        }
         Some(format) => Ok(format),
         None if is_stdout(&args.output) => bail!("-o - needs --format: ply, obj, stl or glb"),
         None => bail!(
@@ -444,17 +476,19 @@ impl Output {
         Ok(Self::Stdout)
     }
 
-    fn write(self, args: &ExtractArgs, format: (MeshFormat, Upright), mesh: &[(&str, Drawn)]) -> Result<()> {
+    /// Writes meshes; returns which images they have.
+    fn write(self, args: &ExtractArgs, format: (MeshFormat, Upright), mesh: &[(&str, Drawn)]) -> Result<Written> {
         let cannot_write = || format!("cannot write {}", args.output.display());
         match self {
             Self::Stdout => match write(io::stdout().lock(), args, format, mesh) {
                 // A closed pipe is no error: its reader, such as `head`, has seen enough.
-                Err(error) if is_closed_pipe(&error) => Ok(()),
+                Err(error) if is_closed_pipe(&error) => Ok(Written::default()),
                 written => written.context("cannot write to stdout"),
             },
             Self::File(pending, out) => {
-                write(&out, args, format, mesh).with_context(cannot_write)?;
-                pending.finish(out)
+                let written = write(&out, args, format, mesh).with_context(cannot_write)?;
+                pending.finish(out)?;
+                Ok(written)
             }
         }
     }
@@ -470,18 +504,19 @@ fn write(
     args: &ExtractArgs,
     format: (MeshFormat, Upright),
     meshes: &[(&str, Drawn)],
-) -> Result<()> {
+) -> Result<Written> {
     if let [(_, mesh)] = meshes {
         return write_one(out, args, format, mesh);
     }
     if format.0 == MeshFormat::Glb {
-        let mut models = vec![];
+        let (mut models, mut written) = (vec![], Written::default());
         for (name, mesh) in meshes {
             let mut bytes = vec![];
-            write_one(&mut bytes, args, format, mesh)?;
+            written.add_all(&write_one(&mut bytes, args, format, mesh)?);
             models.push((*name, bytes));
         }
-        return Ok(write_joined_glb(out, &models)?);
+        write_joined_glb(out, &models)?;
+        return Ok(written);
     }
     let (mut positions, mut triangles) = (vec![], vec![]);
     for (_, mesh) in meshes {
@@ -491,7 +526,8 @@ fn write(
         positions.extend_from_slice(&mesh.positions);
         triangles.extend(mesh.triangles.iter().map(|triangle| triangle.map(|vertex| first + vertex)));
     }
-    write_bare(out, args, format, (&positions, &triangles))
+    write_bare(out, args, format, (&positions, &triangles))?;
+    Ok(Written::default())
 }
 
 /// The normals that are computed for a mesh that stores none.
@@ -515,24 +551,24 @@ fn write_bare(
     Ok(write_mesh_with_normals(out, format, (positions, triangles), fans.as_ref(), upright)?)
 }
 
-fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright), mesh: &Drawn) -> Result<()> {
+/// Writes a mesh; returns which images it has.
+fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright), mesh: &Drawn) -> Result<Written> {
     let (format, upright) = form;
+    let mut written = Written::default();
     if let Some(shading) = &mesh.shading {
-        return Ok(write_shaded_mesh(out, format, (&mesh.positions, &mesh.triangles), shading, upright)?);
+        write_shaded_mesh(out, format, (&mesh.positions, &mesh.triangles), shading, upright)?;
+        return Ok(written);
     }
     let Some((textured, look)) = &mesh.textured else {
-        return write_bare(out, args, form, (&mesh.positions, &mesh.triangles));
+        write_bare(out, args, form, (&mesh.positions, &mesh.triangles))?;
+        return Ok(written);
     };
     let creases = creases(args, format);
     let paged = || {
         let paged = PagedMesh::new(textured, look, args.page_size);
         if creases.is_some() { paged.smooth(&textured.mesh) } else { Ok(paged) }
     };
-    let formats = match args.images {
-        ImagesChoice::Png => Formats::PNG,
-        ImagesChoice::Jpeg => Formats::JPEG,
-        ImagesChoice::Webp => Formats::WEBP,
-    };
+    let formats = images::formats(look, args);
     match format {
         MeshFormat::Ply | MeshFormat::Stl => {
             let numbers: Vec<(usize, &ChannelInfo)> =
@@ -541,14 +577,16 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright
             let normals = fans.as_ref().map(|fans| fans.normals.as_slice());
             write_textured_ply(out, textured, look.colour(), &numbers, normals)?;
         }
-        MeshFormat::Glb => write_textured_glb(out, &paged()?, formats, upright)?,
+        MeshFormat::Glb => written = write_textured_glb(out, &paged()?, formats, upright)?,
         MeshFormat::Obj => {
             let paged = paged()?;
             let name = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let mut files = vec![];
             for page in 0..paged.pages.len() {
                 let Some(image) = paged.image(page, Layer::Colour) else { continue };
-                let (bytes, media_type) = encoded(Layer::Colour, image, formats)?;
+                let encoded = encoded(Layer::Colour, image, formats)?;
+                written.add(image, &encoded);
+                let (bytes, media_type) = encoded;
                 let extension = if media_type == "image/png" { "png" } else { "jpg" };
                 files.push((page, format!("{name}-{page}.{extension}"), bytes));
             }
@@ -561,7 +599,7 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright
             }
         }
     }
-    Ok(())
+    Ok(written)
 }
 
 /// Writes a file into the folder of the output.

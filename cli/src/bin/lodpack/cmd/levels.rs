@@ -10,6 +10,7 @@ use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack::decode::PagedMesh as Pages;
 use lodpack::index::UpAxis as AxisUp;
+use lodpack_cli::mesh::encoded::Formats;
 use lodpack_cli::mesh::export::{MeshFormat, rounding};
 use lodpack_cli::mesh::glb::{GlbLevel, add_rounding, screen_coverages, write_levels_glb};
 use lodpack_cli::mesh::layers::Look;
@@ -57,7 +58,7 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
         messages::tell("note", "the ground that the mesh stands on is left out; --as 3dtiles has both");
     }
     let progress = Terminal::new(args.progress, progress_bar::EXPORT_LEVELS);
-    let mut levels = levels_of(&file, args, &progress)?;
+    let (mut levels, formats) = levels_of(&file, args, &progress)?;
     add_rounding(&mut levels);
     let Some(finest) = levels.first() else { bail!("{}: the file has no triangle", args.file.display()) };
     let moved = rounding(MeshFormat::Glb, &finest.mesh.positions);
@@ -69,7 +70,7 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
         );
     }
     let cannot_write = || format!("cannot write {}", args.output.display());
-    write_levels_glb(&out, &levels, upright(&file, args)).with_context(cannot_write)?;
+    write_levels_glb(&out, &levels, formats, upright(&file, args)).with_context(cannot_write)?;
     let byte_count = out.metadata().with_context(cannot_write)?.len();
     pending.finish(out)?;
     progress.complete();
@@ -88,8 +89,12 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The levels that are worth their bytes, the finest first.
-fn levels_of(file: &lodpack::File<Source>, args: &ExportArgs, progress: &dyn Progress) -> Result<Vec<GlbLevel>> {
+/// The levels that are worth their bytes, the finest first, and the formats of their images.
+fn levels_of(
+    file: &lodpack::File<Source>,
+    args: &ExportArgs,
+    progress: &dyn Progress,
+) -> Result<(Vec<GlbLevel>, Formats)> {
     let tolerance = args.tolerance.map(|tolerance| tolerance_in(file, tolerance)).transpose()?;
     let (look, channels) = if args.channels == "auto" { Look::of(file.channels(), true) } else { Default::default() };
     let errors: Vec<f64> =
@@ -121,7 +126,7 @@ fn levels_of(file: &lodpack::File<Source>, args: &ExportArgs, progress: &dyn Pro
             levels.push(GlbLevel { name: format!("lodpack_LOD{}", levels.len()), ..read });
         }
     }
-    Ok(levels)
+    Ok((levels, Formats::of(&look)))
 }
 
 /// The axis that points up and the unit, as typed or as the file says.

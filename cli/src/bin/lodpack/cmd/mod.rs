@@ -8,6 +8,7 @@ pub mod export;
 pub mod extract;
 mod ground;
 mod heights;
+mod images;
 pub mod info;
 mod inputs;
 mod levels;

@@ -42,6 +42,7 @@ pub fn mesh_of(file: &Heights<Source>, tolerance: Option<f64>, args: &ExtractArg
         cut_triangles: None,
         topology: Topology::Kept,
         textured: None,
+        coarser: 1.0,
         numbers: vec![],
         shading: Some(Shading {
             normals,
@@ -71,6 +72,7 @@ pub fn tin_of(file: &Heights<Source>, tolerance: f64, args: &ExtractArgs) -> Res
         cut_triangles: None,
         topology: Topology::Kept,
         textured: None,
+        coarser: 1.0,
         numbers: vec![],
         shading: None,
     };
