@@ -4,6 +4,7 @@
 pub mod city;
 pub mod corpus;
 pub mod dump;
+pub mod extremes;
 pub mod generate;
 pub mod handmade;
 pub mod nginx;

@@ -2,6 +2,10 @@
 //! resolution (spheres and the part have 12 N^2 triangles), the number of pipes or boxes, or the depth of the sponge;
 //! --single writes single-precision coordinates.
 //!
+//! generate fan|cone|star|comb|needles|flat|stairs|spiral|screw|shells|sheets|stack|soup N OUT.ply [--single] writes
+//! meshes of about N triangles that are extreme in one way, and generate crossing|wandering N OUT.obj one polygon of N
+//! corners that crosses itself.
+//!
 //! generate city N FOLDER [--texture SIDE] writes N tiles of a city, each an OBJ file with a texture of SIDE x SIDE
 //! texels (2,048 by default).
 //!
@@ -9,6 +13,7 @@
 //! a forest of N trees. Nodes of a GLB share meshes, or with --baked each has its own in the space of the world.
 
 use lodpack_tests::city::{TEXTURE_SIDE, write_city};
+use lodpack_tests::extremes::{EXTREMES, crossing_polygon, extreme, save_polygon, wandering_polygon};
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, rough_sphere, save_ply, save_single_ply, torus};
 use lodpack_tests::parts::{boxes, pipes, sponge};
 use lodpack_tests::scene::{Sharing, forest, plant, write_glb, write_obj};
@@ -16,9 +21,12 @@ use lodpack_tests::scene::{Sharing, forest, plant, write_glb, write_obj};
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (flags, args): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|arg| arg.starts_with("--"));
     let [kind, n, out, more @ ..] = args.as_slice() else {
-        return Err("usage: generate sphere|rough|torus|sheet|part|pipes|boxes|sponge N OUT.ply [--single], generate city N FOLDER \
-                    [--texture SIDE], or generate plant|forest N OUT.glb|OUT.obj [--baked]"
-            .into());
+        return Err(format!(
+            "usage: generate sphere|rough|torus|sheet|part|pipes|boxes|sponge|{} N OUT.ply [--single], generate crossing|wandering N \
+             OUT.obj, generate city N FOLDER [--texture SIDE], or generate plant|forest N OUT.glb|OUT.obj [--baked]",
+            EXTREMES.join("|")
+        )
+        .into());
     };
     let n: u32 = n.parse()?;
     if kind == "city" {
@@ -41,6 +49,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         return Ok(());
     }
+    if let Some(corners) = match kind.as_str() {
+        "crossing" => Some(crossing_polygon(n)),
+        "wandering" => Some(wandering_polygon(n)),
+        _ => None,
+    } {
+        println!("{} corners", corners.len());
+        return Ok(save_polygon(&corners, out.as_ref())?);
+    }
     let mesh = match kind.as_str() {
         "sphere" => bumpy_sphere(n),
         "rough" => rough_sphere(n),
@@ -50,7 +66,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "pipes" => pipes(n),
         "boxes" => boxes(n),
         "sponge" => sponge(n),
-        _ => return Err(format!("unknown kind '{kind}'").into()),
+        _ => extreme(kind, n).ok_or_else(|| format!("unknown kind '{kind}'"))?,
     };
     println!("{} vertices, {} triangles", mesh.positions.len(), mesh.triangles.len());
     match flags.iter().any(|flag| flag == "--single") {

@@ -20,6 +20,8 @@ const AUTO_THICKNESS: f64 = 0.05;
 const THIN_AREA: f64 = 0.05;
 /// `auto` for grids of heights is at least this share of the mean edge length, however flat they are.
 const FLATTEST: f64 = 1e-4;
+/// A grid of heights with this mean bend or less is a plane: what bends is rounding.
+const FLAT: f64 = 1e-12;
 /// Triangles of the finest level per input triangle at the automatic tolerance, over the mean bend. With charts of
 /// 8,192 triangles this was 1.29 on the dragon, 1.34 on 1 M and 1.39 on 8 M generated triangles.
 const SHARE_PER_BEND: f64 = 1.35;
@@ -282,8 +284,9 @@ impl Scale {
             Tolerance::InputUnits(length) => length,
             Tolerance::OfDiagonal(fraction) => fraction * diagonal,
             Tolerance::OfMeanEdge(factor) => factor * mean_edge_length,
+            // A plane bends nowhere, and has no detail that a finer tolerance would keep: only edges that zigzag.
+            Tolerance::OfBend(_) if extent.mean_bend() <= FLAT => automatic,
             Tolerance::OfBend(factor) => {
-                // A plane bends nowhere.
                 (factor * mean_edge_length * extent.mean_bend()).max(FLATTEST * mean_edge_length).min(automatic)
             }
             Tolerance::Metres(metres) => match unit {

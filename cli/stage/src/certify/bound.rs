@@ -34,6 +34,11 @@ pub(super) const MOST_WORK: u64 = 60_000;
 const MOST_WORK_PER_TRIANGLE: u64 = 40;
 /// Queries and cuts that [`Search::exceeding`] spends on one triangle at most.
 const WORK_PER_TRIANGLE: u64 = 500;
+/// A query that looks into more nodes and leaves of the hierarchy counts as several: as one more for each
+/// [`VISITS_PER_WORK`] beyond. Most take a dozen or two; where the boxes of all triangles overlap, as in a fan, each takes
+/// as many as there are, and a limit on the number of queries would be none on the time.
+const FREE_VISITS: u64 = 64;
+const VISITS_PER_WORK: u64 = 8;
 /// Vertices queried before anything else, so that pruning starts with a good lower bound.
 const SEEDS: usize = 128;
 
@@ -134,8 +139,7 @@ impl<'a> Search<'a> {
         let mut search = Self::with_threshold(from, to, options.floor.max(options.target.unwrap_or(0.0)));
         search.growth = gap * gap;
         search.margin = 1.0 / gap;
-        let triangles = (from.triangle_count() + to.triangle_count()) as u64;
-        search.work_limit = options.work_limit.min(MOST_WORK + MOST_WORK_PER_TRIANGLE * triangles);
+        search.work_limit = options.work_limit.min(search.most_work());
         search.know(options.lower * options.lower);
         search
     }
@@ -172,6 +176,12 @@ impl<'a> Search<'a> {
         search
     }
 
+    /// The work after which a search ends, whatever its limit.
+    fn most_work(&self) -> u64 {
+        let triangles = self.from.triangle_count() + self.to.triangle_count();
+        MOST_WORK + MOST_WORK_PER_TRIANGLE * triangles as u64
+    }
+
     /// The squared distance up to which a part needs no closer look.
     pub(super) fn threshold(&self) -> f64 {
         self.threshold
@@ -195,8 +205,8 @@ impl<'a> Search<'a> {
     }
 
     fn query(&mut self, point: DVec3, enough: f64) -> (f64, u32) {
-        self.work += 1;
-        let found = self.to.nearest(point, self.last, enough);
+        let (found, visited) = self.to.nearest_counted(point, self.last, enough);
+        self.work += 1 + visited.saturating_sub(FREE_VISITS) / VISITS_PER_WORK;
         self.last = found.1;
         found
     }
@@ -301,6 +311,11 @@ impl<'a> Search<'a> {
         let bound = subtriangle.covered_by(self.to, self.last);
         if self.settle(bound) {
             return None;
+        }
+        if self.work >= 2 * self.most_work() {
+            // Any triangle gives a bound, so one is known without a query.
+            subtriangle.squares = subtriangle.corners.map(|corner| [self.to.distance_squared(corner, self.last); 3]);
+            return Some((bound, subtriangle));
         }
         for j in 0..3 {
             let (square, candidate) = query(self, j);
@@ -450,7 +465,7 @@ impl<'a> Search<'a> {
 
     /// The triangles of `from` that are not proven to be within the threshold, ascending, as the caller numbered them.
     pub(super) fn exceeding(mut self, work_limit: u64) -> Vec<u32> {
-        let (mut found, mut left) = (Vec::new(), work_limit);
+        let (mut found, mut left) = (Vec::new(), work_limit.min(self.most_work()));
         self.visit(0, &mut |search, slot, bound, subtriangle| {
             if search.exceeds(bound, subtriangle, &mut left) {
                 found.push(search.from.original[slot as usize]);
@@ -463,7 +478,7 @@ impl<'a> Search<'a> {
     /// Those of some triangles of `from`, by slot, that are not proven to be within the threshold, ascending, as the
     /// caller numbered them.
     pub(super) fn exceeding_among(mut self, slots: impl Iterator<Item = u32>, work_limit: u64) -> Vec<u32> {
-        let (mut found, mut left) = (Vec::new(), work_limit);
+        let (mut found, mut left) = (Vec::new(), work_limit.min(self.most_work()));
         for slot in slots {
             if let Some((bound, subtriangle)) = self.visit_triangle(slot)
                 && self.exceeds(bound, subtriangle, &mut left)
@@ -493,5 +508,62 @@ impl<'a> Search<'a> {
         self.subtriangles.clear();
         self.free.clear();
         exceeds
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A fan of `count` triangles, whose rim goes up and down by `height`.
+    fn fan(count: u32, height: f64) -> TriangleBvh {
+        let rim = (0..count).map(|i| {
+            // A circle without sines.
+            let t = 4.0 * f64::from(i) / f64::from(count);
+            let (x, y) = if t < 2.0 { (1.0 - t, 1.0) } else { (t - 3.0, -1.0) };
+            let across = (1.0 - x * x).max(0.0).sqrt() * y;
+            DVec3::new(x, across, if i % 2 == 0 { height } else { -height })
+        });
+        let positions: Vec<DVec3> = std::iter::once(DVec3::ZERO).chain(rim).collect();
+        let triangles: Vec<[u32; 3]> = (0..count).map(|i| [0, 1 + i, 1 + (i + 1) % count]).collect();
+        TriangleBvh::new(&positions, &triangles)
+    }
+
+    #[test]
+    fn a_query_counts_as_much_as_it_looks_at() {
+        let [fan, other] = [fan(20_000, 0.1), fan(20_000, 0.0)];
+        let mut search = Search::new(&other, &fan, &CertifyOptions::default());
+        let point = DVec3::new(0.3, 0.2, 0.05);
+        let (_, visited) = fan.nearest_counted(point, 0, 0.0);
+        assert!(visited > 500, "the boxes of a fan overlap: {visited}");
+        search.query(point, 0.0);
+        assert_eq!(search.work, 1 + (visited - FREE_VISITS) / VISITS_PER_WORK);
+        // Where triangles lie beside each other, a query counts as one.
+        let field = super::super::tests::height_field(100, |x, y| x * y);
+        let field = super::super::tests::surface(&field);
+        let mut search = Search::new(&other, &field, &CertifyOptions::default());
+        search.query(DVec3::new(0.1, 0.2, 0.0), 0.0);
+        assert_eq!(search.work, 1);
+    }
+
+    #[test]
+    fn searches_end_in_proportion_to_the_triangles_and_bounds_stay_valid() {
+        for count in [2_000, 20_000] {
+            let [fan, flat] = [fan(count, 0.1), fan(count, 0.0)];
+            let most = 60_000 + 40 * 2 * u64::from(count);
+            let bound =
+                super::super::two_sided(&flat, &fan, &CertifyOptions { relative_gap: 1e-6, ..Default::default() });
+            // Two directions; a search ends after the query or the cuts in which the limit is passed.
+            assert!(bound.work < 2 * (2 * most + u64::from(count)), "{bound:?}");
+            assert!((0.04..=bound.upper).contains(&bound.lower), "{bound:?}");
+            // None that is too far off is missing.
+            let mut hint = super::super::Hint::default();
+            let found = super::super::exceeding(&fan, &flat, 0.05, u64::MAX);
+            for slot in 0..fan.triangles.len() {
+                let corners = fan.triangles[slot].map(|v| fan.positions[v as usize]);
+                let is_far = corners.iter().any(|&p| flat.closest(p, &mut hint).distance > 0.051);
+                assert!(!is_far || found.binary_search(&fan.original[slot]).is_ok(), "{slot}");
+            }
+        }
     }
 }

@@ -239,7 +239,7 @@ impl TriangleBvh {
             let (square, slot) = self.nearest(local, near.slot, 0.0);
             // At the first query of a triangle another one is about as close.
             let (radius, other) = if slot == near.slot && slot != NONE {
-                let (beside, other) = self.nearest_but::<true>(local, near.other, 0.0, slot);
+                let (beside, other) = self.nearest_but::<true>(local, near.other, 0.0, slot, &mut 0);
                 ((STEADY * (beside.sqrt() - square.sqrt())).max(0.0), other)
             } else {
                 (0.0, near.other)
@@ -272,12 +272,28 @@ impl TriangleBvh {
     /// triangle in slot `hint` and may stop at any triangle within the squared distance `enough`. For an empty surface
     /// it returns infinity and [`NONE`].
     pub(super) fn nearest(&self, local: DVec3, hint: u32, enough: f64) -> (f64, u32) {
-        self.nearest_but::<false>(local, hint, enough, NONE)
+        self.nearest_counted(local, hint, enough).0
     }
 
-    /// As [`nearest`](Self::nearest), of all triangles but one if `IS_BUT` is set.
+    /// As [`nearest`](Self::nearest), and the number of nodes and leaves that it looked into: a few dozen where triangles
+    /// lie beside each other, but nearly all where the boxes of all overlap, as around the hub of a fan.
+    pub(super) fn nearest_counted(&self, local: DVec3, hint: u32, enough: f64) -> ((f64, u32), u64) {
+        let mut visited = 0;
+        let found = self.nearest_but::<false>(local, hint, enough, NONE, &mut visited);
+        (found, visited)
+    }
+
+    /// As [`nearest`](Self::nearest), of all triangles but one if `IS_BUT` is set. Adds to `visited` the number of nodes
+    /// and leaves that it looks into.
     #[inline(always)]
-    fn nearest_but<const IS_BUT: bool>(&self, local: DVec3, hint: u32, enough: f64, but: u32) -> (f64, u32) {
+    fn nearest_but<const IS_BUT: bool>(
+        &self,
+        local: DVec3,
+        hint: u32,
+        enough: f64,
+        but: u32,
+        visited: &mut u64,
+    ) -> (f64, u32) {
         let mut best = (f64::INFINITY, NONE);
         if let Some(triangle) = self.prepared.get(hint as usize)
             && (!IS_BUT || hint != but)
@@ -300,6 +316,7 @@ impl TriangleBvh {
             if square > limit {
                 continue;
             }
+            *visited += 1;
             if count != INNER {
                 for slot in index..index + u32::from(count) {
                     if IS_BUT && slot == but {

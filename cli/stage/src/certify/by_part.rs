@@ -16,6 +16,11 @@ use super::{BorderPairing, Bound, CertifyOptions, exceeding, two_sided};
 use lodpack_mesh::NONE;
 use lodpack_mesh::union_find::components;
 
+/// Nodes and leaves of the hierarchy that are looked into for the places where the coarser surface is too far off: this
+/// many, plus the number below for each triangle. Usually it is a tenth of that.
+const MOST_VISITS: u64 = 1_000_000;
+const MOST_VISITS_PER_TRIANGLE: u64 = 320;
+
 /// A component without a border.
 struct Part {
     bounds: [DVec3; 2],
@@ -257,11 +262,17 @@ impl Pair {
             (0..).zip(&coarse.original).for_each(|(slot, &t)| slot_of[t as usize] = slot);
         }
         // Where the coarser surface is too far off, the nearest triangles of the finer one are meant.
-        let mut hint = Hint::default();
+        let (mut last, mut visited) = (0, 0);
         for t in beyond {
+            // Some of these places are enough where the search for each takes long.
+            if visited > MOST_VISITS + MOST_VISITS_PER_TRIANGLE * fine.triangle_count() as u64 {
+                break;
+            }
             let corners = coarse.triangles[slot_of[t as usize] as usize].map(|v| coarse.positions[v as usize]);
             for p in corners.into_iter().chain([(corners[0] + corners[1] + corners[2]) / 3.0]) {
-                found.push(fine.closest(p, &mut hint).triangle);
+                let ((_, slot), visits) = fine.nearest_counted(p - fine.origin, last, 0.0);
+                (last, visited) = (slot, visited + visits);
+                found.extend(fine.original.get(slot as usize));
             }
         }
         found.retain(|&t| (t as usize) < fine.triangle_count());

@@ -33,6 +33,10 @@ pub(super) struct Tolerated {
     pub quality: f64,
 }
 
+/// A vertex with more neighbours is a hub: its neighbours are asked whether they are beside it, since there are far fewer
+/// beside the other end of an edge.
+const MOST_NEIGHBOURS: usize = 64;
+
 /// For collapses by choice. A stricter quality (0.1) blocks so many collapses on scans, which are full of slivers, that
 /// the error at equal triangles is half as large again.
 pub(super) const STRICT: Tolerated = Tolerated { cosine: 0.2, quality: 0.01 };
@@ -368,6 +372,15 @@ impl<'a> Collapser<'a> {
     fn keeps_topology(&mut self, half_edge: u32, removed: u32, kept: u32) -> bool {
         let twin = self.mesh.twin(half_edge);
         let sides = if twin == NONE { 1 } else { 2 };
+        let [removed_is_hub, kept_is_hub] = [removed, kept].map(|v| self.is_hub(v));
+        if removed_is_hub != kept_is_hub {
+            let (hub, other) = if kept_is_hub { (kept, removed) } else { (removed, kept) };
+            self.mesh.ring(other, &mut self.rings[0]);
+            let is_beside = |&&v: &&u32| v != hub && self.mesh.between(v, hub).is_some();
+            if self.rings[0].iter().filter(is_beside).count() != sides {
+                return false;
+            }
+        }
         self.generation += 1;
         let [of_removed, of_kept] = &mut self.rings;
         self.mesh.ring(removed, of_removed);
@@ -381,6 +394,10 @@ impl<'a> Collapser<'a> {
         let border = self.mesh.is_border(removed) || self.mesh.is_border(kept);
         let is_smallest_mesh = removed_valence == smallest && kept_valence == smallest && (border == (sides == 1));
         common == sides && !is_smallest_mesh && !meets_twin
+    }
+
+    fn is_hub(&self, vertex: u32) -> bool {
+        self.mesh.fan(vertex).nth(MOST_NEIGHBOURS).is_some()
     }
 
     /// Whether no triangle changes too much. The rings are those of both vertices.

@@ -155,17 +155,28 @@ impl HalfEdges {
         }
     }
 
-    /// A half-edge between two vertices, in either direction.
+    /// A half-edge between two vertices: the one towards `a`, unless the edge is the first of `a`. It walks around both
+    /// at the same time, because there may be as many triangles around one of them as there are in all.
     pub fn between(&self, a: u32, b: u32) -> Option<u32> {
-        self.fan(a).find_map(|h| {
-            if self.target(h) == b {
-                Some(h)
-            } else if self.origin(previous(h)) == b {
-                Some(previous(h))
-            } else {
-                None
+        let first = self.fan(a).next()?;
+        if self.target(first) == b {
+            return Some(first);
+        }
+        let (mut around_a, mut around_b) = (self.fan(a), self.fan(b));
+        loop {
+            let h = around_a.next()?;
+            if self.origin(previous(h)) == b {
+                return Some(previous(h));
             }
-        })
+            let h = around_b.next()?;
+            if self.target(h) == a {
+                return Some(h);
+            }
+            if self.origin(previous(h)) == a {
+                // The other side is on the border only if the edge is the first of `a`.
+                return Some(self.twin(previous(h))).filter(|&h| h != NONE);
+            }
+        }
     }
 
     /// The other end of a half-edge; none if it is gone or the vertex is no end of it.
@@ -258,6 +269,7 @@ impl HalfEdges {
         let mut spokes = Vec::new();
         self.ring(vertex, &mut ring);
         self.edges(vertex, &mut spokes);
+        let before: Vec<u32> = ring.iter().map(|&v| self.first[v as usize]).collect();
         let fan: Vec<u32> = self.fan(vertex).collect();
         let outer: Vec<(u32, u32)> = fan.iter().map(|&h| (self.twin(next(h)), self.edge(next(h)))).collect();
         for &spoke in &spokes {
@@ -299,8 +311,9 @@ impl HalfEdges {
             self.first[ring[1] as usize] = twin;
             self.first[ring[0] as usize] = next(twin);
         }
-        for v in ring {
-            self.set_first(v, self.first[v as usize]);
+        for (v, before) in ring.into_iter().zip(before) {
+            let leaving = std::mem::replace(&mut self.first[v as usize], before);
+            self.set_first(v, leaving);
         }
     }
 
@@ -314,10 +327,15 @@ impl HalfEdges {
         }
     }
 
-    /// Makes `leaving` the first half-edge of a vertex; on the border, the border half-edge that is found from it.
+    /// Makes `leaving` the first half-edge of a vertex; on the border, the border half-edge that is found from it,
+    /// unless the first one still is it: there is only one, and the way to it may be long.
     fn set_first(&mut self, vertex: u32, leaving: u32) {
         let mut h = leaving;
         if self.border[vertex as usize] {
+            let first = self.first[vertex as usize];
+            if first != NONE && self.origin(first) == vertex && self.twin(first) == NONE {
+                return;
+            }
             while self.twin(h) != NONE {
                 h = next(self.twin(h));
             }
