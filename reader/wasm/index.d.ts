@@ -52,14 +52,16 @@ export interface FetchOptions {
    * If-Range: behind others Chrome joins parts of different files, and shows the old ETag for both.
    */
   cache?: RequestCache;
-  /** Milliseconds that an answer may take; 30,000. */
+  /** Milliseconds without a byte after which a request counts as failed; 30,000. */
   timeout?: number;
-  /** Attempts where a failure may pass; 4. */
+  /** Attempts in a row that bring less than 16 KiB; 4. What has arrived is kept, and the next one asks for the rest. */
   attempts?: number;
   /** Milliseconds before the second attempt, which double; 200. */
   pause?: number;
   /** The largest file to read whole from a server that ignores ranges, bytes; 32 MiB. */
   maxWholeBytes?: number;
+  /** Whether the server may redirect to other hosts; false. */
+  otherHosts?: boolean;
 }
 
 /** A file on a web server that supports range requests. */
@@ -107,7 +109,7 @@ export interface OpenOptions {
   limits?: { partBytes?: number };
 }
 
-/** Opens a file: one request for a small one, two for others. */
+/** Opens a file: one request for a small one, two for others. In Node a text without a scheme is a path. */
 export function open(from: string | URL | Blob | ArrayBuffer | ArrayBufferView | Source, options?: OpenOptions): Promise<LodpackFile>;
 
 /** Compiles the module, to share it or to do so early. Without an argument the result is shared by all files. */
@@ -382,7 +384,7 @@ export class LodpackFile {
   channelRange(name: string, options?: { signal?: AbortSignal }): Promise<[number, number] | null>;
   boundaryEdgeCount(cut: Pick<Cut, 'nodes'>, options?: { signal?: AbortSignal }): Promise<number>;
   stream(options?: StreamOptions): Promise<Stream>;
-  /** Ends the worker and all requests. */
+  /** Ends the worker, and all calls and requests that run. */
   close(): void;
 }
 

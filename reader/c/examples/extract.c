@@ -22,18 +22,20 @@ static size_t write_cut(const lodpack_file *file, const lodpack_cut *cut, const 
     lodpack_mesh *mesh;
     check(lodpack_decode(file, cut, &mesh));
     size_t vertices = lodpack_vertex_count(mesh), triangles = lodpack_triangle_count(mesh);
-    double(*positions)[3] = malloc((vertices + 1) * sizeof *positions);
-    uint32_t(*indices)[3] = malloc((triangles + 1) * sizeof *indices);
+    /* C++ wants the casts. */
+    double *positions = (double *)malloc((vertices + 1) * 3 * sizeof *positions);
+    uint32_t *indices = (uint32_t *)malloc((triangles + 1) * 3 * sizeof *indices);
     if (!positions || !indices) {
         fprintf(stderr, "error: out of memory\n");
         exit(2);
     }
-    check(lodpack_copy_positions(mesh, positions[0], vertices, 0));
-    check(lodpack_copy_triangles(mesh, indices[0], triangles));
+    check(lodpack_copy_positions(mesh, positions, vertices, 0));
+    check(lodpack_copy_triangles(mesh, indices, triangles));
 
     printf("# %lu triangles, at most %g off the input\n", (unsigned long)triangles, info.error * (frame ? frame->scale : 1));
     for (size_t i = 0; i < vertices; i++) {
-        double *p = positions[i], moved[3] = {p[0], p[1], p[2]};
+        const double *p = positions + 3 * i;
+        double moved[3] = {p[0], p[1], p[2]};
         for (int k = 0; frame && k < 3; k++) {
             const double *row = frame->mesh_from_ground[k];
             moved[k] = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
@@ -42,8 +44,8 @@ static size_t write_cut(const lodpack_file *file, const lodpack_cut *cut, const 
     }
     for (size_t i = 0; i < triangles; i++) {
         size_t first = written + 1;
-        printf("f %lu %lu %lu\n", (unsigned long)(first + indices[i][0]), (unsigned long)(first + indices[i][1]),
-               (unsigned long)(first + indices[i][2]));
+        const uint32_t *corners = indices + 3 * i;
+        printf("f %lu %lu %lu\n", (unsigned long)(first + corners[0]), (unsigned long)(first + corners[1]), (unsigned long)(first + corners[2]));
     }
     free(positions);
     free(indices);

@@ -342,7 +342,7 @@ typedef struct {
   uint64_t texel_cache_bytes;
   // About how many texels images have along each side of a pixel, as near as halving allows; above 0. 1 by default.
   double texels_per_pixel;
-  // Threads that read and decode; at least 1.
+  // Threads that read and decode; at least 1, and 256 where it is more.
   uint32_t thread_count;
   // Whether frames wait until everything that they want is there. By default they do not: what is missing is drawn
   // coarser.

@@ -82,12 +82,16 @@ pub fn copy_rows<T: Copy, const N: usize>(
     if rows.len() > capacity {
         return Err(Failure::argument(format!("there is room for {capacity} rows, and there are {}", rows.len())));
     }
+    let last = rows.len().saturating_sub(1).checked_mul(stride).and_then(|begin| begin.checked_add(row_bytes));
+    if last.is_none_or(|bytes| isize::try_from(bytes).is_err()) {
+        return Err(Failure::argument(format!("{} rows of {stride} bytes are larger than any memory", rows.len())));
+    }
     if out.is_null() && rows.len() > 0 {
         return Err(Failure::null("out"));
     }
     for (number, row) in rows.enumerate() {
-        // SAFETY: the header asks for room for `capacity` rows, `stride` bytes from one to the next, and `number` is
-        // below it.
+        // SAFETY: the header asks for room for `capacity` rows, `stride` bytes from one to the next, `number` is below
+        // it, and half the address space at most was checked.
         unsafe { out.cast::<u8>().add(number * stride).cast::<[T; N]>().write_unaligned(row) };
     }
     Ok(())

@@ -51,7 +51,7 @@ pub struct StreamOptions {
     pub texel_cache_bytes: u64,
     /// About how many texels images have along each side of a pixel, as near as halving allows; above 0. 1 by default.
     pub texels_per_pixel: f64,
-    /// Threads that read and decode; at least 1.
+    /// Threads that read and decode; at least 1, and 256 where it is more.
     pub thread_count: u32,
     /// Whether frames wait until everything that they want is there. By default they do not: what is missing is drawn
     /// coarser.
@@ -170,6 +170,10 @@ pub extern "C" fn lodpack_open_stream(
         let file = borrow(file, "file")?;
         let default = lodpack_stream_options_default();
         let options = if options.is_null() { &default } else { borrow(options, "options")? };
+        if options.thread_count == 0 {
+            let what = "a thread_count of 0: a stream has at least one thread (lodpack_stream_options_default())";
+            return Err(Failure::argument(what.into()));
+        }
         give(stream, open(file, options, slice(options.channels, options.channel_count, "options->channels")?)?)
     })
 }
@@ -184,7 +188,7 @@ fn open(file: &File, options: &StreamOptions, channels: &[u32]) -> Result<Stream
         texels_per_pixel: options.texels_per_pixel,
         ..Options::default()
     };
-    let thread_count = options.thread_count.clamp(1, 256) as usize;
+    let thread_count = options.thread_count.min(256) as usize;
     let streamer_options = StreamerOptions { session, thread_count, ..StreamerOptions::default() };
     let (streamer, channels) = match file.opened() {
         Opened::Mesh(mesh) => {

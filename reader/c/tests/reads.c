@@ -264,6 +264,10 @@ static void fly(const lodpack_file *file, const lodpack_info *info, int is_sound
     options.channels = &channel;
     options.channel_count = info->kind == LODPACK_KIND_MESH && info->channel_count > 0;
     lodpack_stream *stream;
+    lodpack_stream_options idle = options;
+    idle.thread_count = 0;
+    EXPECT(lodpack_open_stream(file, &idle, &stream) == LODPACK_STATUS_ARGUMENT && stream == NULL);
+    EXPECT(strstr(lodpack_last_error(), "thread_count"));
     lodpack_status status = lodpack_open_stream(file, &options, &stream);
     EXPECT((status == LODPACK_STATUS_OK) == (stream != NULL));
     if (status != LODPACK_STATUS_OK) {
@@ -377,6 +381,12 @@ static void look_at(const lodpack_file *file, const lodpack_query *query, int is
     if (vertices) {
         EXPECT(lodpack_copy_positions(mesh, positions, vertices - 1, 0) == LODPACK_STATUS_ARGUMENT);
         EXPECT(lodpack_copy_positions(mesh, positions, vertices, 23) == LODPACK_STATUS_ARGUMENT);
+        /* What no memory has room for is refused before anything is written. */
+        size_t strides[3] = {SIZE_MAX, SIZE_MAX / 2, SIZE_MAX / vertices + 1};
+        for (int i = 0; i < 3; i++) {
+            EXPECT(vertices < 4 || lodpack_copy_positions(mesh, positions, vertices, strides[i]) == LODPACK_STATUS_ARGUMENT);
+            EXPECT(vertices < 4 || strstr(lodpack_last_error(), "larger than any memory"));
+        }
         EXPECT(lodpack_copy_positions(mesh, NULL, vertices, 0) == LODPACK_STATUS_ARGUMENT);
         EXPECT(strstr(lodpack_last_error(), "null") != NULL);
     }

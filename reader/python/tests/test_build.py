@@ -123,20 +123,42 @@ class Building(unittest.TestCase):
             (lodpack.QueryError, "less than 0", (positions, triangles), {"tolerance": -1.0}),
             (lodpack.QueryError, "best", (positions, triangles), {"effort": "heroic"}),
             (lodpack.QueryError, "unknown unit", (positions, triangles), {"unit": "parsec"}),
-            (TypeError, "mesh file", 5.0, {}),
+            (lodpack.QueryError, "at most 1024 threads", (positions, triangles), {"threads": 2000}),
+            (lodpack.QueryError, "zero or more", (positions, triangles), {"threads": -1}),
+            (lodpack.QueryError, "bytes", (positions, triangles), {"memory": 2**64}),
+            (lodpack.ArgumentError, "effort", (positions, triangles), {"effort": 3}),
+            (lodpack.ArgumentError, "unit", (positions, triangles), {"unit": 1}),
+            (lodpack.ArgumentError, "tolerance", (positions, triangles), {"tolerance": None}),
+            (lodpack.ArgumentError, "progress", (positions, triangles), {"progress": 5}),
+            (lodpack.ArgumentError, "mesh file", 5.0, {}),
+            (lodpack.BuildError, "numbers", ("ab", triangles), {}),
         ]
         for kind, message, source, options in cases:
-            with self.subTest(message), self.assertRaisesRegex(kind, message if kind is not TypeError else ""):
+            with self.subTest(message), self.assertRaisesRegex(kind, message):
                 lodpack.build(source, output, **options)
             self.assertEqual(self.left(), [])
         output.write_bytes(b"something")
-        with self.assertRaisesRegex(FileExistsError, "force=True"):
-            lodpack.build((positions, triangles), output)
+        for kind in [FileExistsError, lodpack.BuildError]:
+            with self.assertRaisesRegex(kind, "force=True"):
+                lodpack.build((positions, triangles), output)
+        with self.assertRaisesRegex(lodpack.BuildError, "No such file"):
+            lodpack.build((positions, triangles), self.folder / "nowhere" / "out.lodpack")
         self.assertEqual(output.read_bytes(), b"something")
         lodpack.build((positions, triangles), output, force=True)
         lodpack.open(output).verify()
-        with self.assertRaisesRegex(TypeError, "give an output"):
+        with self.assertRaisesRegex(lodpack.QueryError, "give an output"):
             lodpack.build((positions, triangles))
+
+    def test_a_file_that_appears_during_a_build_stays(self):
+        output = self.folder / "out.lodpack"
+
+        def appear(*_):
+            output.write_bytes(b"something")
+
+        with self.assertRaisesRegex(lodpack.BuildError, "appeared"):
+            lodpack.build(MESH, output, effort="best", progress=appear)
+        self.assertEqual(output.read_bytes(), b"something")
+        self.assertEqual(self.left(), [output.name])
 
     def test_an_exception_of_progress_stops_a_build(self):
         class Enough(Exception):

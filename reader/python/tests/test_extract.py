@@ -1,13 +1,15 @@
 """Queries, cuts, and arrays."""
 
+import copy
 import json
 import math
+import pickle
 import unittest
 
 import lodpack
 import numpy as np
 
-from .served import SCAN, SMALL
+from .served import SCAN, SMALL, VECTORS
 
 
 class Extracting(unittest.TestCase):
@@ -28,6 +30,35 @@ class Extracting(unittest.TestCase):
         positions = lodpack.open(SMALL).extract().positions
         again = lodpack.open(SMALL).extract().positions
         np.testing.assert_array_equal(positions, again)
+
+    def test_a_mesh_can_be_pickled_and_copied_with_all_that_it_knows(self):
+        def same(a, b):
+            for name in ["positions", "triangles", "triangle_nodes", "normals", "colours"]:
+                np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+            self.assertEqual((repr(a), a.channels), (repr(b), b.channels))
+            for channel in a.channels:
+                np.testing.assert_array_equal(a.values(channel["name"]), b.values(channel["name"]))
+            if a.cut is not None:
+                for numbers, others in zip(a.cut.nodes(), b.cut.nodes()):
+                    np.testing.assert_array_equal(numbers, others)
+                self.assertEqual((a.cut.triangle_count, a.cut.node_count, repr(a.cut)), (b.cut.triangle_count, b.cut.node_count, repr(b.cut)))
+            if a.channels:
+                paged, others = a.textured(), pickle.loads(pickle.dumps(b.textured()))
+                for name in ["positions", "triangles", "triangle_nodes", "uv"]:
+                    np.testing.assert_array_equal(getattr(paged, name), getattr(others, name))
+                self.assertEqual(list(paged.images), list(others.images))
+                for name, image in paged.images.items():
+                    np.testing.assert_array_equal(image, others.images[name])
+
+        file = lodpack.open(VECTORS / "scales.lodpack")
+        heights = lodpack.open(VECTORS / "heights" / "hills.lodpack")
+        for mesh in [file.extract(), file.extract(channels="all"), lodpack.open(SMALL).extract(), heights.extract()]:
+            again = pickle.loads(pickle.dumps(mesh))
+            same(mesh, again)
+            same(mesh, pickle.loads(pickle.dumps(again)))
+            same(mesh, copy.deepcopy(mesh))
+        with self.assertRaisesRegex(lodpack.QueryError, "select it again"):
+            file.extract(pickle.loads(pickle.dumps(file.select())))
 
     def test_info_is_json_and_agrees_with_cuts(self):
         file = lodpack.open(SCAN)
@@ -117,8 +148,12 @@ class Extracting(unittest.TestCase):
             file.extract(torus.select())
         # Files of the same bytes share their cuts.
         self.assertEqual(len(file.extract(other.select()).triangles), len(file.extract().triangles))
-        for wrong in [{"tolerance": "1mm"}, {"max_triangles": 1.5}, {"tolerence": 1}]:
-            with self.subTest(wrong), self.assertRaises((TypeError, ValueError)):
+        for wrong in [
+            {"tolerance": "1mm"}, {"tolerance": []}, {"max_triangles": 1.5}, {"max_nodes": "3"}, {"bbox": 5}, {"bbox": (("a", 0, 0), (1, 1, 1))},
+            {"channels": 5}, {"cut": 0.002}, {"cut": file.select(), "tolerance": 1},
+        ]:
+            with self.subTest(wrong), self.assertRaises(lodpack.QueryError):
                 file.extract(**wrong)
+        # That is Python's own.
         with self.assertRaises(TypeError):
-            file.extract(0.002)
+            file.extract(tolerence=1)

@@ -135,7 +135,7 @@ class Heights(unittest.TestCase):
         with self.assertRaises(lodpack.QueryError):
             file.window(columns=(0, 2), bbox=((0, 0), (1, 1)))
         file.close()
-        with self.assertRaises(ValueError):
+        with self.assertRaises(lodpack.QueryError):
             file.window()
 
     def test_damage_is_found(self):

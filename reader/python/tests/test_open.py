@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import pickle
 import signal
 import socket
 import subprocess
@@ -64,7 +65,7 @@ class Opening(unittest.TestCase):
             mesh = file.extract()
             before = mesh.positions.copy()
         self.assertIn("closed", repr(file))
-        with self.assertRaisesRegex(ValueError, "closed"):
+        with self.assertRaisesRegex(lodpack.QueryError, "closed"):
             file.extract()
         del file
         np.testing.assert_array_equal(mesh.positions, before)
@@ -86,14 +87,23 @@ class Opening(unittest.TestCase):
             (TypeError, "int", 5),
         ]
         for kind, message, source in cases:
-            with self.subTest(message), self.assertRaisesRegex(kind, message):
+            with self.subTest(message), self.assertRaisesRegex(kind, message) as raised:
                 lodpack.open(source)
+            self.assertIsInstance(raised.exception, lodpack.Error)
+            again = pickle.loads(pickle.dumps(raised.exception))
+            self.assertEqual((type(again), str(again)), (type(raised.exception), str(raised.exception)))
         with self.assertRaisesRegex(lodpack.FormatError, "checksum"):
             lodpack.open(bytes(damaged)).verify()
         with self.assertRaisesRegex(lodpack.QueryError, "timeout"):
             lodpack.open(SMALL, timeout=float("nan"))
         with self.assertRaisesRegex(lodpack.QueryError, "part_bytes"):
             lodpack.open(SMALL, limits={"roots": 3})
+        for options in [{"timeout": "soon"}, {"timeout": -1}, {"limits": 3}, {"limits": {"root_count": "few"}}, {"limits": {"root_count": -1}}, {"limits": {5: 5}}]:
+            with self.subTest(options), self.assertRaises(lodpack.QueryError):
+                lodpack.open(SMALL, **options)
+        for path in ["a\0b", b"bytes", SMALL / "below"]:
+            with self.subTest(path), self.assertRaises(lodpack.Error):
+                lodpack.open(path)
         with self.assertRaisesRegex(lodpack.LimitError, "above the limit of 1"):
             lodpack.open(SMALL, limits={"root_count": 1})
         text.close()

@@ -1,4 +1,4 @@
-// Images of many roots in one texture.
+// Images of many roots in one texture. index.d.ts has more.
 
 import { FreeRanges } from './free-ranges.js';
 
@@ -11,7 +11,6 @@ const FIRST_HEIGHT = 256;
 /** Rows of shelves are multiples of it, so that images of similar heights share them. */
 const STEP = 16;
 
-/** Whether an image is drawn with a texture of its own. */
 export function isLarge({ width, height }) {
   return width * height > OWN_TEXELS;
 }
@@ -38,15 +37,11 @@ export class Atlas {
     this.height = isOwn ? height : Math.min(FIRST_HEIGHT, this.maxHeight);
     this.planes = planesOf(image);
     for (const name of PLANES) this[name] = image[name] && new image[name].constructor(4 * this.width * this.height);
-    /** Grows when the texture has to be made anew, because it has more rows. */
     this.generation = 0;
-    /** Tiles that have been written since whoever draws has emptied this list. */
     this.dirtyTiles = [];
-    /** Texels in use. */
     this.usedTexels = 0;
   }
 
-  /** A place for an image, or null. */
   take(width, height) {
     if (width > this.width || height > this.maxHeight) return null;
     const rows = Math.min(Math.ceil(height / STEP) * STEP, this.maxHeight);
@@ -98,7 +93,6 @@ export class Atlas {
     this.dirtyTiles.length = 0;
   }
 
-  /** Gives a place back. */
   give({ shelf, x, width, height }) {
     shelf.free.give(x, width);
     shelf.tiles -= 1;
@@ -113,7 +107,6 @@ export class Atlas {
     if (this.#shelves.at(-1)?.tiles === 0) this.#shelves.pop();
   }
 
-  /** Puts an image into its place. */
   write(tile, image) {
     for (const name of PLANES.filter((name) => this[name])) {
       this.#rows(tile, (begin, length, row) => this[name].set(image[name].subarray(row * length, (row + 1) * length), begin));
@@ -121,7 +114,6 @@ export class Atlas {
     this.dirtyTiles.push(tile);
   }
 
-  /** The image in a place. */
   read(tile) {
     const image = { width: tile.width, height: tile.height };
     for (const name of PLANES.filter((name) => this[name])) {

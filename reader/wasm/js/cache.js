@@ -1,8 +1,7 @@
-// Bytes that several readers want are fetched once, as PMTiles' SharedPromiseCache does.
+// Bytes that several readers want are fetched once, as PMTiles' SharedPromiseCache does. index.d.ts has more.
 
-import { aborted } from './errors.js';
+import { aborted, pending } from './errors.js';
 
-/** Shares answers and running requests between all files that are opened with it. Keeps the most recent answers. */
 export class SharedPromiseCache {
   #entries = new Map(); // By source, ETag and range; the least recently used first.
   #bytes = 0;
@@ -11,7 +10,6 @@ export class SharedPromiseCache {
     this.maxBytes = maxBytes;
   }
 
-  /** Bytes of a source: from the cache, from a request that is under way, or from a new one. */
   getBytes(source, offset, length, signal, etag) {
     if (signal?.aborted) return Promise.reject(aborted(signal));
     const key = JSON.stringify([source.getKey?.() ?? keyOf(source), etag ?? null, offset, length]);
@@ -25,7 +23,6 @@ export class SharedPromiseCache {
     return entry.wait(signal);
   }
 
-  /** Forgets everything of a source, because the file has changed. */
   invalidate(source) {
     const prefix = JSON.stringify([source.getKey?.() ?? keyOf(source)]).slice(0, -1);
     for (const key of [...this.#entries.keys()]) {
@@ -52,20 +49,17 @@ export class SharedPromiseCache {
       },
     );
     promise.catch(() => {}); // Whoever waits hears of it.
-    entry.wait = (signal) => new Promise((resolve, reject) => {
+    entry.wait = (signal) => {
       entry.waiting += 1;
-      const leave = () => {
+      const answer = pending(signal, () => {
         entry.waiting -= 1;
-        reject(aborted(signal));
-        if (entry.waiting === 0 && !entry.isDone) {
-          // Nobody waits any more.
-          this.#remove(key, entry);
-          controller.abort();
-        }
-      };
-      signal?.addEventListener('abort', leave, { once: true });
-      promise.then(resolve, reject).finally(() => signal?.removeEventListener('abort', leave));
-    });
+        if (entry.waiting > 0 || entry.isDone) return;
+        this.#remove(key, entry);
+        controller.abort();
+      });
+      promise.then(answer.resolve, answer.reject);
+      return answer.promise;
+    };
     return entry;
   }
 

@@ -5,7 +5,6 @@ import { LodpackError } from './errors.js';
 const KINDS = ['unknown', 'colour', 'scalar', 'normal', 'label', 'factor', 'drawing'];
 /** Whether texels of a kind come as red, green, blue and opacity. */
 export const isOfBytes = (kind) => ['colour', 'normal', 'factor'].includes(kind);
-/** The number of no channel. */
 export const NO_CHANNEL = 0xffff_ffff;
 
 /** Reads what src/channels.rs packs: seven numbers for each channel, and their names. */
@@ -32,13 +31,11 @@ export function channelNumber(channels, wanted = 'none', alsoKind = undefined) {
   throw new LodpackError('query', names ? `the file has no channel ${wanted}; it has ${names}` : `the file has no channel ${wanted}: it has none`);
 }
 
-/** The numbers of the channels that are meant: 'auto', 'none', or a list of names. */
 export function channelNumbers(channels, wanted) {
   const list = Array.isArray(wanted) ? wanted : [wanted];
   return [...new Set(list.map((name) => channelNumber(channels, name)))].filter((number) => number !== NO_CHANNEL);
 }
 
-/** The values of the ends of a ramp, or undefined. */
 export function checkedRange(range) {
   if (range == null) return undefined;
   const [low, high] = range;

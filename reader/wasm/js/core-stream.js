@@ -51,7 +51,6 @@ export class CoreStream {
     return frame;
   }
 
-  /** There is an overview at most. */
   #frameBefore() {
     if (this.#failure) throw this.#failure;
     this.#overview = typeof this.#overview === 'function' ? this.#overview() : this.#overview;
@@ -148,13 +147,11 @@ export class CoreStream {
     if (this.#stream !== undefined) this.#core.call('show', this.#stream, ...this.#channel);
   }
 
-  /** The next frame uploads everything that is drawn. */
   lose() {
     this.#hasOverview = false;
     if (this.#stream !== undefined) this.#core.call('lose', this.#stream);
   }
 
-  /** Tries again what has been given up. */
   retry() {
     if (this.#stream !== undefined) this.#core.call('retry', this.#stream);
   }
@@ -168,7 +165,6 @@ export class CoreStream {
       try {
         this.#core.call('close_stream', this.#stream);
       } catch {
-        // The instance is lost, and the stream with it.
       }
     }
   }

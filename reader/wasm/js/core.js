@@ -3,10 +3,9 @@
 import { NO_CHANNEL, unpackChannels, unpackTextured } from './channels.js';
 import { CoreStream } from './core-stream.js';
 import { LodpackError, aborted } from './errors.js';
-import { OVERVIEW } from './frame.js';
+import { LIMITERS } from './frame.js';
 
 const KINDS = { '-2': 'format', '-3': 'unsupported', '-4': 'query', '-5': 'limit' };
-const LIMITERS = [undefined, 'tolerance', 'finest', 'triangles', 'nodes', 'bytes'];
 /** The first request: the index of a small file, and all that opening a large one needs, or nearly. */
 export const FIRST_READ_BYTES = 8 << 10;
 /** Memory of WebAssembly is scarce, so parts may be smaller than other readers allow. */
@@ -57,14 +56,12 @@ export class Core {
     return { offset, length, place: this.take(16) };
   }
 
-  /** Of a ground: where it is in the space of the mesh. */
   async groundFrame({ place }) {
     this.write(place);
     this.call('ground_frame');
     return this.floats(0, 25);
   }
 
-  /** The small mesh that came with opening, or null. */
   async overview() {
     return this.call('overview', 0) ? this.#mesh() : null;
   }
@@ -89,7 +86,6 @@ export class Core {
     }, signal);
   }
 
-  /** The mesh of a cut, with pages of these channels. */
   async extractTextured({ nodes, channels, pageSize }, signal) {
     const input = Uint32Array.from([...channels, ...nodes]);
     return this.#ask((question) => {
@@ -99,7 +95,6 @@ export class Core {
     }, signal);
   }
 
-  /** The smallest and the largest value of a channel at the coarsest level; null if it has no ramp. */
   async channelRange({ channel }, signal) {
     return this.#ask((question) => (this.call('channel_range', question, channel) ? [...this.floats(0, 2)] : null), signal);
   }
@@ -118,7 +113,7 @@ export class Core {
     const begin = () => this.#ask(() => {
       const { byteCache, decodedCache, texelCache, texelsPerPixel, maxReads, ahead, light, origin } = options;
       return this.call('open_stream', byteCache, decodedCache, texelCache, texelsPerPixel, maxReads, ahead, light ? 1 : 0, ...origin);
-    }, this.#closed.signal);
+    });
     const overview = () => (this.call('overview', options.light ? 1 : 0) ? this.#mesh() : null);
     this.#streams.set(number, new CoreStream(this, this.#host, number, begin, overview, options));
     return number;
@@ -128,7 +123,6 @@ export class Core {
     return this.#stream(stream).frame(query);
   }
 
-  /** Makes a stream show a channel. Returns the values of the ends of its ramp, or null. */
   async show({ stream, channel, range, beside }, signal) {
     const isNone = channel === NO_CHANNEL;
     const hasRamp = !isNone && !['colour', 'normal', 'label', 'factor', 'drawing'].includes(this.#channels[channel].kind);
@@ -153,8 +147,8 @@ export class Core {
   close() {
     for (const stream of this.#streams.values()) stream.close();
     this.#streams.clear();
-    this.#closed.abort();
     this.#dead ??= new LodpackError('closed', 'the file has been closed');
+    this.#closed.abort(this.#dead);
   }
 
   #stream(number) {
@@ -164,7 +158,6 @@ export class Core {
     return stream;
   }
 
-  /** Calls the reader. Throws its errors. */
   call(name, ...args) {
     if (this.#dead) throw this.#dead;
     let answer;
@@ -184,7 +177,6 @@ export class Core {
     throw new LodpackError(KINDS[answer] ?? 'internal', this.text(0));
   }
 
-  /** Writes the argument of the next call. */
   write(data) {
     if (this.#dead) throw this.#dead;
     const bytes = ArrayBuffer.isView(data) ? new Uint8Array(data.buffer, data.byteOffset, data.byteLength) : new Uint8Array(data);
@@ -193,7 +185,6 @@ export class Core {
     new Uint8Array(this.#exports.memory.buffer, at, bytes.length).set(bytes);
   }
 
-  /** A copy of the last result. */
   take(from = 0, length = this.#exports.lodpack_output_length() - from) {
     const at = (this.#exports.lodpack_output() >>> 0) + from;
     const buffer = this.#exports.memory.buffer.slice(at, at + length);
@@ -201,7 +192,6 @@ export class Core {
     return buffer;
   }
 
-  /** The memory of the instance, which never shrinks. */
   get memoryBytes() {
     return this.#exports.memory.buffer.byteLength;
   }
@@ -241,7 +231,6 @@ export class Core {
     return { id, up: [null, 'y', 'z'][axis], version: `${major}.${minor}`, rootCount, topCount, bounds, lattice: { origin: [...numbers.subarray(6, 9)], step: numbers[9] }, levels, overviewSummary, source };
   }
 
-  /** What a file of heights says about its grid. */
   #heights() {
     this.call('heights');
     const [columns, rows, wraps, isGlobe, depthCount, x, y, dx, dy, step, sampleError, unit, scale] = this.floats(0, 13);
@@ -266,7 +255,6 @@ export class Core {
       triangles: part(Uint32Array, 3 * triangleCount),
       triangleNodes: part(Uint32Array, triangleCount),
     };
-    // Of an overview in light.
     if (!isOfHeights) return at < buffer.byteLength ? { ...mesh, normals: part(Int16Array, 2 * vertexCount) } : mesh;
     const normals = part(Float32Array, 3 * vertexCount);
     return { ...mesh, normals, colors: at < buffer.byteLength ? part(Uint8Array, 4 * vertexCount) : null };
@@ -302,8 +290,9 @@ export class Core {
   /** Reads all ranges at once. If one fails, the others are aborted. */
   async #fetch(ranges, insert, signal) {
     const controller = new AbortController();
-    const abort = () => controller.abort(signal?.reason);
-    signal?.addEventListener('abort', abort);
+    const signals = [signal, this.#closed.signal].filter(Boolean);
+    const abort = ({ target }) => controller.abort(target.reason);
+    for (const each of signals) each.addEventListener('abort', abort);
     try {
       await Promise.all(ranges.map(async ([begin, end]) => {
         const data = await this.#host.read(begin, end - begin, controller.signal);
@@ -314,9 +303,7 @@ export class Core {
       controller.abort(error);
       throw error;
     } finally {
-      signal?.removeEventListener('abort', abort);
+      for (const each of signals) each.removeEventListener('abort', abort);
     }
   }
 }
-
-export { LIMITERS, OVERVIEW };

@@ -9,7 +9,6 @@ export class LodpackError extends Error {
   }
 }
 
-/** The bytes could not be read. */
 export class SourceError extends LodpackError {
   constructor(message, { isTransient = false, status, cause } = {}) {
     super('source', message, cause === undefined ? undefined : { cause });
@@ -19,7 +18,6 @@ export class SourceError extends LodpackError {
   }
 }
 
-/** The file at this address is no longer the one that was opened. */
 export class EtagMismatch extends SourceError {
   constructor(what) {
     super(`the file changed while it was read (${what}); open it again`);
@@ -28,13 +26,17 @@ export class EtagMismatch extends SourceError {
   }
 }
 
+/** Refuses another tag of the same kind: ETags have quotes, dates have none. */
+export function checkTag(etag, found) {
+  if (etag && found && etag !== found && etag.startsWith('"') === found.startsWith('"')) throw new EtagMismatch(`it was ${etag} and is ${found}`);
+}
+
 /** What a worker can send: errors lose their class on the way. */
 export function packError(error) {
   const { name, message, kind, isTransient, status, what } = error ?? {};
   return { name, message: message ?? String(error), kind, isTransient, status, what };
 }
 
-/** The error that was packed. */
 export function unpackError({ name, message, kind, isTransient, status }) {
   if (name === 'AbortError') return new DOMException(message, 'AbortError');
   const error = kind === 'source' ? new SourceError(message, { isTransient, status })
@@ -43,7 +45,24 @@ export function unpackError({ name, message, kind, isTransient, status }) {
   return error;
 }
 
-/** What a call that was aborted rejects with. */
 export function aborted(signal) {
   return signal?.reason ?? new DOMException('the call was aborted', 'AbortError');
+}
+
+/** A promise to be settled by its own functions, or by an abort, which calls `leave` first. */
+export function pending(signal, leave) {
+  const it = {};
+  it.promise = new Promise((resolve, reject) => {
+    const abort = () => {
+      leave();
+      it.reject(aborted(signal));
+    };
+    const end = (settle) => (value) => {
+      signal?.removeEventListener('abort', abort);
+      settle(value);
+    };
+    Object.assign(it, { resolve: end(resolve), reject: end(reject) });
+    signal?.addEventListener('abort', abort);
+  });
+  return it;
 }

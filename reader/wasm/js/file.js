@@ -3,7 +3,7 @@
 import { SharedPromiseCache } from './cache.js';
 import { channelNumber, channelNumbers, checkedRange } from './channels.js';
 import { FIRST_READ_BYTES } from './core.js';
-import { EtagMismatch, LodpackError, SourceError } from './errors.js';
+import { EtagMismatch, LodpackError, SourceError, checkTag } from './errors.js';
 import { GroundFrame } from './ground.js';
 import { packQuery } from './query.js';
 import { startReader } from './remote.js';
@@ -57,7 +57,6 @@ export class LodpackFile {
     }
   }
 
-  /** @private */
   constructor(reading) {
     this.#reading = reading;
   }
@@ -133,16 +132,25 @@ export class LodpackFile {
   }
 
   async stream(options = {}) {
+    const stream = this.streamLater(options);
+    await stream.ready;
+    return stream;
+  }
+
+  /** @private A stream whose calls wait until it is open. */
+  streamLater(options) {
     const middle = this.bounds ? this.bounds.min.map((low, axis) => (low + this.bounds.max[axis]) / 2) : [0, 0, 0];
     const { origin = middle, byteCache = 64 << 20, decodedCache = 256 << 20, texelCache = 128 << 20, texelsPerPixel = 1, maxReads = 6, ahead = 300 } = options;
     const { channel = 'none', range, normals, materials } = options;
     const light = Boolean(options.light) && !this.storesNormals;
     channelNumber(this.channels, channel); // Before anything is started.
     const overviewError = this.overviewSummary?.error ?? Infinity;
-    const number = await this.#reader.call('openStream', { origin, byteCache, decodedCache, texelCache, texelsPerPixel, maxReads, ahead, light, overviewError });
-    const stream = new Stream(this.#reader, this.#reading, number, origin, this.channels, () => this.#streams.delete(number));
-    this.#streams.set(number, stream);
-    if (channel !== 'none' && channel !== null) await stream.show(channel, { range, normals, materials });
+    const number = this.#reader.call('openStream', { origin, byteCache, decodedCache, texelCache, texelsPerPixel, maxReads, ahead, light, overviewError });
+    const stream = new Stream(this.#reader, this.#reading, number, origin, this.channels, (number) => this.#streams.delete(number));
+    stream.ready = number.then((number) => {
+      this.#streams.set(number, stream);
+      if (channel !== 'none' && channel !== null) return stream.show(channel, { range, normals, materials });
+    });
     return stream;
   }
 
@@ -170,7 +178,7 @@ export class Stream {
 
   async frame(query) {
     const { failure } = this.#reading;
-    const frame = await this.#reader.call('frame', { stream: this.#number, query: packQuery(query) });
+    const frame = await this.#reader.call('frame', { stream: await this.#number, query: packQuery(query) });
     if (failure) frame.problems.push(failure.message);
     return frame;
   }
@@ -178,27 +186,28 @@ export class Stream {
   async show(channel, { range, normals = false, materials = false, signal } = {}) {
     const number = channelNumber(this.#channels, channel, normals ? 'normal' : undefined);
     const beside = (normals ? 1 : 0) + (materials && this.#channels[number]?.kind === 'colour' ? 2 : 0);
-    const values = await this.#reader.call('show', { stream: this.#number, channel: number, range: checkedRange(range), beside }, signal);
+    const values = await this.#reader.call('show', { stream: await this.#number, channel: number, range: checkedRange(range), beside }, signal);
     [this.channel, this.range] = [this.#channels[number] ?? null, values];
     this.notify();
   }
 
-  lose() {
-    return this.#reader.call('lose', { stream: this.#number });
+  async lose() {
+    return this.#reader.call('lose', { stream: await this.#number });
   }
 
-  retry() {
-    return this.#reader.call('retry', { stream: this.#number });
+  async retry() {
+    return this.#reader.call('retry', { stream: await this.#number });
   }
 
-  /** @private */
   notify() {
     this.onprogress?.();
   }
 
   close() {
-    this.#closed();
-    this.#reader.call('closeStream', { stream: this.#number }).catch(() => {}); // The file may be closed already.
+    this.#number.then((stream) => {
+      this.#closed(stream);
+      return this.#reader.call('closeStream', { stream });
+    }).catch(() => {}); // The file may be closed already.
   }
 }
 
@@ -209,8 +218,7 @@ async function read(reading, offset, length, signal) {
   reading.bytes += length;
   try {
     const answer = await cache.getBytes(source, offset, length, signal, etag);
-    // Sources that do not compare tags themselves need not.
-    if (etag && answer.etag && answer.etag !== etag) throw new EtagMismatch(`its ETag was ${etag} and is ${answer.etag}`);
+    checkTag(etag, answer.etag);
     return answer;
   } catch (error) {
     if (error instanceof EtagMismatch) {

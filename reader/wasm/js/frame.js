@@ -12,7 +12,7 @@ const HAS_COLOURS = 8;
 const BESIDE = { normals: 16, material: 32, emissive: 64 };
 const HAS_LIGHT = 128;
 const SHOWS = ['nothing', 'overview', 'picture'];
-const LIMITERS = [undefined, 'tolerance', 'finest', 'triangles', 'nodes', 'bytes'];
+export const LIMITERS = [undefined, 'tolerance', 'finest', 'triangles', 'nodes', 'bytes'];
 
 /** Reads what src/stream.rs packs. The arrays of all uploads share one buffer. */
 export function unpackFrame(buffer) {
@@ -50,16 +50,8 @@ export function unpackFrame(buffer) {
   };
 }
 
-/** A frame without changes. */
-export function emptyFrame(shows) {
-  return {
-    shows, isComplete: false, uploads: [], drops: [], lateRoots: 0, lostRoots: [], lateImages: 0, triangleCount: 0, nodeCount: 0,
-    wantedNodeCount: 0, errorPx: Infinity, limitedBy: undefined, exceeded: undefined,
-    counters: { requests: 0, bytesRead: 0, decoded: 0, failures: 0, imageBytes: 0, memoryBytes: 0 }, problems: [],
-  };
-}
+export const emptyFrame = (shows) => ({ ...unpackFrame(new ArrayBuffer(144)), shows, errorPx: Infinity });
 
-/** The arrays of a frame whose memory may move to another thread. */
 export function transferOf({ uploads }) {
   return [...new Set(uploads.map(({ positions }) => positions.buffer))];
 }

@@ -6,7 +6,6 @@ export const NORMAL_SIZES = { octahedral: 2, vectors: 4 };
 const NONE = -32768;
 const MOST = 32767;
 
-/** Puts the normals of some vertices where a slab has those from `first` on. */
 export function putNormals(target, kind, first, count, normals) {
   const [start, end] = [first, first + count].map((vertex) => NORMAL_SIZES[kind] * vertex);
   if (!normals) target.fill(kind === 'vectors' ? 0 : NONE, start, end);

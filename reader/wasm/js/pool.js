@@ -1,4 +1,4 @@
-// Geometry and images of many roots in a few buffers: what three.js and WebGL draw with one call each.
+// Geometry and images of many roots in a few buffers: what three.js and WebGL draw with one call each. index.d.ts has more.
 
 import { Atlas, isLarge, planesOf } from './atlas.js';
 import { LodpackError } from './errors.js';
@@ -17,43 +17,33 @@ export class Slab {
     this.normals = normals ? new Int16Array(NORMAL_SIZES[normals] * vertexCapacity) : undefined;
     this.info = infoSize ? new infoType(infoSize * vertexCapacity) : undefined;
     this.indices = new Uint32Array(indexCapacity);
-    /** With images: where each vertex lies in the atlas, in texels, and the rectangle that interpolation stays in. */
     this.places = image ? new Float32Array(2 * vertexCapacity) : undefined;
     this.rectangles = image ? new Uint16Array(4 * vertexCapacity) : undefined;
     this.atlas = image ? new Atlas(maxTextureSize, image) : undefined;
     this.freeVertices = new FreeRanges(vertexCapacity);
     this.freeIndices = new FreeRanges(indexCapacity);
     this.rootCount = 0;
-    /** Ranges of vertices and indices that changed since whoever draws has emptied these lists: first, count. */
     this.dirtyVertices = [];
     this.dirtyIndices = [];
-    /** Kept by whoever draws. */
     this.drawn = undefined;
   }
 
-  /** How many indices have to be drawn. */
   get indexCount() {
     return this.freeIndices.usedEnd(this.indices.length);
   }
 }
 
-/** All roots that are drawn, in slabs. */
 export class Pool {
   constructor({ infoSize = 0, infoType = Float32Array, infoOf = () => [], normals = undefined, images = false, maxTextureSize = 4096 } = {}) {
-    /** Numbers of each vertex beside its position: what `infoOf` returns for its root. */
     Object.assign(this, { infoSize, infoType, infoOf });
-    /** How slabs have the normals of a stream with light: 'octahedral', or 'vectors'. */
     this.normals = normals;
-    /** Whether slabs have images, and the longest side of one. Images of one slab have the same planes. */
     Object.assign(this, { images, maxTextureSize });
     this.slabs = [];
     this.roots = new Map();
     this.triangleCount = 0;
-    /** Called with a slab that is no longer drawn, to give its GPU memory back. */
     this.onremove = undefined;
   }
 
-  /** Takes what a frame changes. */
   update({ uploads, drops, problems }) {
     for (const root of drops) this.delete(root);
     // All old ones go first, so that new ones find their room.
@@ -62,7 +52,6 @@ export class Pool {
     this.#removeEmpty();
   }
 
-  /** Texels that roots use, and texels that textures have. */
   get texels() {
     const atlases = this.slabs.map(({ atlas }) => atlas).filter(Boolean);
     const sum = (of) => atlases.reduce((all, atlas) => all + of(atlas), 0);
@@ -144,7 +133,6 @@ export class Pool {
     for (let k = 0; k < vertexCount; k += 1) slab.info.set(values, this.infoSize * (firstVertex + k));
   }
 
-  /** Asks `infoOf` again for all roots. */
   refresh() {
     for (const entry of this.roots.values()) {
       this.#inform(entry);
@@ -188,7 +176,6 @@ export class Pool {
     return Object.assign(tile, { isWhole: image.isWhole });
   }
 
-  /** The nearest point that a ray meets, or null. `direction` has any length; `distance` counts its lengths. */
   raycast(origin, direction) {
     if (![...origin, ...direction].every(Number.isFinite)) throw new LodpackError('query', 'a ray has to be finite');
     let nearest = null;

@@ -11,7 +11,6 @@ const VIEW = {
 
 const wrong = (what) => new LodpackError('query', what);
 
-/** The numbers of a query. */
 export function packQuery(query = {}) {
   for (const name of Object.keys(query)) {
     if (!KNOWN.has(name)) throw wrong(`a query has no ${name}; it has ${[...KNOWN].join(', ')}`);

@@ -1,7 +1,7 @@
 // The reader as the page sees it: in a worker behind messages, or on the same thread.
 
 import { Core } from './core.js';
-import { LodpackError, aborted, packError, unpackError } from './errors.js';
+import { LodpackError, aborted, packError, pending, unpackError } from './errors.js';
 import { loadModule } from './wasm.js';
 
 /** A reader in a worker of its own if there are workers, unless `worker` is false. */
@@ -51,20 +51,13 @@ class WorkerReader {
     if (this.#end) return Promise.reject(this.#end);
     if (signal?.aborted) return Promise.reject(aborted(signal));
     const call = (this.#callCount += 1);
-    return new Promise((resolve, reject) => {
-      const abort = () => {
-        this.#worker.postMessage({ abort: call });
-        this.#calls.delete(call);
-        reject(aborted(signal));
-      };
-      signal?.addEventListener('abort', abort, { once: true });
-      const end = (settle) => (value) => {
-        signal?.removeEventListener('abort', abort);
-        settle(value);
-      };
-      this.#calls.set(call, { resolve: end(resolve), reject: end(reject) });
-      this.#worker.postMessage({ call, name, args });
+    const answer = pending(signal, () => {
+      this.#worker.postMessage({ abort: call });
+      this.#calls.delete(call);
     });
+    this.#calls.set(call, answer);
+    this.#worker.postMessage({ call, name, args });
+    return answer.promise;
   }
 
   #take(message) {

@@ -1,6 +1,7 @@
 // Where the bytes are. A source is any object with getBytes(offset, length, signal, etag), after PMTiles' Source.
 
-import { EtagMismatch, LodpackError, SourceError, aborted } from './errors.js';
+import { EtagMismatch, LodpackError, SourceError, aborted, checkTag, pending } from './errors.js';
+import { isNode, nodeModule } from './wasm.js';
 
 const ADVICE = {
   401: ': it requires a login; use an address that needs none, such as a signed one',
@@ -12,85 +13,94 @@ const ADVICE = {
 };
 const advice = (status) => ADVICE[status] ?? (status >= 500 ? ': it failed; try again later, or ask whoever runs it' : '');
 
-/** A file on a web server that supports range requests. */
+/** An attempt that brings as many bytes is no failure: the next one asks for the rest. */
+const PROGRESS = 1 << 14;
+
 export class FetchSource {
   #whole; // The file, if the server sends only whole files and it is small enough.
   #size;
 
-  constructor(url, { headers, credentials, cache = 'no-store', timeout = 30_000, attempts = 4, pause = 200, maxWholeBytes = 32 << 20 } = {}) {
+  constructor(url, { headers, credentials, cache = 'no-store', timeout = 30_000, attempts = 4, pause = 200, maxWholeBytes = 32 << 20, otherHosts = false } = {}) {
     // Relative addresses are those of the page.
     this.url = new URL(url, globalThis.document?.baseURI ?? globalThis.location?.href).href;
-    Object.assign(this, { headers, credentials, cache, timeout, attempts, pause, maxWholeBytes });
+    Object.assign(this, { headers, credentials, cache, timeout, attempts, pause, maxWholeBytes, otherHosts });
   }
 
   getKey() {
     return this.url;
   }
 
-  /** Returns these bytes, fewer where the file ends, with the file's ETag and size as far as the server says them. */
   async getBytes(offset, length, signal, etag) {
-    let pause = this.pause;
-    for (let attempt = 1; ; attempt += 1) {
+    const begin = () => ({ offset, length, etag, parts: [], bytes: 0 });
+    let [cache, failures, got] = [this.cache, 0, begin()];
+    for (;;) {
+      const before = got.bytes;
       try {
-        return await this.#fetch(offset, length, signal, etag, false);
+        return await this.#fetch(got, signal, cache);
       } catch (error) {
         if (signal?.aborted) throw aborted(signal);
-        if (error instanceof EtagMismatch && attempt === 1) {
+        if (error instanceof EtagMismatch && cache !== 'reload') {
           // A cache on the way may hold parts of an older file.
-          return await this.#fetch(offset, length, signal, etag, true);
+          [cache, got] = ['reload', begin()];
+          continue;
         }
-        if (!error.isTransient || attempt >= this.attempts) throw error;
+        failures = got.bytes - before >= PROGRESS ? 1 : failures + 1;
+        if (!error.isTransient || failures >= this.attempts) throw error;
       }
-      await new Promise((resolve) => setTimeout(resolve, pause));
-      pause *= 2;
+      await pauseFor(this.pause * 2 ** (failures - 1), signal);
     }
   }
 
-  async #fetch(offset, length, signal, etag, isReload) {
+  /** Asks for what a range lacks. */
+  async #fetch(got, signal, cache) {
+    const { offset, length, bytes } = got;
     if (this.#whole) return cutOut(this.#whole, offset, length);
     const headers = new Headers(this.headers);
-    headers.set('Range', `bytes=${offset}-${offset + length - 1}`);
-    return this.#request({ headers, cache: isReload ? 'reload' : this.cache }, signal, async (response) => {
-      const found = response.headers.get('ETag') ?? undefined;
-      // A weak tag says nothing about bytes.
-      const tag = found?.startsWith('W/') ? undefined : found;
-      if (etag && tag && etag !== tag) throw new EtagMismatch(`its ETag was ${etag} and is ${tag}`);
-      switch (response.status) {
-        case 206: return this.#partial(response, offset, length, tag, signal);
-        case 200: return this.#entire(response, offset, length, tag);
-        case 416: {
-          const size = /^bytes \*\/(\d+)$/.exec(response.headers.get('Content-Range') ?? '')?.[1];
-          if (size !== undefined || offset === 0) return { data: new ArrayBuffer(0), etag: tag, size: Number(size ?? 0) };
-        }
-      }
+    headers.set('Range', `bytes=${offset + bytes}-${offset + length - 1}`);
+    return this.#request({ headers, cache }, signal, async (response, wake) => {
       const { status } = response;
+      const size = status === 416 && /^bytes \*\/(\d+)$/.exec(response.headers.get('Content-Range'))?.[1];
+      if (status === 206 || status === 200 || size || (status === 416 && offset === 0)) {
+        const found = response.headers.get('ETag');
+        // A weak tag says nothing about bytes.
+        const tag = (found?.startsWith('W/') ? undefined : found) ?? response.headers.get('Last-Modified') ?? undefined;
+        checkTag(got.etag, tag);
+        got.etag ??= tag;
+        if (status === 416) return { data: new ArrayBuffer(0), etag: tag, size: Number(size ?? 0) };
+        return status === 206 ? this.#partial(response, got, signal, wake) : this.#entire(response, got, wake);
+      }
       const isTransient = [408, 429, 500, 502, 503, 504].includes(status);
       throw new SourceError(`the server answered with status ${status}${advice(status)}`, { status, isTransient });
     });
   }
 
-  async #partial(response, offset, length, etag, signal) {
+  async #partial(response, got, signal, wake) {
+    const { offset, length } = got;
     const said = response.headers.get('Content-Range');
     const range = /^bytes (\d+)-(\d+)\/(\d+|\*)$/.exec(said ?? '');
-    if (said !== null && (!range || Number(range[1]) !== offset || Number(range[2]) >= offset + length)) {
+    if (said !== null && (!range || Number(range[1]) !== offset + got.bytes || Number(range[2]) >= offset + length)) {
       throw new SourceError(`the server sent a different range than requested: content range ${said}`);
     }
     const encoding = response.headers.get('Content-Encoding');
     if (encoding && encoding !== 'identity') {
       throw new SourceError(`the server compresses ranges (${encoding}), which count other bytes; turn compression off for this file`);
     }
-    const data = await body(response, length);
-    const expected = range ? Number(range[2]) + 1 - offset : length;
-    if (range && range[3] !== '*') this.#size = Number(range[3]);
+    if (range && range[3] !== '*') {
+      const [was, size] = [this.#size, Number(range[3])];
+      this.#size = size;
+      if (offset > 0 && was !== undefined && was !== size) throw new EtagMismatch(`it had ${was} bytes and has ${size}`);
+    }
+    await collect(response, got, wake);
     // Pages on other hosts see no Content-Range unless the server exposes it. Content-Length they see.
     this.#size ??= await this.#askSize(signal);
-    if (data.byteLength !== Math.min(expected, Math.max(this.#size - offset, 0))) {
+    const expected = Math.min(length, Math.max(this.#size - offset, 0));
+    if (got.bytes !== expected) {
       throw new SourceError(
-        `the server ended its answer after ${data.byteLength} of ${expected} bytes; if it compresses, turn that off for this file`,
+        `the server ended its answer after ${got.bytes} of ${expected} bytes; if it compresses, turn that off for this file`,
         { isTransient: true },
       );
     }
-    return { data, etag, size: this.#size };
+    return { data: joined(got), etag: got.etag, size: this.#size };
   }
 
   async #askSize(signal) {
@@ -101,7 +111,7 @@ export class FetchSource {
   }
 
   /** The server ignores ranges. A small file is taken whole. */
-  async #entire(response, offset, length, etag) {
+  async #entire(response, { offset, length, etag }, wake) {
     const kind = response.headers.get('Content-Type') ?? '';
     if (kind.startsWith('text/html')) {
       response.body?.cancel();
@@ -109,23 +119,34 @@ export class FetchSource {
         `the server answered with a web page (${kind}) instead of a file; check the address, and whether it requires a login`,
       );
     }
-    const whole = await body(response, this.maxWholeBytes).catch((error) => {
+    const all = { length: this.maxWholeBytes, parts: [], bytes: 0 };
+    await collect(response, all, wake).catch((error) => {
       throw error.isTooLong ? new SourceError('the server ignores range requests; copy the file, or serve it from a server that supports them') : error;
     });
-    this.#whole = { data: whole, etag, size: whole.byteLength };
+    this.#whole = { data: joined(all), etag, size: all.bytes };
     return cutOut(this.#whole, offset, length);
   }
 
-  /** Sends a request. The time limit includes reading the answer. */
+  /** Sends a request. The time limit begins anew with whatever arrives. */
   async #request(options, signal, read) {
     if (signal?.aborted) throw aborted(signal);
     const controller = new AbortController();
     const abort = () => controller.abort();
     signal?.addEventListener('abort', abort);
-    const timer = setTimeout(abort, this.timeout);
+    let timer;
+    const wake = () => {
+      clearTimeout(timer);
+      timer = setTimeout(abort, this.timeout);
+    };
+    wake();
     try {
       const response = await fetch(this.url, { ...options, credentials: this.credentials, signal: controller.signal });
-      return await read(response);
+      wake();
+      if (!this.otherHosts && response.redirected && new URL(response.url).host !== new URL(this.url).host) {
+        abort();
+        throw new SourceError(`the server redirects to another host; open ${response.url} instead, or set otherHosts`);
+      }
+      return await read(response, wake);
     } catch (error) {
       if (error instanceof LodpackError) throw error;
       if (signal?.aborted) throw aborted(signal);
@@ -142,7 +163,6 @@ export class FetchSource {
   }
 }
 
-/** A file that somebody chose or dropped, or any other Blob. */
 export class FileSource {
   static #count = 0;
   #key = `blob ${FileSource.#count += 1}`;
@@ -169,7 +189,30 @@ export class FileSource {
   }
 }
 
-/** Bytes in memory. */
+class PathSource {
+  constructor(path) {
+    this.path = path;
+    this.getKey = () => `path ${path}`;
+  }
+
+  async getBytes(offset, length, _signal, etag) {
+    let file;
+    try {
+      file = await (await nodeModule('node:fs/promises')).open(this.path);
+      const { size, mtimeMs } = await file.stat();
+      const tag = `${size} bytes of ${mtimeMs}`;
+      checkTag(etag, tag);
+      const data = new Uint8Array(Math.max(Math.min(length, size - offset), 0));
+      const { bytesRead } = await file.read(data, 0, data.length, offset);
+      return { data: data.buffer.slice(0, bytesRead), etag: tag, size };
+    } catch (error) {
+      throw error instanceof LodpackError ? error : new SourceError(`cannot read ${this.path}: ${error.message}`, { cause: error });
+    } finally {
+      await file?.close();
+    }
+  }
+}
+
 export class BytesSource {
   static #count = 0;
   #key = `bytes ${BytesSource.#count += 1}`;
@@ -189,31 +232,44 @@ export class BytesSource {
 
 /** The source that an argument of open() stands for. */
 export function sourceOf(from) {
-  if (typeof from === 'string' || from instanceof URL) return new FetchSource(from);
+  if (typeof from === 'string' || from instanceof URL) {
+    // One letter is a drive.
+    const scheme = /^([a-z][a-z\d+.-]+):/i.exec(from)?.[1];
+    if (!isNode || (scheme && scheme !== 'file')) return new FetchSource(from);
+    return new PathSource(scheme ? new URL(from) : from);
+  }
   if (typeof Blob !== 'undefined' && from instanceof Blob) return new FileSource(from);
   if (from instanceof ArrayBuffer || ArrayBuffer.isView(from)) return new BytesSource(from);
   if (typeof from?.getBytes === 'function') return from;
-  throw new LodpackError('query', 'open() takes an address, a File or Blob, bytes, or a source with getBytes()');
+  throw new LodpackError('query', 'open() takes an address, a path in Node, a File or Blob, bytes, or a source with getBytes()');
 }
 
 function cutOut({ data, etag, size }, offset, length) {
   return { data: data.slice(offset, offset + length), etag, size };
 }
 
-/** An answer's body, refused if it is longer than this. */
-async function body(response, most) {
-  const parts = [];
-  let length = 0;
+/** A pause that ends with the call. */
+function pauseFor(ms, signal) {
+  const end = pending(signal, () => clearTimeout(timer));
+  const timer = setTimeout(end.resolve, ms);
+  return end.promise;
+}
+
+/** Adds an answer's body to what is there, and refuses one that is too long. */
+async function collect(response, got, wake) {
   const reader = response.body?.getReader();
-  for (let part; reader && !(part = await reader.read()).done;) {
-    length += part.value.byteLength;
-    if (length > most) {
+  for (let part; reader && !(part = await reader.read()).done; wake()) {
+    if (got.bytes + part.value.byteLength > got.length) {
       reader.cancel().catch(() => {});
-      throw Object.assign(new SourceError(`the server sent more than the ${most} bytes that were asked for`), { isTooLong: true });
+      throw Object.assign(new SourceError(`the server sent more than the ${got.length} bytes that were asked for`), { isTooLong: true });
     }
-    parts.push(part.value);
+    got.parts.push(part.value);
+    got.bytes += part.value.byteLength;
   }
-  const all = new Uint8Array(length);
+}
+
+function joined({ parts, bytes }) {
+  const all = new Uint8Array(bytes);
   let at = 0;
   for (const part of parts) {
     all.set(part, at);

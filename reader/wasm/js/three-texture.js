@@ -60,7 +60,6 @@ export class SlabTexture {
     for (const plane of this.#planes) plane.blend(isBlended || plane.name !== 'data');
   }
 
-  /** Hands new images to three.js. */
   upload() {
     for (const plane of this.#planes) plane.upload();
     this.#atlas.dirtyTiles.length = 0;
@@ -75,7 +74,6 @@ export class SlabTexture {
       this.#material?.dispose();
       this.#material = material.clone();
     } else {
-      // Whatever the program has changed.
       this.#material.copy(material);
     }
     const { onBeforeCompile, customProgramCacheKey, version } = material;
@@ -95,7 +93,6 @@ export class SlabTexture {
   }
 }
 
-/** One texture of a slab. */
 class Plane {
   #atlas;
   #generation;
@@ -116,7 +113,6 @@ class Plane {
     this.texture.needsUpdate = this.#isWhole = true;
   }
 
-  /** Whether something lies between two texels. */
   blend(isBlended) {
     this.texture.minFilter = this.texture.magFilter = isBlended ? LinearFilter : NearestFilter;
     this.#uploadAll();
@@ -132,7 +128,6 @@ class Plane {
     this.#generation = generation;
   }
 
-  /** Hands new images to three.js. */
   upload() {
     const { dirtyTiles, width, generation } = this.#atlas;
     if (generation !== this.#generation) return this.#fit();

@@ -9,8 +9,11 @@ import { Pool } from './pool.js';
 import { SlabTexture, cover } from './three-texture.js';
 
 const nothing = () => {};
-/** Whether a mesh of these options is lit. */
 const takesLight = ({ material, lit = true }) => (material ? 'normalMap' in material : lit);
+
+/** A material without light needs colours alone. */
+const besideOf = (options) => (takesLight(options) ? { normals: true, materials: true } : {});
+const streamOptions = ({ channel, range, stream, ...options }) => ({ channel, range, light: takesLight(options), ...besideOf(options), ...stream });
 
 /** A ground shows its own colours, or none where the mesh on it shows none. */
 const groundChannel = (channel) => (channel === 'none' ? 'none' : 'auto');
@@ -21,7 +24,8 @@ export class LodpackMesh extends Object3D {
   #pool;
   #meshes = new Map(); // By slab.
   #textures = new Map(); // By slab, where they have images.
-  #ownsFile = false;
+  #owners; // How many close the file together, if any.
+  #options;
   #ownsMaterial;
   #isCovered; // Whether texels of colours have a coverage.
   #beside; // What the stream shows beside a channel.
@@ -34,7 +38,7 @@ export class LodpackMesh extends Object3D {
     const file = await open(from, options);
     try {
       const mesh = await LodpackMesh.of(file, options);
-      mesh.#ownsFile = true;
+      mesh.#owners = { count: 1 };
       return mesh;
     } catch (error) {
       file.close();
@@ -44,11 +48,8 @@ export class LodpackMesh extends Object3D {
 
   static async of(file, options = {}) {
     // Colours of roots and those of the file exclude each other.
-    const { channel = options.colorOf ? 'none' : 'auto', range } = options;
-    const light = takesLight(options);
-    // A material without light needs colours alone.
-    const beside = takesLight(options) ? { normals: true, materials: true } : {};
-    const mesh = new LodpackMesh(file, await file.stream({ channel, range, light, ...beside, ...options.stream }), options);
+    const { channel = options.colorOf ? 'none' : 'auto' } = options;
+    const mesh = new LodpackMesh(file, await file.stream(streamOptions({ ...options, channel })), options);
     let ground;
     try {
       ground = options.ground === false ? null : await file.ground();
@@ -65,6 +66,7 @@ export class LodpackMesh extends Object3D {
   constructor(file, stream, options = {}) {
     const { material, pixelTolerance = 1, colorOf, lit = true } = options;
     super();
+    this.#options = options;
     this.type = 'LodpackMesh';
     this.isLodpackMesh = true;
     Object.assign(this, { file, pixelTolerance });
@@ -75,9 +77,9 @@ export class LodpackMesh extends Object3D {
       : new MeshBasicMaterial({ vertexColors: Boolean(colorOf) }));
     this.#ownsMaterial = !material;
     // Texels have a coverage where the file says how it is drawn.
-    this.#isCovered = this.#ownsMaterial && file.channels.some(({ kind }) => kind === 'drawing');
-    if (this.#isCovered) Object.assign(this.material, { side: DoubleSide, onBeforeCompile: cover });
-    this.#beside = takesLight(options) ? { normals: true, materials: true } : {};
+    this.#isCovered = options.isCovered ?? (this.#ownsMaterial && file.channels.some(({ kind }) => kind === 'drawing'));
+    if (this.#isCovered && this.#ownsMaterial) Object.assign(this.material, { side: DoubleSide, onBeforeCompile: cover });
+    this.#beside = besideOf(options);
     this.frame = this.ground = null;
     this.onchange = undefined;
     this.onproblem = (problem) => console.warn('lodpack:', problem);
@@ -99,13 +101,33 @@ export class LodpackMesh extends Object3D {
   /** Takes the ground, whose coordinates are others, as a part. */
   #stand(ground) {
     const matrix = new Matrix4().set(...ground.file.frame.meshFromGround, 0, 0, 0, 1);
-    ground.applyMatrix4(matrix);
-    ground.#ownsFile = true;
+    matrix.decompose(ground.position, ground.quaternion, ground.scale);
+    ground.#owners ??= { count: 1 };
     ground.onchange = () => this.onchange?.();
     ground.onproblem = (problem) => this.onproblem?.(problem);
     this.boundingBox.union(ground.boundingBox.clone().applyMatrix4(matrix)).getBoundingSphere(this.boundingSphere);
     this.ground = ground;
     this.add(ground);
+  }
+
+  clone(recursive) {
+    const { file, material, range, ground, onchange, onproblem } = this;
+    const options = { ...this.#options, material, isCovered: this.#isCovered, channel: this.channel?.name ?? 'none', range };
+    const stream = file.streamLater(streamOptions(options));
+    const copy = Object.assign(new LodpackMesh(file, stream, options), { onchange, onproblem });
+    stream.ready.catch((error) => { if (!copy.#isDisposed) copy.onproblem?.(error); });
+    copy.#owners = this.#owners;
+    if (copy.#owners) copy.#owners.count += 1;
+    if (ground) copy.#stand(ground.clone());
+    return copy.copy(this, recursive);
+  }
+
+  copy(source, recursive = true) {
+    super.copy(source, false);
+    this.pixelTolerance = source.pixelTolerance;
+    const own = [...source.#meshes.values(), source.ground];
+    if (recursive) source.children.forEach((child) => own.includes(child) || this.add(child.clone()));
+    return this;
   }
 
   get channel() {
@@ -138,7 +160,6 @@ export class LodpackMesh extends Object3D {
     return this.#pool.triangleCount - 1 + (this.ground?.triangleCount ?? 0);
   }
 
-  /** Asks for what a camera needs. Drawing calls it; programs need to only for a camera that does not draw yet. */
   update(camera, renderer) {
     if (this.ground) {
       this.ground.pixelTolerance = this.pixelTolerance;
@@ -196,7 +217,6 @@ export class LodpackMesh extends Object3D {
     return { view };
   }
 
-  /** Hands what has changed to three.js. */
   #upload() {
     for (const slab of this.#pool.slabs) {
       const { geometry } = this.#meshes.get(slab) ?? this.#add(slab);
@@ -231,7 +251,6 @@ export class LodpackMesh extends Object3D {
     const origin = new Vector3(...this.#stream.origin);
     geometry.boundingSphere = new Sphere(this.boundingSphere.center.clone().sub(origin), this.boundingSphere.radius);
     geometry.boundingBox = this.boundingBox.clone().translate(origin.negate());
-    // It is all in new buffers.
     slab.dirtyVertices.length = 0;
     slab.dirtyIndices.length = 0;
     const mesh = new Mesh(geometry, this.#textures.get(slab)?.materialLike(this.material) ?? this.material);
@@ -277,7 +296,7 @@ export class LodpackMesh extends Object3D {
     this.#stream.close();
     for (const slab of [...this.#meshes.keys()]) this.#remove(slab);
     if (this.#ownsMaterial) this.material.dispose();
-    if (this.#ownsFile) this.file.close();
+    if (this.#owners && (this.#owners.count -= 1) === 0) this.file.close();
     this.removeFromParent();
   }
 }

@@ -4,6 +4,10 @@ import { LodpackError } from './errors.js';
 
 let shared;
 
+export const isNode = Boolean(globalThis.process?.versions?.node) && !globalThis.document;
+/** A module of Node. Bundlers for browsers would look for a name that is written where it is imported. */
+export const nodeModule = (name) => import(/* @vite-ignore */ name);
+
 /**
  * The compiled module. `wasm` may be its address, its bytes, or a module; without it the file beside this one is used.
  */
@@ -20,8 +24,7 @@ export function loadModule(wasm) {
 
 async function compile(url) {
   if (url.protocol === 'file:') {
-    const node = 'node:fs/promises'; // In a variable, because bundlers for browsers would look for it.
-    const { readFile } = await import(/* @vite-ignore */ node);
+    const { readFile } = await nodeModule('node:fs/promises');
     return WebAssembly.compile(await readFile(url));
   }
   let response;

@@ -1,7 +1,7 @@
 // The worker: one reader behind messages. remote.js is the other end.
 
 import { Core } from './core.js';
-import { aborted, packError, unpackError } from './errors.js';
+import { aborted, packError, pending, unpackError } from './errors.js';
 import { transferOf } from './frame.js';
 
 let core;
@@ -14,20 +14,13 @@ const host = {
   read(offset, length, signal) {
     if (signal?.aborted) return Promise.reject(aborted(signal));
     const read = (readCount += 1);
-    return new Promise((resolve, reject) => {
-      const abort = () => {
-        reads.delete(read);
-        postMessage({ abortRead: read });
-        reject(aborted(signal));
-      };
-      signal?.addEventListener('abort', abort, { once: true });
-      const end = (settle) => (value) => {
-        signal?.removeEventListener('abort', abort);
-        settle(value);
-      };
-      reads.set(read, { resolve: end(resolve), reject: end(reject) });
-      postMessage({ read, offset, length });
+    const answer = pending(signal, () => {
+      postMessage({ abortRead: read });
+      reads.delete(read);
     });
+    reads.set(read, answer);
+    postMessage({ read, offset, length });
+    return answer.promise;
   },
   notify: (stream) => postMessage({ progress: stream }),
 };

@@ -1,9 +1,11 @@
 // Sources, servers that fail, and the cache.
 
 import assert from 'node:assert/strict';
-import { readFileSync } from 'node:fs';
-import { join } from 'node:path';
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join, relative } from 'node:path';
 import { describe, test } from 'node:test';
+import { pathToFileURL } from 'node:url';
 import { EtagMismatch, FetchSource, FileSource, SharedPromiseCache, SourceError, open } from '../js/index.js';
 import { serve } from './server.js';
 
@@ -115,6 +117,105 @@ test('failures that may pass are tried again, and others are not', async () => {
   });
   await refuses({ fault: () => 'hang' }, /did not answer in time/, { attempts: 2, timeout: 100 });
   await refuses({ fault: () => 'cut' }, /cannot be reached, closed the connection/, { attempts: 2 });
+});
+
+/** Larger than any part that counts as progress. */
+const big = Uint8Array.from({ length: 100_000 }, (_, k) => (k * k) >> 3);
+const bigAt = (offset, length) => big.buffer.slice(offset, offset + length);
+const withBig = async (options, action) => {
+  const server = await serve({ '/t.lodpack': big }, options);
+  try {
+    return await action(server);
+  } finally {
+    await server.close();
+  }
+};
+
+test('a slow answer is awaited as long as something arrives', async () => {
+  // It takes twice as long as the limit.
+  await withBig({ fault: () => 'drip' }, async ({ url, log }) => {
+    const source = new FetchSource(`${url}/t.lodpack`, quick);
+    const { data } = await source.getBytes(1000, 64_000);
+    assert.deepEqual(new Uint8Array(data), new Uint8Array(bigAt(1000, 64_000)));
+    assert.equal(log.length, 1);
+  });
+});
+
+test('what has arrived is kept when a connection breaks', async () => {
+  await withBig({ fault: () => 'half' }, async ({ url, log }) => {
+    const source = new FetchSource(`${url}/t.lodpack`, { ...quick, attempts: 2 });
+    const length = 1 << 16;
+    await assert.rejects(source.getBytes(1000, length), SourceError);
+    // Half of the rest each, until an attempt brought too little to count.
+    let [from, rest] = [1000, length];
+    for (const { range } of log) {
+      assert.equal(range, `bytes=${from}-${999 + length}`);
+      [from, rest] = [from + (rest >> 1), rest - (rest >> 1)];
+    }
+    assert.equal(log.length, 3);
+  });
+  await withBig({ fault: ({ count }) => (count % 2 === 0 ? 'half' : undefined) }, async ({ url }) => {
+    const source = new FetchSource(`${url}/t.lodpack`, { ...quick, attempts: 2 });
+    assert.deepEqual(new Uint8Array((await source.getBytes(77, 50_001)).data), new Uint8Array(bigAt(77, 50_001)));
+  });
+  // Not if the file is another one by then.
+  const server = await serve({ '/t.lodpack': big }, { fault: ({ count }) => (count < 2 ? 'half' : undefined) });
+  const source = new FetchSource(`${server.url}/t.lodpack`, { ...quick, pause: 300 });
+  const read = source.getBytes(0, 50_000);
+  while (server.log.length === 0) await new Promise((resolve) => setTimeout(resolve, 5));
+  server.change();
+  assert.deepEqual(new Uint8Array((await read).data), new Uint8Array(bigAt(0, 50_000)));
+  assert.equal(server.log.at(-1).range, 'bytes=0-49999', 'all of the new file');
+  await assert.rejects(source.getBytes(50_000, 100, undefined, '"one"'), EtagMismatch);
+  await server.close();
+});
+
+test('closing a file ends what runs', async () => {
+  for (const wrong of ['hang', 503]) {
+    await withServer({ fault: ({ count }) => (count > 0 ? wrong : undefined) }, async ({ url, log }) => {
+      const file = await open(new FetchSource(`${url}/t.lodpack`, { timeout: 1e9, pause: 1e8 }), { cache: new SharedPromiseCache() });
+      const answer = file.select({}).then((cut) => file.extract(cut));
+      while (log.length < 2) await new Promise((resolve) => setTimeout(resolve, 5));
+      file.close();
+      await assert.rejects(answer, { kind: 'closed' });
+    });
+  }
+});
+
+test('other hosts are read only if that is asked for', async () => {
+  const fault = ({ path }) => (path === '/t.lodpack' ? 'redirect' : undefined);
+  const server = await serve({ '/': scan, '/moved.lodpack': scan }, { fault });
+  await assert.rejects(readAll(server.url), /redirects to another host; open http:\/\/localhost:\d+\/moved.lodpack/);
+  assert.equal((await readAll(server.url, { otherHosts: true })).triangles, everything);
+  await server.close();
+});
+
+test('a path is a file in Node', async () => {
+  const path = join(folder, 'valid-scan.lodpack');
+  for (const from of [path, relative('.', path), pathToFileURL(path), pathToFileURL(path).href]) {
+    const file = await open(from, { cache: new SharedPromiseCache() });
+    assert.equal((await file.extract(await file.select({}))).triangles.length / 3, everything);
+    file.close();
+  }
+  await assert.rejects(open(join(folder, 'nowhere.lodpack')), (error) => error instanceof SourceError && /nowhere\.lodpack.*no such file/.test(error.message));
+  await assert.rejects(open(folder), SourceError);
+  const own = mkdtempSync(join(tmpdir(), 'lodpack-path-'));
+  const copy = join(own, 'copy.lodpack');
+  writeFileSync(copy, scan);
+  const file = await open(copy, { cache: new SharedPromiseCache() });
+  writeFileSync(copy, scan.subarray(0, scan.length - 1));
+  await assert.rejects(async () => file.extract(await file.select({})), EtagMismatch);
+  file.close();
+  rmSync(own, { recursive: true });
+});
+
+test('a file without a tag that changes is known by its date', async () => {
+  await withServer({ hasTags: false }, async (server) => {
+    const file = await open(new FetchSource(`${server.url}/t.lodpack`, quick), { cache: new SharedPromiseCache() });
+    server.change();
+    await assert.rejects(async () => file.extract(await file.select({})), EtagMismatch);
+    file.close();
+  });
 });
 
 test('a file that changes is not mixed with the old one', async () => {

@@ -71,6 +71,45 @@ describe('LodpackMesh', { skip }, () => {
     });
   });
 
+  test('a clone streams by itself, with its own children and place', async () => {
+    await visit(`/lodpack/examples/three.html?url=${SCAN}`, {}, async (page) => {
+      await page.waitForFunction(() => globalThis.mesh?.frame?.isComplete);
+      const result = await page.evaluate(async () => {
+        const { mesh, camera, scene, renderer } = globalThis;
+        const { Group, Object3D } = await import('three');
+        const label = new Object3D();
+        label.name = 'label';
+        mesh.add(label);
+        Object.assign(mesh, { name: 'scan', pixelTolerance: 2, onchange: () => {} });
+        const group = new Group();
+        group.add(mesh);
+        const copy = group.clone().children[0];
+        const [labels, count] = [copy.children.filter(({ name }) => name === 'label').length, copy.children.length];
+        const bare = mesh.clone(false);
+        const bareLabels = bare.children.filter(({ name }) => name === 'label').length;
+        bare.dispose();
+        const same = copy.isLodpackMesh && copy.name === 'scan' && copy.pixelTolerance === 2 && copy.material === mesh.material && copy.onchange === mesh.onchange;
+        copy.pixelTolerance = 0.25;
+        const before = mesh.triangleCount;
+        mesh.dispose();
+        scene.add(copy);
+        for (let k = 0; k < 400 && !(copy.frame?.isComplete && k > 5); k += 1) {
+          renderer.render(scene, camera);
+          await new Promise((resolve) => setTimeout(resolve, 20));
+        }
+        const drawn = copy.triangleCount;
+        copy.dispose();
+        renderer.render(scene, camera);
+        let isClosed = false;
+        await copy.file.select({}).catch(({ kind }) => { isClosed = kind === 'closed'; });
+        return { labels, count, bareLabels, same, before, drawn, isClosed, geometries: renderer.info.memory.geometries };
+      });
+      assert.deepEqual([result.labels, result.count, result.bareLabels], [1, 2, 0]);
+      assert.ok(result.same && result.isClosed && result.drawn > 0 && result.drawn >= result.before, JSON.stringify(result));
+      assert.equal(result.geometries, 0);
+    });
+  });
+
   test('streams heights', async () => {
     await visit(`/lodpack/examples/three.html?url=${TERRAIN}`, {}, async (page) => {
       await page.waitForFunction(() => globalThis.mesh?.frame?.isComplete);

@@ -10,7 +10,7 @@ Lengths are in the units of the file's coordinates. Opening reads 8 kB; what is 
 """
 
 from ._build import build
-from ._errors import BuildError, Error, FormatError, LimitError, QueryError, SourceError, UnsupportedError
+from ._errors import ArgumentError, BuildError, Error, FormatError, LimitError, QueryError, SourceError, UnsupportedError
 from ._file import Cut, File, open
 from ._ground import Ground
 from ._heights import HeightsFile, Window
@@ -19,6 +19,7 @@ from ._lodpack import VERSION as __version__
 from ._mesh import Mesh, TexturedMesh
 
 __all__ = [
+    "ArgumentError",
     "BuildError",
     "Channel",
     "Cut",

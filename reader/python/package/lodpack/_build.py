@@ -12,7 +12,8 @@ from typing import Any, Callable, Sequence, cast
 
 from . import _lodpack
 from ._carried import CarriedMesh, checked_mesh, of_pyvista, of_trimesh
-from ._errors import BuildError, Error
+from ._checked import number, text as checked_text, threads as checked_threads, whole
+from ._errors import ArgumentError, BuildError, Error, OutputError, OutputExists, OutputIsDirectory, QueryError
 
 Paths = str | os.PathLike[str]
 Progress = Callable[[str, int, int], object]
@@ -51,20 +52,33 @@ def build(
 
     Other threads go on meanwhile. Ctrl-C, or an exception of `progress`, stops the build, and nothing of it is left.
 
-    Raises `BuildError` for what cannot be built, `QueryError` for options that make no sense, FileExistsError.
+    Raises `BuildError` for what cannot be built, which is a FileExistsError, too, where the output exists, and
+    `QueryError` for options that make no sense.
     """
     if not hasattr(_lodpack, "build"):
         raise Error("this wheel was made without the feature build; make one with it, or run the program `lodpack build`")
+    # Before a large mesh is looked at.
+    if not isinstance(tolerance, str):
+        tolerance = number(tolerance, "tolerance")
+    effort, levels, threads = checked_text(effort, "effort"), checked_text(levels, "levels"), checked_threads(threads)
+    unit = None if unit is None else checked_text(unit, "unit")
+    if memory is not None and not 0 < (memory := whole(memory, "memory")) < 2**64:
+        raise QueryError(f"memory is a number of bytes, and not {memory}")
+    if progress is not None and not callable(progress):
+        raise ArgumentError(f"progress has to be a function, and is {progress!r:.80}")
     mesh, inputs = _mesh_or_paths(source)
-    target = Path(output) if output is not None else _beside(inputs)
+    target = _path(output) if output is not None else _beside(inputs)
     if target.is_dir():
-        raise IsADirectoryError(f"{target} is a directory; name a file")
+        raise OutputIsDirectory(f"{target} is a directory; name a file")
     if target.exists() and not force:
-        raise FileExistsError(f"{target} exists; pass force=True to overwrite it, or name another file")
+        raise OutputExists(f"{target} exists; pass force=True to overwrite it, or name another file")
     if any(target.exists() and path.exists() and path.samefile(target) for path in inputs):
         raise BuildError(f"{target} is an input and cannot be the output, too")
     # In the same folder, so that it can be renamed.
-    room = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+    try:
+        room = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+    except OSError as error:
+        raise OutputError(error.errno, f"cannot write there: {error.strerror}", str(target)) from None
     try:
         request = _lodpack.BuildRequest()
         request.inputs, request.output, request.work = inputs, room / target.name, room / "work"
@@ -77,16 +91,43 @@ def build(
         if mesh is not None:
             notes = mesh.notes + [note.replace(str(room / "mesh.ply"), "the mesh in memory") for note in notes]
         # Not through tempfile, whose files nobody else may read.
-        os.replace(room / target.name, target)
+        _name(room / target.name, target, force)
     finally:
         with contextlib.suppress(OSError):
             shutil.rmtree(room)
     return {**cast("dict[str, Any]", json.loads(text)), "output": target, "notes": notes}
 
 
+def _name(built: Path, target: Path, force: bool) -> None:
+    """Gives the file its name: over another one, which may have appeared meanwhile, only with `force`."""
+    try:
+        if force:
+            os.replace(built, target)
+            return
+        try:
+            os.link(built, target)  # Unlike renaming, it never replaces.
+        except FileExistsError:
+            raise OutputExists(f"{target} appeared during the build; pass force=True to overwrite it") from None
+        except OSError:  # Not every file system has links.
+            if target.exists():
+                raise OutputExists(f"{target} appeared during the build; pass force=True to overwrite it") from None
+            os.rename(built, target)
+    except OSError as error:
+        if isinstance(error, Error):
+            raise
+        raise OutputError(error.errno, f"cannot write there: {error.strerror}", str(target)) from None
+
+
+def _path(value: Any) -> Path:
+    try:
+        return Path(value)
+    except TypeError:
+        raise ArgumentError(f"a path has to be a text or a path, and is {value!r:.80}") from None
+
+
 def _beside(inputs: list[Path]) -> Path:
     if not inputs:
-        raise TypeError("a mesh in memory has no name: give an output")
+        raise ArgumentError("a mesh in memory has no name: give an output")
     return inputs[0].with_suffix(".lodpack")
 
 
@@ -98,11 +139,14 @@ def _mesh_or_paths(source: Any) -> tuple[CarriedMesh | None, list[Path]]:
         return of_trimesh(source), []
     if hasattr(source, "points") and hasattr(source, "triangulate"):
         return of_pyvista(source), []
-    parts = list(source)
+    try:
+        parts = list(source)
+    except TypeError:
+        raise ArgumentError(f"give a mesh file, several, or a mesh, and not {source!r:.80}") from None
     if parts and all(isinstance(part, (str, os.PathLike)) for part in parts):
         return None, [Path(part) for part in parts]
     if len(parts) == 2 and hasattr(parts[0], "points") and hasattr(parts[1], "to_array"):
         return of_pyvista(*parts), []
     if len(parts) == 2:
         return checked_mesh(*parts), []
-    raise TypeError("give a mesh file, several, (positions, triangles), or a mesh of trimesh or PyVista")
+    raise ArgumentError("give a mesh file, several, (positions, triangles), or a mesh of trimesh or PyVista")

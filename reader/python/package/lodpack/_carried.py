@@ -82,7 +82,10 @@ def checked_mesh(positions: Any, triangles: Any) -> CarriedMesh:
     """The mesh of two arrays."""
     import numpy as np
 
-    points, corners = np.asarray(positions, dtype=np.float64), np.asarray(triangles)
+    try:
+        points, corners = np.asarray(positions, dtype=np.float64), np.asarray(triangles)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise BuildError(f"positions and triangles are arrays of three columns of numbers: {error}") from None
     if points.ndim != 2 or points.shape[1] != 3 or corners.ndim != 2 or corners.shape[1] != 3:
         raise BuildError(f"positions and triangles have three columns, not the shapes {points.shape} and {corners.shape}")
     if not np.issubdtype(corners.dtype, np.integer):

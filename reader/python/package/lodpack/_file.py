@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
-import operator
 import os
-from typing import TYPE_CHECKING, Any, BinaryIO, Mapping, Sequence, overload
+from typing import TYPE_CHECKING, Any, BinaryIO, Iterable, Mapping, Sequence, cast, overload
 
 from . import _lodpack
-from ._errors import QueryError
+from ._checked import budget, corners, number
+from ._errors import ArgumentError, QueryError
 from ._info import Channel, Info
+from ._kept import KeptCut
 from ._mesh import Mesh, as_array, error_text
 from ._opened import OpenFile
 from ._source import open_native
@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from ._ground import Ground
 
     Bounds = Sequence[Sequence[float]] | NDArray[np.floating[Any]]
-
-# The reader counts in 64 bits.
-_MOST = 2**64 - 1
 
 
 def open(
@@ -43,10 +40,8 @@ def open(
     Names:
     ``root_count``, ``root_vertex_count``, ``cluster_record_count``, ``part_bytes``, ``texel_count``.
 
-    Raises FileNotFoundError and its like for paths, and `lodpack.Error` by culprit.
+    Raises `lodpack.Error` by culprit; what the system says of a path is a FileNotFoundError or its like, too.
     """
-    if not 0 < timeout < math.inf:
-        raise QueryError("a timeout must be a positive number of seconds")
     native = open_native(source, timeout, limits)
     if isinstance(native, _lodpack.HeightsReader):
         from ._heights import HeightsFile  # It needs this module.
@@ -62,33 +57,37 @@ class Cut:
     """
 
     def __init__(self, native: _lodpack.Cut, file: File) -> None:
-        self._native, self._file = native, file
+        self._native: Any = native
+        self._file: File | None = file
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"_native": self._native if isinstance(self._native, KeptCut) else KeptCut(self._native), "_file": None}
 
     @property
     def error(self) -> float:
         """Bound of the two-sided distance to the input, of what is inside the box; of everything without a box."""
-        return self._native.error
+        return cast("float", self._native.error)
 
     @property
     def error_everywhere(self) -> float:
         """The same of everything that is drawn."""
-        return self._native.error_everywhere
+        return cast("float", self._native.error_everywhere)
 
     @property
     def limited_by(self) -> str:
         """Why it is not finer: ``tolerance`` (it is as fine as was asked for), ``finest`` (the file has nothing finer),
         or the budget of ``triangles``, ``nodes`` or ``bytes`` (of pages)."""
-        return self._native.limited_by
+        return cast("str", self._native.limited_by)
 
     @property
     def triangle_count(self) -> int:
         """Exact number of triangles of the mesh."""
-        return self._native.triangle_count
+        return cast("int", self._native.triangle_count)
 
     @property
     def node_count(self) -> int:
         """Number of nodes: roots at a level each."""
-        return self._native.node_count
+        return cast("int", self._native.node_count)
 
     def nodes(self) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.float64]]:
         """Root, level and certified error of each node. `Mesh.triangle_nodes` has their positions in these arrays."""
@@ -145,12 +144,12 @@ class File(OpenFile[_lodpack.Reader]):
         Raises `QueryError` for what is not a number, and where even the coarsest cut exceeds a budget.
         """
         native = self._native.select(
-            tolerance=None if tolerance is None else float(tolerance),
-            bbox=None if bbox is None else _corners(bbox),
-            context=context,
-            max_triangles=_budget(max_triangles, "max_triangles"),
-            max_nodes=_budget(max_nodes, "max_nodes"),
-            max_bytes=_budget(max_bytes, "max_bytes"),
+            tolerance=None if tolerance is None else number(tolerance, "tolerance"),
+            bbox=None if bbox is None else box_corners(bbox),
+            context=bool(context),
+            max_triangles=budget(max_triangles, "max_triangles"),
+            max_nodes=budget(max_nodes, "max_nodes"),
+            max_bytes=budget(max_bytes, "max_bytes"),
         )
         return Cut(native, self)
 
@@ -180,9 +179,11 @@ class File(OpenFile[_lodpack.Reader]):
         if cut is None:
             cut = self.select(**query)
         elif query:
-            raise TypeError("give a cut or a query, not both")
+            raise ArgumentError("give a cut or a query, not both")
         elif not isinstance(cut, Cut):
-            raise TypeError(f"a cut comes from File.select; this is a {type(cut).__name__}; name queries: extract(tolerance=...)")
+            raise ArgumentError(f"a cut comes from File.select; this is a {type(cut).__name__}; name queries: extract(tolerance=...)")
+        elif isinstance(cut._native, KeptCut):
+            raise QueryError("this cut was pickled without its file; select it again")
         numbers = [] if channels is None else self._channel_numbers(channels)
         known = self.channels if numbers else []
         textured = self._native.extract_textured(cut._native, numbers) if numbers else None
@@ -212,6 +213,8 @@ class File(OpenFile[_lodpack.Reader]):
         if isinstance(wanted, str):
             raise QueryError(f'channels is "auto", "all", "none" or a list of names: give [{wanted!r}]')
         names = [channel["name"] for channel in known]
+        if not isinstance(wanted, Iterable):
+            raise ArgumentError(f'channels is "auto", "all", "none" or a list of names, and not {wanted!r:.80}')
         for name in wanted:
             if name not in names:
                 raise QueryError(f"the file has no channel {name!r}; it has {', '.join(names) or 'none'}")
@@ -238,24 +241,6 @@ class File(OpenFile[_lodpack.Reader]):
         return f"<lodpack.File {self._name!r}: {len(info['levels'])} levels of {info['source_triangles']:,} triangles>"
 
 
-def _corners(bbox: Any) -> list[list[float]]:
-    """The two corners of a box, as lists."""
-    try:
-        corners = [[float(value) for value in corner] for corner in bbox]
-    except TypeError:
-        corners = []
-    if [len(corner) for corner in corners] != [3, 3]:
-        # Six numbers in a row mean one thing to VTK and another to everybody else.
-        raise QueryError("give bbox as two corners: ((x0, y0, z0), (x1, y1, z1))")
-    if any(math.isnan(value) for corner in corners for value in corner):
-        raise QueryError(f"a coordinate of bbox is not a number: {corners}")
-    return corners
-
-
-def _budget(count: int | None, name: str) -> int | None:
-    if count is None:
-        return None
-    number = operator.index(count)
-    if number < 0:
-        raise QueryError(f"the budget {name} must be zero or more, and is {number}")
-    return min(number, _MOST)
+def box_corners(bbox: Any) -> list[list[float]]:
+    """The two corners of a box in space, as lists."""
+    return corners(bbox, 3, "two corners: ((x0, y0, z0), (x1, y1, z1))")

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from . import _lodpack
+from ._checked import number
 from ._errors import QueryError
-from ._file import _corners
+from ._file import box_corners
 from ._heights import HeightsFile
 from ._mesh import Mesh, as_array
 
@@ -43,11 +44,11 @@ class Ground:
         """As `HeightsFile.extract`, in the space of the mesh: `tolerance` and the error are in its units, and `bbox`
         are two corners of three coordinates as `File.extract` takes them. What is above or below the box belongs to
         it."""
-        corners = None if bbox is None else _corners(bbox)
+        corners = None if bbox is None else box_corners(bbox)
         if corners is not None and any(low > high for low, high in zip(*corners)):
             raise QueryError("the smallest corner of a volume has to come first")
         mesh = self.heights._mesh(
-            None if tolerance is None else float(tolerance) / self.scale,
+            None if tolerance is None else number(tolerance, "tolerance") / self.scale,
             max_triangles,
             None if corners is None else self._frame.map_box(corners),
         )

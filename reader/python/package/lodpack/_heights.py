@@ -7,8 +7,8 @@ import operator
 from typing import TYPE_CHECKING, Any, NamedTuple, Sequence
 
 from . import _lodpack
+from ._checked import budget, corners as corners_of, number
 from ._errors import QueryError
-from ._file import _budget
 from ._info import HeightsInfo
 from ._mesh import Mesh, as_array
 from ._opened import OpenFile
@@ -66,9 +66,9 @@ class HeightsFile(OpenFile[_lodpack.HeightsReader]):
 
     def _mesh(self, tolerance: float | None, max_triangles: int | None, bbox: list[list[float]] | None) -> Mesh:
         error, limited_by, (positions, corners, tiles, normals, colours) = self._native.extract(
-            tolerance=None if tolerance is None else float(tolerance),
+            tolerance=None if tolerance is None else number(tolerance, "tolerance"),
             bbox=bbox,
-            max_triangles=_budget(max_triangles, "max_triangles"),
+            max_triangles=budget(max_triangles, "max_triangles"),
         )
         return Mesh(
             positions,
@@ -118,16 +118,8 @@ class HeightsFile(OpenFile[_lodpack.HeightsReader]):
 
 
 def _corners(bbox: Any) -> list[list[float]]:
-    """The two corners of a box, as lists."""
-    try:
-        corners = [[float(value) for value in corner] for corner in bbox]
-    except TypeError:
-        corners = []
-    if [len(corner) for corner in corners] != [2, 2]:
-        raise QueryError("give bbox as two corners of a map: ((x0, y0), (x1, y1))")
-    if any(math.isnan(value) for corner in corners for value in corner):
-        raise QueryError(f"a coordinate of bbox is not a number: {corners}")
-    return corners
+    """The two corners of a box on the map, as lists."""
+    return corners_of(bbox, 2, "two corners of a map: ((x0, y0), (x1, y1))")
 
 
 def _within(info: HeightsInfo, corners: list[list[float]]) -> tuple[tuple[int, int], tuple[int, int]]:

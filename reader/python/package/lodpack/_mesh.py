@@ -6,6 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
 from ._errors import QueryError
+from ._kept import KeptTextured
 
 if TYPE_CHECKING:
     import numpy as np
@@ -48,7 +49,7 @@ class Mesh:
         triangle_nodes: Any = None,
         cut: Cut | None = None,
         channels: list[Channel] | None = None,
-        textured: _lodpack.Textured | None = None,
+        textured: _lodpack.Textured | KeptTextured | None = None,
         normals: Any = None,
         vertex_colours: Any = None,
     ) -> None:
@@ -58,6 +59,14 @@ class Mesh:
         self.channels, self._textured = channels or [], textured
         self.normals = None if normals is None else as_array(normals)
         self._colours = None if vertex_colours is None else as_array(vertex_colours)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the file: copies and pickled meshes have all numbers of this one."""
+        state = dict(self.__dict__)
+        state["_triangle_nodes"] = self.triangle_nodes
+        if self._textured is not None:
+            state["_textured"] = KeptTextured(self._textured, self.channels)
+        return state
 
     @property
     def triangle_nodes(self) -> NDArray[np.uint32] | None:

@@ -6,6 +6,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from . import _lodpack
+from ._errors import QueryError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,7 +26,7 @@ class OpenFile(Generic[Native]):
     @property
     def _native(self) -> Native:
         if self._open is None:
-            raise ValueError(f"{self._name} is closed")
+            raise QueryError(f"{self._name} is closed")
         return self._open
 
     @property

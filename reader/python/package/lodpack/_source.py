@@ -15,7 +15,8 @@ from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
 from . import _lodpack
-from ._errors import SourceError
+from ._checked import limits as checked_limits, seconds
+from ._errors import ArgumentError, Error, SourceError, of_system
 
 Ranges = Sequence[tuple[int, int]]
 
@@ -67,10 +68,21 @@ class FsspecRanges:
 
 def open_native(source: Any, timeout: float, limits: Mapping[str, int] | None) -> _lodpack.Reader | _lodpack.HeightsReader:
     """Opens whatever `source` is."""
-    checked = None if limits is None else dict(limits)
+    timeout, checked = seconds(timeout, "timeout"), checked_limits(limits)
+    try:
+        return _open(source, timeout, checked)
+    except OSError as error:
+        if isinstance(error, Error):
+            raise
+        raise of_system(error) from error.__cause__
+
+
+def _open(source: Any, timeout: float, checked: dict[str, int] | None) -> _lodpack.Reader | _lodpack.HeightsReader:
     if isinstance(source, (bytes, bytearray, memoryview)):
         return _lodpack.open_bytes(bytes(source), f"<{len(source)} bytes>", checked)
     if isinstance(source, (str, os.PathLike)) and isinstance(path := os.fspath(source), str):
+        if "\0" in path:
+            raise ArgumentError(f"a path has no zeros in it: {path!r:.80}")
         scheme = urlsplit(path).scheme.lower() if "://" in path else ""
         if scheme in ("http", "https"):
             return _lodpack.open_url(path, timedelta(seconds=timeout), checked)
@@ -80,7 +92,7 @@ def open_native(source: Any, timeout: float, limits: Mapping[str, int] | None) -
             return _open_with_fsspec(path, checked)
         return _lodpack.open_path(path, checked)
     if isinstance(source, io.TextIOBase):
-        raise TypeError("the file is open in text mode; open it with mode 'rb'")
+        raise ArgumentError("the file is open in text mode; open it with mode 'rb'")
     # What `fsspec.open` returns: a file that is yet to be opened.
     file_system, path = getattr(source, "fs", None), getattr(source, "path", None)
     if hasattr(file_system, "cat_ranges") and isinstance(path, str):
@@ -91,7 +103,7 @@ def open_native(source: Any, timeout: float, limits: Mapping[str, int] | None) -
         name = getattr(source, "name", None)
         name = name if isinstance(name, str) else f"<{type(source).__name__}>"
         return _lodpack.open_object(FileRanges(source), name, checked)
-    raise TypeError(f"cannot open {type(source).__name__}; give a path, an address, bytes, or a binary file that can seek")
+    raise ArgumentError(f"cannot open {type(source).__name__}; give a path, an address, bytes, or a binary file that can seek")
 
 
 def _open_with_fsspec(address: str, limits: dict[str, int] | None) -> _lodpack.Reader | _lodpack.HeightsReader:
