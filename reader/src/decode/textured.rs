@@ -230,8 +230,15 @@ fn extract(
     let mut decode_texture = |node: Node, patch: &Patch, positions: Vec<LatticePoint>| {
         let bytes = texels.next().ok_or_else(|| Error::format("a node has no texels"))?;
         let texture = Texture::decode(bytes, &known, &positions, patch, index.limits().texel_count);
-        textures
-            .push(texture.map_err(|error| error.at(|| format!("texels of root {}, level {}", node.root, node.level)))?);
+        let mut texture =
+            texture.map_err(|error| error.at(|| format!("texels of root {}, level {}", node.root, node.level)))?;
+        if let (Some(map), true) = (&texture.map, scale.halvings() > 0) {
+            let covered = Covered::new(map, &positions, &patch.triangles, true);
+            for image in texture.images.iter_mut().flatten() {
+                covered.fill_image(image);
+            }
+        }
+        textures.push(texture);
         Ok(())
     };
     let (mesh, origins) = joined(index, cut, border_level, fetched, Some(&mut decode_texture))?;
