@@ -209,7 +209,7 @@ impl Args {
     pub(crate) fn whole_model(&self, Extent { bounds, up, near_share }: Extent) -> View {
         let up = self.up.as_deref().unwrap_or(up);
         let up = ["x", "y", "z"].map(|axis| f64::from(u8::from(up == axis)));
-        let view = whole(bounds, up);
+        let view = whole(bounds, up, f64::from(self.size[0]) / f64::from(self.size[1].max(1)));
         self.view(View { near: view.near * near_share, ..view })
     }
 

@@ -95,10 +95,12 @@ fn toward(bounds: Bounds, up: [f64; 3], [azimuth, elevation]: [f64; 2], part: f6
     view
 }
 
-/// Looks at a whole model. Few models fill the ball around their box, so it looks from closer than that ball would
-/// need.
-pub fn whole(bounds: Bounds, up: [f64; 3]) -> View {
-    toward(bounds, up, [0.5, 0.25], 0.8)
+/// Looks at a whole model, in a picture that is `aspect` times as wide as high. Few models fill the ball around their
+/// box, so it looks from closer than that ball would need.
+pub fn whole(bounds: Bounds, up: [f64; 3], aspect: f64) -> View {
+    let half = View::around(bounds, up, 0.0, 0.0).vertical_fov / 2.0;
+    let narrower = (half.tan() * aspect.clamp(1e-3, 1.0)).atan();
+    toward(bounds, up, [0.5, 0.25], 0.8 * half.sin() / narrower.sin())
 }
 
 /// The built-in path: circles the model, approaches, looks aside and moves away again.
@@ -153,4 +155,22 @@ pub fn path_from_json(json: &str, default: &View) -> Result<Vec<View>> {
         bail!("the path has no frames");
     }
     cameras.iter().map(|camera| parse(camera, default)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn narrow_pictures_show_the_whole_model() {
+        let bounds = [[-1.0; 3], [1.0; 3]];
+        let [wide, high] = [2.0, 0.5].map(|aspect| whole(bounds, [0.0, 1.0, 0.0], aspect));
+        assert_eq!(wide, whole(bounds, [0.0, 1.0, 0.0], 1.0));
+        let tangent = |view: &View| {
+            let distance = DVec3::from(view.position).length();
+            (3.0_f64.sqrt() / distance).asin().tan() / (view.vertical_fov / 2.0).tan()
+        };
+        // The ball around the box ends as far beyond the nearer sides.
+        assert!((tangent(&wide) - 2.0 * tangent(&high)).abs() < 0.2 && tangent(&high) < 0.7);
+    }
 }

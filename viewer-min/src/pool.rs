@@ -185,7 +185,7 @@ mod tests {
         });
         let mut counts = vec![];
         for pixel_tolerance in [1e4, 1e-3, 1e4, 1.0, 1e-3] {
-            let view = View { pixel_tolerance, viewport: [64; 2], ..whole(scene.bounds, [0.0, 1.0, 0.0]) };
+            let view = View { pixel_tolerance, viewport: [64; 2], ..whole(scene.bounds, [0.0, 1.0, 0.0], 1.0) };
             counts.push(scene.follow_to_the_end(&view).unwrap().nodes);
             let pictures = renderers.each_mut().map(|(targets, renderer)| {
                 renderer.update(scene.picture());

@@ -21,8 +21,8 @@ export class Camera {
     [this.position, this.target, this.up, this.radius] = [[0, 0, 3], [0, 0, 0], [0, 1, 0], 1];
   }
 
-  /** Looks at a whole box from the front right, a little from above. */
-  showAll({ min, max }, up = this.up) {
+  /** Looks at a whole box from the front right, a little from above, in a picture `aspect` times as wide as high. */
+  showAll({ min, max }, up = this.up, aspect = 1) {
     this.up = up;
     this.target = scale(add(min, max), 0.5);
     this.radius = Math.max(norm(sub(max, min)) / 2, 1e-12);
@@ -32,7 +32,8 @@ export class Camera {
     const level = add(scale(other, Math.cos(azimuth)), scale(side, Math.sin(azimuth)));
     const out = add(scale(level, Math.cos(elevation)), scale(up, Math.sin(elevation)));
     // Few models fill the ball around their box.
-    this.position = add(this.target, scale(out, (0.8 * this.radius) / Math.sin(VERTICAL_FOV / 2)));
+    const narrower = Math.atan(Math.tan(VERTICAL_FOV / 2) * Math.min(aspect || 1, 1));
+    this.position = add(this.target, scale(out, (0.8 * this.radius) / Math.sin(narrower)));
   }
 
   get forward() {

@@ -47,7 +47,7 @@ async function show(from, name) {
       // mesh.
       if (file.up) $('up').value = file.up;
       if (file.kind === 'heights' || ground) $('up').value = ground?.file.frame.meshFromGround[6] ? 'y' : 'z';
-      camera.showAll(bounds(), upAxis());
+      camera.showAll(bounds(), upAxis(), canvas.clientWidth / canvas.clientHeight);
       listChannels();
       applyAddress();
     }
@@ -314,7 +314,7 @@ $('choose').addEventListener('change', () => {
 });
 const upAxis = () => ($('up').value === 'z' ? [0, 0, 1] : [0, 1, 0]);
 function whole() {
-  if (shown && bounds()) camera.showAll(bounds(), upAxis());
+  if (shown && bounds()) camera.showAll(bounds(), upAxis(), canvas.clientWidth / canvas.clientHeight);
   moved();
 }
 
