@@ -206,3 +206,12 @@ fn damage_is_reported_and_the_sound_part_is_drawn() {
     );
     viewer.close();
 }
+
+#[test]
+fn a_missing_file_is_reported_before_a_missing_display() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lodpack-view"));
+    let output = command.arg("nowhere.lodpack").env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(told.contains("nowhere.lodpack cannot be opened") && !told.contains("display"), "{told}");
+}
