@@ -114,10 +114,13 @@ fn coarser_level(facts: &Facts) -> Option<LeftOut> {
     let (level, roots) = (facts.summary.levels.first()?, facts.root_count());
     let clusters = u64::from(facts.file.index().cluster_count());
     let each = per(level.block_triangle_count, roots);
-    let has = format!("level 0 has {} for {}", some(level.block_triangle_count, "triangle"), some(roots, "root"));
+    let has = match level.block_triangle_count {
+        0 => "level 0 has no triangles".to_owned(),
+        count => format!("level 0 is the whole model in {}", some(count, "triangle")),
+    };
     let why = match facts.levels.len() {
-        1 if each > ALONE_TRIANGLES => format!("{has}, {each:.1} each; the file was built with its finest level alone"),
-        _ => format!("{has}, {each:.1} each; a coarser level would have hardly fewer"),
+        1 if each > ALONE_TRIANGLES => format!("{has}: the file was built with its finest level alone"),
+        _ => format!("{has}, and a coarser level would have hardly fewer"),
     };
     Some(item(
         Kind::Level,
