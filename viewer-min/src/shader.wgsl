@@ -51,8 +51,8 @@ struct Vertex {
     @location(2) @interpolate(flat) slot: u32,
     // Bit k: the edge from corner k to the next lies on an arc.
     @location(3) @interpolate(flat) borders: u32,
-    // Along the camera's axes; without length where there is none. Never taken beyond the triangle, where it would be dark.
-    @location(4) @interpolate(perspective, centroid) normal: vec3f,
+    // Along the camera's axes; without length where there is none.
+    @location(4) normal: vec3f,
 }
 
 struct TexturedVertex {
@@ -64,7 +64,7 @@ struct TexturedVertex {
     // In texels of the image. A place is linear in the point, so it may be interpolated.
     @location(4) place: vec2f,
     @location(5) @interpolate(flat) piece: u32,
-    @location(6) @interpolate(perspective, centroid) normal: vec3f,
+    @location(6) normal: vec3f,
 }
 
 // A corner of a triangle: its position as a pair, and its normal as a place in the unfolded octahedron.
