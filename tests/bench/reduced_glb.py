@@ -2,11 +2,11 @@
 
     python3 tests/bench/reduced_glb.py LODPACK CACHE [--before LODPACK] [--only NAME[,NAME]] [--options "WORDS"]
 
-Twelve textured models become files: ten published ones from npm's WebXR controllers and Debian's assimp-testmodels, which
-are downloaded into CACHE by npm and apt (corpus/packages.py), and two surfaces made here with photographs of the latter.
-Of each the full cut is extracted, and cuts of 50, 30, 10, 3 and 1 % of its triangles. The table has the bytes, by
-`--before` of another program beside them, their ratio to the full cut's, and the images. Exit status 1: a cut of fewer
-triangles has more bytes, or that of a tenth more than .6 of the full cut's. Needs numpy and Pillow.
+Twelve textured models become files: ten published ones from npm's WebXR controllers and Debian's assimp-testmodels,
+which are downloaded into CACHE by npm and apt (corpus/packages.py), and two surfaces made here with photographs of the
+latter. Of each the full cut is extracted, and cuts of 50, 30, 10, 3 and 1 % of its triangles. The table has the bytes,
+by `--before` of another program beside them, their ratio to the full cut's, and the images. Exit status 1: a cut of
+fewer triangles has more bytes, or that of a tenth more than .6 of the full cut's. Needs numpy and Pillow.
 """
 
 import argparse

@@ -35,11 +35,10 @@ const FINER: u32 = 4;
 const FINE_TEXELS: f64 = 4_194_304.0;
 /// So many texels are no more than a small file can hold. Where colours jump, lines between them may have these.
 const FEW_TEXELS: f64 = 65_536.0;
-/// How the number of texels that are needed grows with that of triangles. Of a smooth surface that is a quarter as far
-/// off, edges are half as long and triangles four times as many: who sees it from as near as its error allows comes
-/// four times as near, and sees 16 times as many texels. Who looks at it from the same distance as before wants as many
-/// texels as before. This is what a surface of few triangles is made for: something between the two that lets images
-/// become smaller, and never faster than the triangles become fewer.
+/// The number of texels that are needed grows with this power of that of triangles. A smooth surface of four times the
+/// triangles is a quarter as far off: who comes as near as its error allows sees 16 times the texels, and who stays
+/// where he is as many as before. The power lies between these two, 2 and 0, so that images become smaller, but more
+/// slowly than triangles become fewer: it is images that few triangles are looked at for.
 const TEXELS_PER_TRIANGLES: f64 = 0.5;
 /// Sizes of texels that differ by less are alike.
 const MORE: f64 = 1.01;
@@ -158,19 +157,30 @@ impl<'a> CutPainter<'a> {
         self.smallest * self.lattice.step()
     }
 
+    /// The cut.
+    pub fn cut(&self) -> &TexturedMesh {
+        self.cut
+    }
+
+    /// The share of the cut's texels that a reduced cut needs.
+    pub fn needed(&self, finished: &Finished) -> f64 {
+        let share = finished.triangles.len() as f64 / self.cut.mesh.triangles.len().max(1) as f64;
+        share.min(1.0).powf(TEXELS_PER_TRIANGLES)
+    }
+
+    fn area(&self, finished: &Finished) -> f64 {
+        area(&finished.positions, &finished.triangles)
+    }
+
     /// The side of the smallest texels that a reduced cut gets, world units.
     pub fn side(&self, finished: &Finished, detail: Detail) -> f64 {
         let shown = texel_size(self.exponent_on(finished));
         let side = match detail {
             Detail::All => shown,
             Detail::Needed => {
-                let [area, of_cut] =
-                    [(&finished.positions, &finished.triangles), (&self.cut.mesh.positions, &self.cut.mesh.triangles)]
-                        .map(|(positions, triangles)| area(positions, triangles));
-                let share = finished.triangles.len() as f64 / self.cut.mesh.triangles.len().max(1) as f64;
-                let fewer = share.min(1.0).powf(TEXELS_PER_TRIANGLES) / (area / of_cut).max(1.0);
-                let needed = self.smallest / fewer.sqrt();
-                let few = (area / FEW_TEXELS).sqrt() / self.lattice.step();
+                let spread = self.area(finished) / area(&self.cut.mesh.positions, &self.cut.mesh.triangles);
+                let needed = self.smallest * (spread.max(1.0) / self.needed(finished)).sqrt();
+                let few = (self.area(finished) / FEW_TEXELS).sqrt() / self.lattice.step();
                 let side = if self.areas.is_some() { needed.min(few) } else { needed };
                 side.max(shown)
             }
@@ -294,8 +304,8 @@ fn storage(channels: &[&ChannelInfo]) -> Option<Storage> {
     Some(Storage::new(channels.iter().map(of).collect::<Option<_>>()?))
 }
 
-/// The images of a node, the size of its smallest texels in the units of the source, and the middle of the first and the last
-/// texel.
+/// The images of a node, the size of its smallest texels in the units of the source, and the middle of the first and
+/// the last texel.
 struct PaintedNode<'a> {
     images: Images<&'a ChannelImage>,
     size: f64,

@@ -16,6 +16,8 @@ use serde::Serialize;
 const ROUNDS: u32 = 12;
 /// By how much at least, along each side.
 const LEAST_LARGER: f64 = 1.02;
+/// Images of so few texels are small enough for any number of triangles.
+const FEW_TEXELS: u64 = 65_536;
 /// Texels that are longer by less are as long.
 const MORE: f64 = 1.005;
 
@@ -44,14 +46,6 @@ fn texels(textured: &TexturedMesh, args: &ExtractArgs) -> u64 {
     pages.iter().map(|size| u64::from(size[0]) * u64::from(size[1])).sum()
 }
 
-/// The most texels of all pages of one kind, if that was said.
-fn most(args: &ExtractArgs) -> Option<u64> {
-    match args.texels {
-        TexelsChoice::Most(most) => Some(most),
-        TexelsChoice::Auto | TexelsChoice::All => None,
-    }
-}
-
 /// A cut with its images as the file has them: whole, or at the finest scale at which they have no more texels than
 /// was asked for. Also how many times as long their sides are.
 ///
@@ -63,7 +57,7 @@ pub fn extracted(
     channels: &[u8],
     args: &ExtractArgs,
 ) -> lodpack::Result<(TexturedMesh, f64)> {
-    let Some(most) = most(args) else { return Ok((file.extract_textured(cut, channels)?, 1.0)) };
+    let TexelsChoice::Most(most) = args.texels else { return Ok((file.extract_textured(cut, channels)?, 1.0)) };
     // The coarsest first: it takes a sixteenth of the bytes of the next but one.
     let mut fitting: Option<(TexturedMesh, f64)> = None;
     for scale in [Scale::Eighth, Scale::Quarter, Scale::Half, Scale::Full] {
@@ -91,13 +85,19 @@ pub fn painted(
     has_pages: bool,
     args: &ExtractArgs,
 ) -> Option<(TexturedMesh, f64)> {
-    let detail = match args.texels {
-        TexelsChoice::Auto if has_pages => Detail::Needed,
-        _ => Detail::All,
+    let (detail, most) = match args.texels {
+        _ if !has_pages => (Detail::All, None),
+        TexelsChoice::All => (Detail::All, None),
+        TexelsChoice::Most(most) => (Detail::All, Some(most)),
+        TexelsChoice::Auto => {
+            let of_cut = texels(painter.cut(), args) as f64;
+            (Detail::Needed, Some(((of_cut * painter.needed(finished)) as u64).max(FEW_TEXELS)))
+        }
     };
     let mut side = painter.side(finished, detail);
     let mut painted = painter.painted(finished, side)?;
-    if let Some(most) = most(args).filter(|_| has_pages) {
+    if let Some(most) = most {
+        // Small pieces have more texels around them than large ones, and a triangle has the finest texels beside it.
         for _ in 0..ROUNDS {
             let times = (texels(&painted, args) as f64 / most as f64).sqrt();
             if times <= 1.0 {
