@@ -35,10 +35,10 @@ const MOST_WORK_PER_TRIANGLE: u64 = 40;
 /// Queries and cuts that [`Search::exceeding`] spends on one triangle at most.
 const WORK_PER_TRIANGLE: u64 = 500;
 /// A query that looks into more nodes and leaves of the hierarchy counts as several: as one more for each
-/// [`VISITS_PER_WORK`] beyond. Most take a dozen or two; where the boxes of all triangles overlap, as in a fan, each takes
-/// as many as there are, and a limit on the number of queries would be none on the time.
+/// [`VISITS_PER_WORK`] beyond. Most take a dozen or two; where the boxes of all triangles overlap, as in a fan, each
+/// takes as many as there are, and a limit on the number of queries would be none on the time.
 const FREE_VISITS: u64 = 64;
-const VISITS_PER_WORK: u64 = 8;
+const VISITS_PER_WORK: u64 = 2;
 /// Vertices queried before anything else, so that pruning starts with a good lower bound.
 const SEEDS: usize = 128;
 

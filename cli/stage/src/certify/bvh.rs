@@ -275,16 +275,16 @@ impl TriangleBvh {
         self.nearest_counted(local, hint, enough).0
     }
 
-    /// As [`nearest`](Self::nearest), and the number of nodes and leaves that it looked into: a few dozen where triangles
-    /// lie beside each other, but nearly all where the boxes of all overlap, as around the hub of a fan.
+    /// As [`nearest`](Self::nearest), and the number of nodes and leaves that it looked into: a few dozen where
+    /// triangles lie beside each other, but nearly all where the boxes of all overlap, as around the hub of a fan.
     pub(super) fn nearest_counted(&self, local: DVec3, hint: u32, enough: f64) -> ((f64, u32), u64) {
         let mut visited = 0;
         let found = self.nearest_but::<false>(local, hint, enough, NONE, &mut visited);
         (found, visited)
     }
 
-    /// As [`nearest`](Self::nearest), of all triangles but one if `IS_BUT` is set. Adds to `visited` the number of nodes
-    /// and leaves that it looks into.
+    /// As [`nearest`](Self::nearest), of all triangles but one if `IS_BUT` is set. Adds to `visited` the number of
+    /// nodes and leaves that it looks into.
     #[inline(always)]
     fn nearest_but<const IS_BUT: bool>(
         &self,

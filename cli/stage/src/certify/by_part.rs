@@ -19,7 +19,7 @@ use lodpack_mesh::union_find::components;
 /// Nodes and leaves of the hierarchy that are looked into for the places where the coarser surface is too far off: this
 /// many, plus the number below for each triangle. Usually it is a tenth of that.
 const MOST_VISITS: u64 = 1_000_000;
-const MOST_VISITS_PER_TRIANGLE: u64 = 320;
+const MOST_VISITS_PER_TRIANGLE: u64 = 80;
 
 /// A component without a border.
 struct Part {

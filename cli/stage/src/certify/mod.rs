@@ -128,8 +128,8 @@ pub fn two_sided(a: &TriangleBvh, b: &TriangleBvh, options: &CertifyOptions) -> 
 
 /// The triangles of `from`, as ascending indices into the caller's list, that are not proven to lie within `target` of
 /// `to`. They include all that do exceed it and, given enough work, few others. The work on one triangle is bounded;
-/// all together take about `work_limit` closest-point queries and cuts after a first pass, and never many more than 40 for
-/// each.
+/// all together take about `work_limit` closest-point queries and cuts after a first pass, and never many more than 40
+/// for each.
 pub fn exceeding(from: &TriangleBvh, to: &TriangleBvh, target: f64, work_limit: u64) -> Vec<u32> {
     match Bound::of_empty(from, to) {
         Some(bound) if bound.upper == 0.0 => Vec::new(),

@@ -33,9 +33,13 @@ pub(super) struct Tolerated {
     pub quality: f64,
 }
 
-/// A vertex with more neighbours is a hub: its neighbours are asked whether they are beside it, since there are far fewer
-/// beside the other end of an edge.
+/// A vertex with more neighbours is a hub: rather than walk around it, the few neighbours of the other end of an edge
+/// are asked whether they are beside it.
 const MOST_NEIGHBOURS: usize = 64;
+
+/// What takes a walk around a vertex with more triangles than these is left out, because as many changes beside it
+/// would each take one: its edges are not considered again, and it is neither moved aside nor cut off.
+pub(super) const MOST_AROUND: usize = 1024;
 
 /// For collapses by choice. A stricter quality (0.1) blocks so many collapses on scans, which are full of slivers, that
 /// the error at equal triangles is half as large again.
@@ -236,6 +240,9 @@ impl<'a> Collapser<'a> {
 
     /// Considers the edges of a vertex again after its surroundings have changed.
     pub fn consider_around(&mut self, vertex: u32) {
+        if self.mesh.fan(vertex).nth(MOST_AROUND).is_some() {
+            return;
+        }
         let mut edges = std::mem::take(&mut self.edges);
         self.mesh.edges(vertex, &mut edges);
         for &edge in &edges {

@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 
-use super::collapse::{ANY_SHAPE, Collapser, RELAXED, STRICT, Tolerated, squared_quality};
+use super::collapse::{ANY_SHAPE, Collapser, MOST_AROUND, RELAXED, STRICT, Tolerated, squared_quality};
 use lodpack_mesh::{NONE, previous_half_edge};
 
 /// The most interior vertices that are moved aside for one border vertex.
@@ -71,6 +71,9 @@ impl Collapser<'_> {
     fn retriangulate_fan(&mut self, vertex: u32, tolerated: Tolerated) -> bool {
         let mut ring = Vec::new();
         self.mesh.ring(vertex, &mut ring);
+        if ring.len() > MOST_AROUND {
+            return false;
+        }
         let last = ring.len() - 1;
         let connected = self.mesh.between(ring[0], ring[last]);
         let filling = if last == 1 {
@@ -169,6 +172,9 @@ impl Collapser<'_> {
 
     /// Collapses an interior vertex into whichever neighbour costs least, however much that is.
     fn collapse_anywhere(&mut self, vertex: u32) -> bool {
+        if self.mesh.fan(vertex).nth(MOST_AROUND).is_some() {
+            return false;
+        }
         let mut ways: Vec<_> = self.mesh.fan(vertex).map(|h| self.inward(h, vertex, self.mesh.target(h))).collect();
         ways.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
         [STRICT, RELAXED].into_iter().any(|tolerated| ways.iter().any(|way| self.collapse(way, tolerated)))
