@@ -71,8 +71,8 @@ export class LodpackMesh extends Object3D {
   /** Hits have `root`, `level` and the certified `error` of what was hit. */
   raycast(raycaster: Raycaster, intersects: object[]): void;
   /**
-   * Another one of the same file, with a stream of its own; with its own children unless `recursive` is false. It shares
-   * the material, and a file that load() has opened, which the last one closes.
+   * Another one of the same file, with a stream of its own; with its own children unless `recursive` is false. It
+   * shares the material, and a file that load() has opened, which the last one closes.
    */
   clone(recursive?: boolean): this;
   dispose(): void;

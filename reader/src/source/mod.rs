@@ -109,6 +109,12 @@ pub enum SourceError {
         /// The page's content type.
         what: String,
     },
+    /// The server sends to another host, which nobody asked for.
+    #[error("the server redirects to another host; open {to} instead, if you trust it")]
+    Redirected {
+        /// The address that it names.
+        to: String,
+    },
     /// The server refused.
     #[error("the server answered with status {status}{}", advice(*status))]
     Status {
@@ -149,7 +155,11 @@ impl SourceError {
         match self {
             Self::Short { .. } | Self::Closed { .. } | Self::TimedOut => true,
             Self::Status { status } => matches!(status, 408 | 429 | 500 | 502 | 503 | 504),
-            Self::RangesIgnored | Self::WebPage { .. } | Self::Changed { .. } | Self::WrongRange { .. } => false,
+            Self::RangesIgnored
+            | Self::WebPage { .. }
+            | Self::Changed { .. }
+            | Self::WrongRange { .. }
+            | Self::Redirected { .. } => false,
         }
     }
 }

@@ -1,4 +1,4 @@
-// Geometry and images of many roots in a few buffers: what three.js and WebGL draw with one call each. index.d.ts has more.
+// Geometry and images of many roots in a few buffers, which one call each draws. index.d.ts has more.
 
 import { Atlas, isLarge, planesOf } from './atlas.js';
 import { LodpackError } from './errors.js';

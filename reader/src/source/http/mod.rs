@@ -1,5 +1,7 @@
 //! HTTP range requests (RFC 9110, chapter 14). Every range has both ends, because some servers get suffixes wrong.
 
+mod redirect;
+
 use std::{
     io::{self, Read},
     ops::Range,
@@ -14,22 +16,32 @@ use super::{ReadAt, Request, SourceError, start::Start};
 /// Timeouts, attempts and connections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HttpOptions {
-    /// Longest time for one request, from connecting to the last byte.
+    /// Longest silence: until a connection stands, until an answer begins, and between two of its bytes.
     pub timeout: Duration,
-    /// Attempts for a request whose failure may be temporary: no connection, a timeout, a short answer, or a status
-    /// like 503.
+    /// Attempts in a row that may fail for a reason that may pass: no connection, a timeout, a short answer, or a
+    /// status like 503. What has arrived is kept, and the next one asks for the rest; one that brings 16 KiB is no
+    /// failure.
     pub attempts: u32,
     /// Pause before the second attempt; it doubles before each further one.
     pub pause: Duration,
     /// Most requests at once.
     pub connections: usize,
+    /// Whether the server may redirect to other hosts. By default it may not: where a file is asked for is the
+    /// caller's choice.
+    pub other_hosts: bool,
 }
+
+/// An attempt that brings as many bytes is no failure.
+const PROGRESS: usize = 1 << 14;
+
+/// Most redirects of one request.
+const REDIRECTS: u32 = 5;
 
 impl Default for HttpOptions {
     fn default() -> Self {
         // Browsers send six at once.
         let (timeout, pause) = (Duration::from_secs(30), Duration::from_millis(200));
-        Self { timeout, attempts: 4, pause, connections: 6 }
+        Self { timeout, attempts: 4, pause, connections: 6, other_hosts: false }
     }
 }
 
@@ -56,8 +68,13 @@ impl Http {
     /// A file at an `http://` or `https://` address. Sends no request yet.
     pub fn new(url: impl Into<String>, options: HttpOptions) -> Self {
         let config = ureq::Agent::config_builder()
-            .timeout_global(Some(options.timeout))
+            .timeout_resolve(Some(options.timeout))
+            .timeout_connect(Some(options.timeout))
+            .timeout_send_request(Some(options.timeout))
+            .timeout_recv_response(Some(options.timeout))
+            .timeout_per_read(Some(options.timeout))
             .http_status_as_error(false)
+            .max_redirects(0)
             .max_idle_connections_per_host(options.connections)
             .user_agent(concat!("lodpack/", env!("CARGO_PKG_VERSION")))
             // Ranges count the bytes of the file, not of a compressed form.
@@ -66,25 +83,50 @@ impl Http {
         Self { agent: config.new_agent(), url: url.into(), options, identity: OnceLock::new(), start: Start::default() }
     }
 
-    /// Fetches a range, in as many attempts as the options allow. The answer is shorter only where the file ends.
+    /// Fetches a range, in as many attempts as the options allow, each of which asks for what is not there yet. The
+    /// answer is shorter only where the file ends.
     fn fetch(&self, range: &Range<u64>) -> io::Result<(Vec<u8>, u64)> {
-        let mut pause = self.options.pause;
-        let mut attempt = 1;
+        let mut bytes = Vec::new();
+        let mut failures = 0;
         loop {
-            match self.try_fetch(range) {
-                Err(error) if error.is_transient() && attempt < self.options.attempts => {
-                    std::thread::sleep(pause);
-                    pause *= 2;
-                    attempt += 1;
+            let before = bytes.len();
+            match self.try_fetch(range, &mut bytes) {
+                Ok(size) => return Ok((bytes, size)),
+                Err(error) if error.is_transient() => {
+                    failures = if bytes.len() >= before + PROGRESS { 1 } else { failures + 1 };
+                    if failures >= self.options.attempts {
+                        return Err(error.into());
+                    }
+                    std::thread::sleep(self.options.pause.saturating_mul(1 << (failures - 1).min(8)));
                 }
-                other => return Ok(other?),
+                Err(error) => return Err(error.into()),
             }
         }
     }
 
-    fn try_fetch(&self, range: &Range<u64>) -> Result<(Vec<u8>, u64), SourceError> {
+    /// The answer to a request for a range, behind redirects.
+    fn ask(&self, range: &Range<u64>) -> Result<Response<ureq::Body>, SourceError> {
         let asked = format!("bytes={}-{}", range.start, range.end - 1);
-        let response = self.agent.get(&self.url).header(header::RANGE, asked).call().map_err(source_error)?;
+        let mut url = self.url.clone();
+        for _ in 0..REDIRECTS {
+            let response = self.agent.get(&url).header(header::RANGE, &asked).call().map_err(source_error)?;
+            let to = response.headers().get(header::LOCATION).and_then(|to| to.to_str().ok());
+            let (true, Some(to)) = (matches!(response.status().as_u16(), 301 | 302 | 303 | 307 | 308), to) else {
+                return Ok(response);
+            };
+            let to = redirect::resolved(&url, to);
+            if !self.options.other_hosts && !redirect::is_same_host(&url, &to) {
+                return Err(SourceError::Redirected { to });
+            }
+            url = to;
+        }
+        Err(SourceError::Closed { what: format!("it redirects more than {REDIRECTS} times") })
+    }
+
+    /// Adds what `bytes` lack of a range. Returns the size of the file.
+    fn try_fetch(&self, whole: &Range<u64>, bytes: &mut Vec<u8>) -> Result<u64, SourceError> {
+        let range = &(whole.start + bytes.len() as u64..whole.end);
+        let response = self.ask(range)?;
         let text = |name| response.headers().get(name).and_then(|value| value.to_str().ok()).map(str::to_owned);
         let announced = text(header::CONTENT_LENGTH).and_then(|length| length.parse::<u64>().ok());
         let content_range = text(header::CONTENT_RANGE);
@@ -117,14 +159,26 @@ impl Http {
                 let size = content_range.as_deref().and_then(|said| said.strip_prefix("bytes */")?.parse().ok());
                 let size = size.ok_or(SourceError::Status { status: 416 })?;
                 self.check(identity(size))?;
-                return Ok((Vec::new(), size));
+                return Ok(size);
             }
             status => return Err(SourceError::Status { status: status.as_u16() }),
         };
         if announced.is_some_and(|announced| announced != length) {
             return Err(SourceError::WrongRange { what: format!("{announced:?} bytes instead of {length}") });
         }
-        Ok((read_body(response, length)?, size))
+        let is_whole = response.status() == StatusCode::OK;
+        let expected = bytes.len() as u64 + length;
+        let read = read_body(response, length, bytes);
+        let found = bytes.len() as u64;
+        if is_whole && read.is_err() {
+            // The next answer begins at the beginning again.
+            bytes.clear();
+        }
+        match read {
+            Ok(()) if found == expected => Ok(size),
+            Err(error) if found == 0 || is_timeout(&error) => Err(source_error(ureq::Error::from(error))),
+            _ => Err(SourceError::Short { expected, found }),
+        }
     }
 
     /// Compares an answer with the first one.
@@ -153,14 +207,9 @@ fn parse_content_range(said: &str) -> Option<(Range<u64>, u64)> {
     (first <= last && last < size).then(|| (first..last + 1, size))
 }
 
-fn read_body(response: Response<ureq::Body>, length: u64) -> Result<Vec<u8>, SourceError> {
-    let mut bytes = Vec::new();
-    let mut body = response.into_body().into_reader().take(length);
-    match body.read_to_end(&mut bytes) {
-        Err(error) if bytes.is_empty() || is_timeout(&error) => Err(source_error(ureq::Error::from(error))),
-        Ok(_) if bytes.len() as u64 == length => Ok(bytes),
-        _ => Err(SourceError::Short { expected: length, found: bytes.len() as u64 }),
-    }
+/// Adds an answer's bytes, also where it breaks off.
+fn read_body(response: Response<ureq::Body>, length: u64, bytes: &mut Vec<u8>) -> io::Result<()> {
+    response.into_body().into_reader().take(length).read_to_end(bytes).map(|_| ())
 }
 
 fn is_timeout(error: &io::Error) -> bool {

@@ -25,6 +25,8 @@ enum Act {
     Well,
     /// With the whole file.
     Whole,
+    /// With half of the whole file.
+    HalfOfAll,
     /// With a page that says that something is wrong.
     Page,
     /// With another ETag.
@@ -43,6 +45,12 @@ enum Act {
     Close,
     /// Too late.
     Stall,
+    /// With pauses, each shorter than the limit, and longer than it together.
+    Drip,
+    /// With the address of another file on this server.
+    Moved,
+    /// With the address of a file on another one.
+    Elsewhere,
     /// With a status.
     Status(u16),
 }
@@ -108,7 +116,8 @@ fn answer_all(
                 return None;
             }
             Act::Status(status) => (status, 0, 0),
-            Act::Whole | Act::Page => (200, 0, bytes.len() as u64),
+            Act::Moved | Act::Elsewhere => (302, 0, 0),
+            Act::Whole | Act::HalfOfAll | Act::Page => (200, 0, bytes.len() as u64),
             Act::Shifted => (206, start + 1, end + 1),
             Act::Shorter => (206, start, end - 1),
             _ if start >= end => (416, 0, 0),
@@ -117,21 +126,31 @@ fn answer_all(
         let content_range = match status {
             206 => format!("Content-Range: bytes {start}-{}/{size}\r\n", end - 1),
             416 => format!("Content-Range: bytes */{size}\r\n"),
+            302 if act == Act::Moved => "Location: ../b.lodpack\r\n".into(),
+            302 => format!("Location: http://localhost:{}/b.lodpack\r\n", stream.local_addr().ok()?.port()),
             _ => String::new(),
         };
         let head = format!("HTTP/1.1 {status} X\r\n{tag}{content_range}Content-Length: {}\r\n\r\n", end - start);
         stream.write_all(head.as_bytes()).ok()?;
         let body = &bytes[start as usize..(end as usize).min(bytes.len())];
-        let sent = if act == Act::Half { body.len() / 2 } else { body.len() };
+        let sent = if matches!(act, Act::Half | Act::HalfOfAll) { body.len() / 2 } else { body.len() };
+        if act == Act::Drip {
+            for part in body[..sent].chunks(sent.div_ceil(6)) {
+                stream.write_all(part).ok()?;
+                std::thread::sleep(Duration::from_millis(600));
+            }
+            continue;
+        }
         stream.write_all(&body[..sent]).ok()?;
-        if act == Act::Half {
+        if matches!(act, Act::Half | Act::HalfOfAll) {
             return None;
         }
     }
 }
 
 fn options() -> HttpOptions {
-    HttpOptions { timeout: Duration::from_millis(2500), attempts: 2, pause: Duration::from_millis(5), connections: 3 }
+    let (timeout, pause) = (Duration::from_millis(2500), Duration::from_millis(5));
+    HttpOptions { timeout, attempts: 2, pause, connections: 3, other_hosts: false }
 }
 
 fn model() -> Vec<u8> {
@@ -212,17 +231,57 @@ fn what_may_pass_is_tried_again_and_then_told() {
         |n| [Act::Well, Act::Close, Act::Well][n as usize],
         |n| [Act::Well, Act::Stall, Act::Well][n as usize],
         |n| [Act::Well, Act::Status(503), Act::Well][n as usize],
-    ] as [Behaviour; 4]
+        |n| [Act::Well, Act::Drip][n as usize],
+    ] as [Behaviour; 5]
     {
         assert_eq!(second_read(act), None);
     }
     // Twice is not, with two attempts.
     let half = second_read(|n| if n == 0 { Act::Well } else { Act::Half });
-    assert_eq!(half, Some(Short { expected: 1000, found: 500 }));
+    assert_eq!(half, Some(Short { expected: 1000, found: 750 }));
     let closed = second_read(|n| if n == 0 { Act::Well } else { Act::Close });
     assert!(matches!(closed, Some(Closed { .. })), "{closed:?}");
     assert_eq!(second_read(|n| if n == 0 { Act::Well } else { Act::Stall }), Some(TimedOut));
     assert_eq!(second_read(|n| if n == 0 { Act::Well } else { Act::Status(503) }), Some(Status { status: 503 }));
+}
+
+#[test]
+fn what_has_arrived_is_kept() {
+    let bytes: Vec<u8> = (0..300_000_u32).map(|i| (i.wrapping_mul(i) >> 5) as u8).collect();
+    let server = serve(bytes.clone(), |_| Act::Half);
+    let mut buf = vec![0; 1 << 17];
+    let error = Http::new(server.url, options()).read_at(1000, &mut buf).unwrap_err();
+    // Half of the rest each, until an attempt brought too little to count.
+    let found = (1 << 17) - (1 << 13);
+    assert_eq!(SourceError::of(&error), Some(&SourceError::Short { expected: 1 << 17, found }));
+    let starts: Vec<u64> = server.requests.lock().unwrap().iter().map(|range| range.start - 1000).collect();
+    assert_eq!(starts, [0, 1 << 16, 3 << 15, 7 << 14]);
+    assert!(server.requests.lock().unwrap().iter().all(|range| range.end == 1000 + (1 << 17)));
+
+    let server = serve(bytes.clone(), |n| if n % 2 == 0 { Act::Half } else { Act::Well });
+    Http::new(server.url, options()).read_at(1000, &mut buf).unwrap();
+    assert!(buf == bytes[1000..][..buf.len()]);
+    // Not if the rest is of another file.
+    let server = serve(bytes.clone(), |n| [Act::Half, Act::OtherTag][n as usize]);
+    let error = Http::new(server.url, options()).read_at(1000, &mut buf).unwrap_err();
+    assert_eq!(SourceError::of(&error), Some(&SourceError::Changed { what: "ETag".into() }));
+    // A whole file begins at its beginning again.
+    let server = serve(vec![7; 2000], |n| if n == 0 { Act::HalfOfAll } else { Act::Whole });
+    assert_eq!(Http::new(server.url, options()).read_start(8192).unwrap(), (vec![7; 2000], 2000));
+}
+
+#[test]
+fn other_hosts_are_asked_only_if_the_caller_wants_it() {
+    let bytes: Vec<u8> = (0..4000_u32).map(|i| (i / 7) as u8).collect();
+    let read = |behaviour: Behaviour, other_hosts| {
+        let server = serve(bytes.clone(), behaviour);
+        Http::new(server.url, HttpOptions { other_hosts, ..options() }).read_start(1000).map(|(found, _)| found)
+    };
+    assert_eq!(read(|n| [Act::Moved, Act::Well][n as usize], false).unwrap(), bytes[..1000]);
+    let refused = read(|n| [Act::Elsewhere, Act::Well][n as usize], false).unwrap_err();
+    assert!(matches!(SourceError::of(&refused), Some(SourceError::Redirected { to }) if to.ends_with("/b.lodpack")));
+    assert_eq!(read(|n| [Act::Elsewhere, Act::Well][n as usize], true).unwrap(), bytes[..1000]);
+    assert!(read(|_| Act::Moved, true).unwrap_err().to_string().contains("redirects more than"));
 }
 
 #[test]
