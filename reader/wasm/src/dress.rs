@@ -62,7 +62,7 @@ pub fn put_images(output: &mut Vec<u8>, images: &TileImages, shows_colours: bool
         (0..TEXELS * TEXELS).map(|texel| inside(texel / TEXELS) * SIDE + inside(texel % TEXELS)).collect();
     if let Some(colours) = images.colours.as_ref().filter(|_| shows_colours) {
         put_all(output, &samples, |bytes: &mut [u8; 4], &at| {
-            let [r, g, b] = colours.get(at).copied().unwrap_or_default();
+            let [r, g, b] = colours.get(images.texel_of(at)).copied().unwrap_or_default();
             *bytes = [r, g, b, 255];
         });
     }

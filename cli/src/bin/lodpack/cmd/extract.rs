@@ -301,8 +301,10 @@ pub struct Drawn {
     pub textured: Option<(TexturedMesh, Look)>,
     /// Measured numbers and labels among its channels, with their places.
     pub numbers: Vec<(usize, ChannelInfo)>,
-    /// Of heights: normals, and colours if there is a ramp.
+    /// Of heights: normals, and colours if there is a ramp or an image.
     pub shading: Option<Shading>,
+    /// Of heights: the same with the image over it, where the format has room for that.
+    pub draped: Option<PagedMesh>,
 }
 
 impl Drawn {
@@ -319,6 +321,7 @@ impl Drawn {
             textured: None,
             numbers: vec![],
             shading: None,
+            draped: None,
         }
     }
 
@@ -329,7 +332,9 @@ impl Drawn {
 
     /// Whether it carries more than its shape.
     fn has_look(&self) -> bool {
-        self.textured.is_some() || self.shading.as_ref().is_some_and(|shading| shading.colours.is_some())
+        self.textured.is_some()
+            || self.draped.is_some()
+            || self.shading.as_ref().is_some_and(|shading| shading.colours.is_some())
     }
 
     /// The cut, simplified to a number of triangles; `channels` are those of its images.
@@ -361,6 +366,7 @@ impl Drawn {
             textured,
             numbers: vec![],
             shading: None,
+            draped: None,
         })
     }
 }
@@ -393,7 +399,7 @@ fn is_number(channel: &ChannelInfo) -> bool {
         }
 }
 
-fn format_of(args: &ExtractArgs) -> Result<MeshFormat> {
+pub(super) fn format_of(args: &ExtractArgs) -> Result<MeshFormat> {
     let named = args.format.map(|format| match format {
         OutputFormat::Ply => MeshFormat::Ply,
         OutputFormat::Obj => MeshFormat::Obj,
@@ -422,7 +428,7 @@ fn is_raster(args: &ExtractArgs) -> bool {
     args.format.is_none() && extension.is_some_and(|extension| extension == "tif" || extension == "tiff")
 }
 
-fn is_stdout(output: &Path) -> bool {
+pub(super) fn is_stdout(output: &Path) -> bool {
     output.as_os_str() == "-"
 }
 
@@ -517,6 +523,16 @@ fn write_bare(
 
 fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright), mesh: &Drawn) -> Result<()> {
     let (format, upright) = form;
+    let formats = match args.images {
+        ImagesChoice::Png => Formats::PNG,
+        ImagesChoice::Jpeg => Formats::JPEG,
+        ImagesChoice::Webp => Formats::WEBP,
+    };
+    match (&mesh.draped, format) {
+        (Some(draped), MeshFormat::Glb) => return Ok(write_textured_glb(out, draped, formats, upright)?),
+        (Some(draped), MeshFormat::Obj) => return write_obj(out, args, draped, formats),
+        _ => {}
+    }
     if let Some(shading) = &mesh.shading {
         return Ok(write_shaded_mesh(out, format, (&mesh.positions, &mesh.triangles), shading, upright)?);
     }
@@ -528,11 +544,6 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright
         let paged = PagedMesh::new(textured, look, args.page_size);
         if creases.is_some() { paged.smooth(&textured.mesh) } else { Ok(paged) }
     };
-    let formats = match args.images {
-        ImagesChoice::Png => Formats::PNG,
-        ImagesChoice::Jpeg => Formats::JPEG,
-        ImagesChoice::Webp => Formats::WEBP,
-    };
     match format {
         MeshFormat::Ply | MeshFormat::Stl => {
             let numbers: Vec<(usize, &ChannelInfo)> =
@@ -542,24 +553,27 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright
             write_textured_ply(out, textured, look.colour(), &numbers, normals)?;
         }
         MeshFormat::Glb => write_textured_glb(out, &paged()?, formats, upright)?,
-        MeshFormat::Obj => {
-            let paged = paged()?;
-            let name = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            let mut files = vec![];
-            for page in 0..paged.pages.len() {
-                let Some(image) = paged.image(page, Layer::Colour) else { continue };
-                let (bytes, media_type) = encoded(Layer::Colour, image, formats)?;
-                let extension = if media_type == "image/png" { "png" } else { "jpg" };
-                files.push((page, format!("{name}-{page}.{extension}"), bytes));
-            }
-            let material_name = format!("{name}.mtl");
-            write_textured_obj(out, &paged, &material_name)?;
-            let names: Vec<(usize, &str)> = files.iter().map(|(page, name, _)| (*page, name.as_str())).collect();
-            write_beside(args, &material_name, material_file(&paged, &names).as_bytes())?;
-            for (_, name, bytes) in &files {
-                write_beside(args, name, bytes)?;
-            }
-        }
+        MeshFormat::Obj => write_obj(out, args, &paged()?, formats)?,
+    }
+    Ok(())
+}
+
+/// Writes OBJ, and beside it its materials and images.
+fn write_obj(out: impl io::Write, args: &ExtractArgs, paged: &PagedMesh, formats: Formats) -> Result<()> {
+    let name = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let mut files = vec![];
+    for page in 0..paged.pages.len() {
+        let Some(image) = paged.image(page, Layer::Colour) else { continue };
+        let (bytes, media_type) = encoded(Layer::Colour, image, formats)?;
+        let extension = if media_type == "image/png" { "png" } else { "jpg" };
+        files.push((page, format!("{name}-{page}.{extension}"), bytes));
+    }
+    let material_name = format!("{name}.mtl");
+    write_textured_obj(out, paged, &material_name)?;
+    let names: Vec<(usize, &str)> = files.iter().map(|(page, name, _)| (*page, name.as_str())).collect();
+    write_beside(args, &material_name, material_file(paged, &names).as_bytes())?;
+    for (_, name, bytes) in &files {
+        write_beside(args, name, bytes)?;
     }
     Ok(())
 }
