@@ -1,4 +1,5 @@
-//! Images over files of heights: where they are, how good they are, what is transparent, and what commands make of them.
+//! Images over files of heights: where they are, how good they are, what is transparent, and what commands make of
+//! them.
 
 use crate::heights::Folder;
 use image::{Rgb, RgbImage, Rgba, RgbaImage};
@@ -52,7 +53,9 @@ fn an_image_over_the_whole_grid_comes_back_where_it_was_and_as_good_as_asked_for
         let drape = *file.drape().expect("an image");
         assert_eq!((drape.size, drape.components), ([303, 243], 3));
         // Its edge lies half a sample outside of the first samples.
-        assert!((0..2).all(|k| (drape.first[k] + 1.0 / 3.0).abs() < 1e-9 && (drape.spacing[k] - 1.0 / 3.0).abs() < 1e-9));
+        assert!(
+            (0..2).all(|k| (drape.first[k] + 1.0 / 3.0).abs() < 1e-9 && (drape.spacing[k] - 1.0 / 3.0).abs() < 1e-9)
+        );
         let window = drape.window([0.0, 100.0], [0.0, 80.0], 0).expect("covered");
         let image = file.drape_image(&window).expect("sound").image;
         let mut squares = 0.0;

@@ -51,8 +51,35 @@ fn columns_of(samples: [[u64; 2]; 3], grid: &Grid) -> [f64; 3] {
     [0, 1, 2].map(|k| if is_pole[k] { mean } else { unrolled(samples[k][0]) })
 }
 
+/// A piece of an image with what is transparent around it, so that it covers all of some columns and rows; as it is if
+/// that would have more than `most` texels along a side.
+pub fn padded(piece: DrapeImage, [columns, rows]: [[f64; 2]; 2], most: u32) -> DrapeImage {
+    let size = piece.image.size;
+    let reach = |axis: usize, ends: [f64; 2]| {
+        let [from, to] = ends.map(|at| (at - piece.first[axis]) / piece.spacing[axis]);
+        // Numbers beyond what an integer holds become its ends.
+        [(-from).ceil().max(0.0) as u32, (to - f64::from(size[axis])).ceil().max(0.0) as u32]
+    };
+    let added = [reach(0, columns), reach(1, rows)];
+    let all = [0, 1].map(|axis| size[axis].saturating_add(added[axis][0]).saturating_add(added[axis][1]));
+    if all == size || all.iter().any(|&length| length > most) {
+        return piece;
+    }
+    let mut image = Image::filled(all, &[0; 4]);
+    let (width, count) = (size[0] as usize, usize::from(piece.image.components));
+    for (row, from) in piece.image.data.chunks_exact(width * count).enumerate() {
+        let first = (row + added[1][0] as usize) * all[0] as usize + added[0][0] as usize;
+        let to = image.data[4 * first..][..4 * width].as_chunks_mut::<4>().0;
+        for (to, from) in to.iter_mut().zip(from.chunks_exact(count)) {
+            to.iter_mut().zip(from.iter().chain([&255])).for_each(|(to, from)| *to = *from);
+        }
+    }
+    let first = [0, 1].map(|axis| piece.first[axis] - f64::from(added[axis][0]) * piece.spacing[axis]);
+    DrapeImage { image, first, spacing: piece.spacing }
+}
+
 /// The colours of an image over what is seen where it is transparent.
-fn opaque(image: &Image<u8>) -> Image<u8> {
+pub fn opaque(image: &Image<u8>) -> Image<u8> {
     if image.components == 3 {
         return image.clone();
     }
@@ -89,6 +116,17 @@ mod tests {
         assert_eq!(columns_of([[0, 0], [20, 1], [24, 1]], &globe), [22.0, 20.0, 24.0]);
         let plane = Grid::new([360, 180], false, [false; 2]).unwrap();
         assert_eq!(columns_of([[359, 5], [0, 5], [0, 0]], &plane), [359.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn a_padded_piece_has_its_texels_where_they_were() {
+        let image = Image { size: [2, 1], components: 3, data: vec![1, 2, 3, 4, 5, 6] };
+        let piece = DrapeImage { image, first: [10.0, 4.0], spacing: [0.5, 1.0] };
+        let all = padded(piece.clone(), [[9.0, 12.0], [4.0, 5.0]], 100);
+        assert_eq!((all.image.size, all.first), ([6, 1], [9.0, 4.0]));
+        assert_eq!(all.image.texel(2, 0), [1, 2, 3, 255]);
+        assert_eq!(all.image.texel(4, 0), [0; 4]);
+        assert_eq!(padded(piece.clone(), [[9.0, 12.0], [4.0, 5.0]], 5), piece);
     }
 
     #[test]

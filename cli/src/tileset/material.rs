@@ -1,5 +1,6 @@
 //! What a tile's surface looks like: grey where a file has no channels, else the images of the tile's own block.
 
+use lodpack::decode::texels::Image;
 use lodpack::decode::{Drawing, TexturedMesh};
 use lodpack::{LatticePoint, Mesh};
 use serde_json::{Value, json};
@@ -120,6 +121,11 @@ fn part_of(mesh: &Mesh, range: std::ops::Range<usize>) -> Mesh {
 }
 
 impl Paint {
+    /// One image for all of a tile, and the places of its points in it.
+    pub fn of_image(image: Image<u8>, places: Vec<[f32; 2]>, triangle_count: usize) -> Self {
+        Self { places, frames: vec![], page: vec![(Layer::Colour, image)], parts: vec![(None, triangle_count)] }
+    }
+
     /// Whether there is an image.
     pub fn has_images(&self) -> bool {
         !self.page.is_empty()

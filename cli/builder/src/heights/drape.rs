@@ -11,6 +11,7 @@ use lodpack_runtime::progress::Progress;
 use rayon::prelude::*;
 
 use super::{HeightsError, nameless};
+use crate::pipeline::ColourQuality;
 
 /// The sides of tiles, as logarithms: below the least, directories count, and above the most, pictures read far more
 /// than they show.
@@ -19,6 +20,14 @@ const SIDES_LOG2: [u32; 2] = [7, 9];
 const BLOCK: usize = 8;
 /// Pixels of a level that become one of the next.
 const SHRUNK: usize = 8;
+
+/// Pixels along a side of the squares that stand for an image, and how many there are at most.
+const SQUARE: u32 = 128;
+const SQUARES: u64 = 48;
+/// The mean square of what is lost of a number, of 255, in an image that is good: that of 38 decibels.
+const MOST_LOST: f64 = 10.3;
+/// The finest step that is taken for that.
+const LEAST_STEP: u8 = 3;
 
 /// What was made of an image over heights.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
@@ -33,14 +42,21 @@ pub struct DrapeSummary {
     pub bytes: u64,
 }
 
-/// Codes an image with a step of quantisation. What is coded waits in a file of `folder`.
+/// Codes an image, and returns the step with which it was quantised, too. What is coded waits in a file of `folder`.
 pub(super) fn code(
     source: &HeightDrape,
-    step: u8,
+    quality: ColourQuality,
     folder: &Path,
     progress: &dyn Progress,
-) -> Result<DrapeWriter<File>, HeightsError> {
+) -> Result<(DrapeWriter<File>, u8), HeightsError> {
+    if quality == ColourQuality::Lossless {
+        return Err(HeightsError::Lossless);
+    }
     let mut pixels = source.pixels()?;
+    let step = match (quality, source.coded_step()) {
+        (ColourQuality::Auto, None) => good_step(&pixels, quality.step_of_coded(None)),
+        (_, coded) => quality.step_of_coded(coded),
+    };
     let size = pixels.size.map(u64::from);
     progress.begin("image", size[0] * size[1]);
     let of_tile = CELLS as f64 / source.spacing[0].max(source.spacing[1]);
@@ -74,7 +90,39 @@ pub(super) fn code(
             writer.put(level, group, &coded)?;
         }
     }
-    Ok(writer)
+    Ok((writer, step))
+}
+
+/// A step with which an image is as good as it should be: the usual one, or a finer one where there is much noise of
+/// colour, of which more is lost. Some squares stand for all of it.
+fn good_step(pixels: &Pixels, usual: u8) -> u8 {
+    let [columns, rows] = pixels.size.map(|size| size.div_ceil(SQUARE));
+    let count = u64::from(columns) * u64::from(rows);
+    let squares: Vec<u64> = (0..count.min(SQUARES)).map(|k| k * count / count.min(SQUARES)).collect();
+    let lost = |step: u8| -> f64 {
+        let of_square = squares.par_iter().map(|square| {
+            let at = [square % u64::from(columns), square / u64::from(columns)].map(|at| at as u32 * SQUARE);
+            let size = [0, 1].map(|axis| (pixels.size[axis] - at[axis]).min(SQUARE));
+            let place = at.map(|at| at as usize);
+            let streams = streams_of(pixels, place, size, step);
+            let Ok(found) = Image::decode_scaled(&streams, size, pixels.components) else { return [0; 2] };
+            let mut sums = [0; 2];
+            for y in 0..size[1] {
+                for x in 0..size[0] {
+                    let at = (place[1] + y as usize) * pixels.size[0] as usize + place[0] + x as usize;
+                    let own = &pixels.data[at * usize::from(pixels.components)..][..usize::from(pixels.components)];
+                    if own.get(3).is_none_or(|&opacity| opacity == 255) {
+                        let off = |k: usize| u64::from(own[k].abs_diff(found.texel(x, y)[k])).pow(2);
+                        sums = [sums[0] + off(0) + off(1) + off(2), sums[1] + 3];
+                    }
+                }
+            }
+            sums
+        });
+        let [squares, count] = of_square.reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+        squares as f64 / count.max(1) as f64
+    };
+    (LEAST_STEP..=usual).rev().find(|&step| lost(step) <= MOST_LOST).unwrap_or(LEAST_STEP)
 }
 
 /// Flags in rows.

@@ -180,14 +180,8 @@ pub fn build(
     let in_file = 4 * columns * rows > options.memory / 3;
     let keep = if in_file { Keep::Nameless(&options.folder) } else { Keep::Memory };
     let (basis, samples) = Basis::new(source, options.tolerance, keep, progress, &mut watch)?;
-    let step = |drape: &HeightDrape| options.colour_quality.step_of_coded(drape.coded_step());
-    let drape = source.drape.as_ref().map(|image| -> Result<_, HeightsError> {
-        let step = step(image);
-        if step == 0 {
-            return Err(HeightsError::Lossless);
-        }
-        Ok((drape::code(image, step, &options.folder, progress)?, step))
-    });
+    let code = |image: &HeightDrape| drape::code(image, options.colour_quality, &options.folder, progress);
+    let drape = source.drape.as_ref().map(code);
     let drape = drape.transpose()?;
     watch.lap("image");
     progress.begin("tiles", columns * rows);

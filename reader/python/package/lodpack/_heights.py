@@ -44,7 +44,8 @@ class Image(NamedTuple):
     """A piece of the image over a grid, and where it is."""
 
     pixels: NDArray[np.uint8]
-    """Rows, columns, and red, green and blue as screens show them; with straight opacity where a part is not covered."""
+    """Rows, columns, and red, green and blue as screens show them; with straight opacity where a part is not
+    covered."""
     first: tuple[float, float]
     """x and y of the corner of the first pixel, or its degrees of longitude and latitude."""
     spacing: tuple[float, float]
