@@ -34,9 +34,9 @@ class Header:
 # ---- 5 Section
 # directory -------------------------------------------------------------------------------------------------
 
-SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS, PLACEMENT, HEIGHTS, HEIGHT_INDEX, RAMP, GROUND, SCALES = range(1, 16)
+SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS, PLACEMENT, HEIGHTS, HEIGHT_INDEX, RAMP, GROUND, SCALES, DRAPE = range(1, 17)
 SECTION_FLAGS = {SOURCE: 0, LEVELS: 1, TABLES: 1, CLUSTERS: 1, INDEX: 3, PAGES: 3, OVERVIEW: 0, CHANNELS: 0, TEXELS: 2, PLACEMENT: 0}
-SECTION_FLAGS |= {HEIGHTS: 1, HEIGHT_INDEX: 3, RAMP: 0, GROUND: 2, SCALES: 1}
+SECTION_FLAGS |= {HEIGHTS: 1, HEIGHT_INDEX: 3, RAMP: 0, GROUND: 2, SCALES: 1, DRAPE: 2}
 FIRST_PRIVATE_KIND = 0x80000000
 
 
@@ -66,6 +66,8 @@ def read_sections(file, header):
     for kind in (TABLES, PAGES) + (() if has_heights else of_a_mesh):
         must(kind in sections, f"section {kind} is missing")
     must(has_heights or RAMP not in sections, "RAMP lies beside a mesh")
+    must(has_heights or DRAPE not in sections, "DRAPE lies beside a mesh")
+    must(DRAPE not in sections or header.minor >= 5, "a file of a version before 4.5 has an image over heights")
     must(not has_heights or GROUND not in sections, "GROUND lies beside heights")
     must(GROUND not in sections or header.minor >= 3, "a file of a version before 4.3 has a ground")
     must(not has_heights or header.minor >= 2, "a file of a version before 4.2 has heights")

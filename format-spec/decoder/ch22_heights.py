@@ -5,9 +5,10 @@ import zlib
 from collections import namedtuple
 
 from .ch02_conventions import bound, Bytes, Damaged, must, unzigzag
-from .ch04_header import HEIGHT_INDEX, HEIGHTS, PAGES, PLACEMENT, RAMP, SOURCE, TABLES
+from .ch04_header import DRAPE, HEIGHT_INDEX, HEIGHTS, PAGES, PLACEMENT, RAMP, SOURCE, TABLES
 from .ch06_resident import check_source, read_part, read_placement
 from .ch07_entropy import read_tables, Stream
+from .ch22_drape import Drape
 
 SIDE, CELLS = 65, 64
 ALL_CELLS = [(1 << CELLS) - 1] * CELLS
@@ -82,6 +83,7 @@ class Heights:
             self.add_level_tiles(sample_error * self.height_scale + self.axis * 2.0**-48)
         self.placement = read_placement(sections[PLACEMENT]) if PLACEMENT in sections else None
         self.stops = self.read_ramp(Bytes(sections[RAMP], "RAMP")) if RAMP in sections else None
+        self.drape = Drape(sections[DRAPE]) if DRAPE in sections else None
         if SOURCE in sections:
             check_source(sections[SOURCE])
 

@@ -131,6 +131,14 @@ def print_heights(file, out):
     out.write(f'{{\n"grid":{line(grid)},\n"surface":{line(numbers)},\n"ramp":{line(file.ramp)},\n')
     if file.stops is not None:
         out.write(f'"stops":{line([[bits_of(height), colour] for height, colour in file.stops])},\n')
+    if file.drape is not None:
+        d = file.drape
+        head = {"size": d.size, "numbers": [bits_of(x) for x in d.numbers], "components": d.components, "side": d.side_log2}
+        lines = []
+        for halvings in reversed(range(3 * len(d.levels) + 1)):
+            texels = b"".join(bytes(texel) for row in d.image(halvings) for texel in row)
+            lines.append("\n" + line([*d.size_at(halvings), zlib.crc32(texels)]))
+        out.write(f'"drape":{line(head)[:-1]},"images":[{",".join(lines)}\n]}},\n')
     out.write('"tiles":[')
     for k, (tile, record) in enumerate(file.records.items()):
         values, drawn = file.tiles[tile], Drawn(file, tile)

@@ -37,7 +37,20 @@ impl<S: ReadAt> Heights<S> {
                 return Err(Error::format("a tile that the file names is not there"));
             }
         }
-        Ok(())
+        self.verify_drape()
+    }
+}
+
+impl<S: ReadAt> Heights<S> {
+    /// Reads and decodes the whole image over the heights, if there is one, and checks all rules of its section.
+    ///
+    /// # Errors
+    /// As [`Self::verify`].
+    pub fn verify_drape(&self) -> Result<()> {
+        match self.index().open_drape() {
+            Some(drape) => drape.verify(&self.index().head, |ranges| self.fetch(ranges)),
+            None => Ok(()),
+        }
     }
 }
 

@@ -7,6 +7,7 @@ use lodpack_cli::heights::{HeightsOptions, HeightsSummary, build};
 use lodpack_cli::import::raster::{HeightSource, RasterOptions, SurfaceKind};
 use lodpack_cli::measure::heights::{HeightsChecks, verify};
 use lodpack_cli::mesh::tolerance::Tolerance;
+use lodpack_cli::pipeline::ColourQuality;
 use lodpack_cli::progress::Silent;
 use lodpack_tests::terrain::{Fractal, Grid};
 use std::path::{Path, PathBuf};
@@ -14,7 +15,8 @@ use std::path::{Path, PathBuf};
 /// Builds a file of heights in memory.
 pub fn built(path: &Path, raster: &RasterOptions, tolerance: Tolerance, memory: u64) -> (Vec<u8>, HeightsSummary) {
     let source = HeightSource::open(&[path.to_owned()], raster, &Silent).expect("sound").expect("a raster");
-    let options = HeightsOptions { tolerance, memory, folder: std::env::temp_dir() };
+    let options =
+        HeightsOptions { tolerance, memory, folder: std::env::temp_dir(), colour_quality: ColourQuality::Auto };
     let mut bytes = vec![];
     let summary = build(&source, &options, &mut bytes, &Silent).expect("a sound raster builds");
     (bytes, summary)
@@ -34,7 +36,12 @@ pub fn is_sound(path: &Path, raster: &RasterOptions, tolerance: Tolerance, cuts:
 
 /// Whether rasters cannot become a file of heights.
 pub fn is_refused(paths: &[PathBuf], raster: &RasterOptions) -> bool {
-    let options = HeightsOptions { tolerance: Tolerance::Auto, memory: 1 << 30, folder: std::env::temp_dir() };
+    let options = HeightsOptions {
+        tolerance: Tolerance::Auto,
+        memory: 1 << 30,
+        folder: std::env::temp_dir(),
+        colour_quality: ColourQuality::Auto,
+    };
     match HeightSource::open(paths, raster, &Silent) {
         Ok(Some(source)) => build(&source, &options, &mut vec![], &Silent).is_err(),
         Ok(None) => false,

@@ -30,6 +30,7 @@
 //! - [`terrain`]: rasters of heights become the surface that they describe, on planes and globes
 //! - [`rasters`]: rasters as their writers lay them out: masks, no data, bits, places, sidecars, images over them
 //! - [`heights`]: files of heights keep their promises on planes and globes, and commands work with them
+//! - [`draped_heights`]: images over files of heights: where they are, how good, what is transparent, and commands
 //! - [`heights_jobs`]: files of heights in parts: kills, changed files, the bytes of one build
 //! - [`ground`]: a mesh on its ground of heights in one file: joined, taken apart, verified, exported, refused
 //! - [`tin`]: few triangles of any shape out of files of heights, within a tolerance
@@ -59,6 +60,7 @@ mod compare;
 mod compiled;
 mod damage;
 mod determinism;
+mod draped_heights;
 mod drawings;
 mod georeference;
 mod ground;

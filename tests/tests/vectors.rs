@@ -1,7 +1,7 @@
 //! The independent decoder in format-spec agrees with the reader on every vector and on a fresh build.
 
 use crate::{build_mesh, open};
-use lodpack::{File, Limits};
+use lodpack::{File, Limits, heights::Heights};
 use lodpack_tests::generate::{fan_part, punched_sheet};
 use lodpack_tests::handmade::faults;
 use std::collections::BTreeMap;
@@ -52,6 +52,8 @@ fn every_invalid_file_is_refused_by_both_decoders() {
         // As thorough as the independent decoder, which always reads everything.
         let read = File::open(bytes.as_slice(), Limits::default()).and_then(|file| file.verify());
         assert!(read.is_err(), "{name} was accepted");
+        let read = Heights::open(bytes.as_slice(), Limits::default()).and_then(|heights| heights.verify());
+        assert!(read.is_err(), "{name} was accepted as heights");
         let out = run_decoder(&path);
         let said = String::from_utf8_lossy(&out.stderr);
         assert_eq!((out.status.code(), said.lines().count()), (Some(1), 1), "{name}: {said}");

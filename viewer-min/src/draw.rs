@@ -368,9 +368,10 @@ impl Renderer {
     fn block(&mut self, info: RootInfo, drawn: &DrawnRoot, texels: Option<Texels>) -> Block {
         let gpu = Arc::clone(&self.gpu);
         let (surface, strips) = (&drawn.surface, drawn.strips.clone());
-        if drawn.images().is_some() {
+        if let Some(images) = drawn.images() {
             let (positions, triangles) = drawn.joined();
-            let places: Vec<[f32; 2]> = drawn.places().collect();
+            let per_sample = self.shown.map_or(1, |shown| Texels::per_sample(images, &shown.appearance)) as f32;
+            let places: Vec<[f32; 2]> = drawn.places().map(|place| place.map(|x| x * per_sample)).collect();
             let pieces = Some(gpu.buffer(&places, BufferUsages::VERTEX));
             let triangles = Some(Batch::new(&gpu, &vertices(&positions, &[]), &triangles));
             return Block::new(info, strips, Some(Own { triangles, texels, pieces, pulled: None }));

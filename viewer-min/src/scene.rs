@@ -261,7 +261,7 @@ impl Scene {
         let session = Options { sample_px, ..session(mode) };
         let options = StreamerOptions { session, ..StreamerOptions::default() };
         let streamer = HeightsStreamer::new(Arc::clone(file.index()), source, options)?;
-        let channels = channels_of_heights(file.ramp().is_some());
+        let channels = channels_of_heights(file.ramp().is_some() || file.drape().is_some());
         let content = Content::Heights(Box::new(HeightsContent { streamer, channels, file }));
         Ok(Self { bounds, query: Query::default(), channel: None, has_light: false, content, ground: None })
     }

@@ -23,7 +23,8 @@ struct Globals {
 struct Root { id: u32, level: u32, error: f32, depth: u32, mean: u32 }
 // For each coordinate of a place what a point is multiplied with, and what is added; smallest and largest place.
 struct Piece { u: vec4f, v: vec4f, range: vec4f }
-// Points are taken from the origin, which is a pair; its last number has the bits of the number of inner triangles.
+// Points are taken from the origin, which is a pair; its last number has the bits of the number of inner triangles. The fourth one has, of a tile of
+// heights, the texels of its colours for each of its normals, along each direction; else 0.
 struct Pieces { origin_high: vec4f, origin_low: vec4f, items: array<Piece> }
 
 @group(0) @binding(0) var<uniform> globals: Globals;
@@ -110,7 +111,7 @@ fn stitched_textured(
     return project_textured(Point(high, low, folded, vec3f(1.0), 0u), slot, piece);
 }
 
-// A tile of heights: its images have a texel a sample, and each vertex its place among the samples.
+// A tile of heights: its images have a texel a sample, or several, and each vertex its place among these texels.
 @vertex
 fn stitched_tile(
     @location(0) high: vec3f, @location(1) low: vec3f, @location(2) place: vec2f, @builtin(instance_index) slot: u32,
@@ -307,8 +308,11 @@ fn shade_textured(vertex: TexturedVertex, @builtin(front_facing) is_front: bool)
     var texel = nearest;
     if (globals.channel.x != 3.0) { texel = mean_at(texels, vertex.place, along_x, along_y, range); }
     var normal = vec3f(0.0);
-    if (all(textureDimensions(normals) == textureDimensions(texels))) {
-        let direction = mean_at(normals, vertex.place, along_x, along_y, range);
+    let per_normal = max(pieces.origin_high.w, 1.0);
+    if (pieces.origin_high.w > 0.0 || all(textureDimensions(normals) == textureDimensions(texels))) {
+        let place = (vertex.place - 0.5) / per_normal + 0.5;
+        let of_normals = (range - 0.5) / per_normal + 0.5;
+        let direction = mean_at(normals, place, along_x / per_normal, along_y / per_normal, of_normals);
         let n = (direction.xyz * 255.0 - 128.0) * direction.w;
         normal = vec3f(dot(globals.right.xyz, n), dot(globals.up.xyz, n), dot(globals.forward.xyz, n));
     }

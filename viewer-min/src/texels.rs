@@ -124,19 +124,30 @@ impl Texels {
         Ok(Some(Self::of(gpu, &pieces, &labels, [image, normals])))
     }
 
+    /// Texels for each sample of a tile of heights that is shown with an appearance.
+    pub fn per_sample(images: &TileImages, shown: &Appearance) -> u32 {
+        match (&images.colours, shown.look()) {
+            (Some(_), Look::Colours) => images.per_sample,
+            _ => 1,
+        }
+    }
+
     /// Uploads the images of a tile of heights: its normals, and colours or directions, whichever is shown.
     pub fn of_tile(gpu: &Gpu, images: &TileImages, shown: &Appearance) -> Self {
         let size = [SIDE as u32; 2];
+        let per_sample = Self::per_sample(images, shown);
         let texels: Vec<Texel> = match (&images.colours, shown.look()) {
             (Some(colours), Look::Colours) => colours.iter().map(|&[r, g, b]| [r, g, b, 255]).collect(),
             _ => images.normals.iter().map(|normal| direction(*normal)).collect(),
         };
-        let texels = uploaded(gpu, size, TextureFormat::Rgba8UnormSrgb, texels.as_flattened());
+        let texels =
+            uploaded(gpu, [CELLS as u32 * per_sample + 1; 2], TextureFormat::Rgba8UnormSrgb, texels.as_flattened());
         // As bytes would be, with more digits.
         let normals = images.half_floats([1.0 / 255.0, 1.0]);
         let normals = uploaded(gpu, size, TextureFormat::Rgba16Float, bytemuck::cast_slice(&normals));
-        let (least, most) = (0.5, CELLS as f32 + 0.5);
+        let (least, most) = (0.5, (CELLS as u32 * per_sample) as f32 + 0.5);
         let mut pieces = [[0.0; 4]; 5];
+        pieces[0][3] = per_sample as f32;
         pieces[4] = [least, least, most, most];
         Self::of(gpu, &pieces, &[0], [texels, normals])
     }

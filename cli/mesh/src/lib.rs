@@ -3,6 +3,7 @@
 
 pub mod appearance;
 pub mod attributes;
+pub mod draped;
 pub mod encoded;
 pub mod exact;
 pub mod export;

@@ -108,7 +108,10 @@ pub fn write_textured_obj(out: impl Write, mesh: &PagedMesh, material_file: &str
 pub fn material_file(mesh: &PagedMesh, images: &[(usize, &str)]) -> String {
     let mut text = String::from("newmtl bare\nKd 1 1 1\n");
     for &(page, file) in images {
-        text += &format!("newmtl page{page}\nKd 1 1 1\nmap_Kd {file}\n");
+        // Images of heights may end within the mesh.
+        let is_beyond = mesh.places.iter().flatten().any(|x| !(0.0..=1.0).contains(x));
+        let clamped = if is_beyond { "-clamp on " } else { "" };
+        text += &format!("newmtl page{page}\nKd 1 1 1\nmap_Kd {clamped}{file}\n");
         if mesh.image(page, Layer::Colour).is_some_and(|image| image.components == 4) {
             text += &format!("map_d {file}\n");
         }

@@ -74,6 +74,9 @@ pub fn verify<S: ReadAt>(
     for &root in file.roots() {
         walk(file, root, false, &mut report);
     }
+    if let Err(error) = file.verify_drape() {
+        report.complain("image: ", error.to_string());
+    }
     let known = match against {
         Some(source) => heights_of(file, source, &mut report)?,
         None => None,

@@ -1,5 +1,6 @@
 //! What a tile's surface looks like: grey where a file has no channels, else the images of the tile's own block.
 
+use lodpack::decode::texels::Image;
 use lodpack::decode::{Drawing, TexturedMesh};
 use lodpack::{LatticePoint, Mesh};
 use serde_json::{Value, json};
@@ -9,7 +10,7 @@ use std::io;
 use super::glb::{Positions, in_order_of_use};
 use super::light::BorderNormals;
 use crate::mesh::encoded::{Encoded, Formats, encoded};
-use crate::mesh::layers::Look;
+use crate::mesh::layers::{Layer, Look};
 use crate::mesh::material::{draw, material};
 use crate::mesh::pages::{Page, PagedMesh};
 use crate::mesh::shaded::Shading;
@@ -125,6 +126,18 @@ fn part_of(mesh: &Mesh, range: std::ops::Range<usize>) -> Mesh {
 }
 
 impl Paint {
+    /// One image for all of a tile, and the places of its points in it.
+    pub fn of_image(image: Image<u8>, places: Vec<[f32; 2]>, triangle_count: usize) -> Self {
+        let formats = Formats::of(&Look::default());
+        Self {
+            places,
+            frames: vec![],
+            page: vec![(Layer::Colour, image)],
+            formats,
+            parts: vec![(None, triangle_count)],
+        }
+    }
+
     /// Whether there is an image.
     pub fn has_images(&self) -> bool {
         !self.page.is_empty()

@@ -15,9 +15,11 @@ use lodpack::{Lattice, LatticePoint, ReadAt};
 use rayon::prelude::*;
 
 use super::glb::{Content, Positions};
+use super::material::Paint;
 use super::tree::{Tile, Tree};
 use super::{Projection, TilesetError, TilesetOptions, TilesetSummary, Written, finish, write};
 use crate::heights::range_of;
+use crate::mesh::draped::{opaque, padded};
 use crate::mesh::shaded::Shading;
 use crate::progress::Progress;
 
@@ -35,6 +37,9 @@ const DEPTHS_APART: usize = 2;
 /// A tile this many depths above has sides of four times the length, which the globe bends away from sixteen times as
 /// far.
 const BENDS_IN_SKIRT: f64 = 17.0;
+/// Texels along a side of the image over a tile: four a sample, and of one that has none below it more.
+const TEXELS: u32 = 256;
+const TEXELS_OF_LAST: u32 = 1024;
 /// Metres: nowhere is the ellipsoid of WGS 84 curved more.
 const LEAST_RADIUS: f64 = 6_335_000.0;
 
@@ -198,7 +203,10 @@ fn draw<S: ReadAt>(
     let points: Vec<LatticePoint> = places.iter().map(|&place| positions.on_lattice(place)).collect();
     let uri = tile.uri("glb");
     let shading = shading(file, (drawing.id, &values, &drawn), &samples, space)?;
-    let content = Content::new(&points, &triangles, (None, Some(&shading)), &positions);
+    let paint = paint(file, drawing.id, &drawn, &samples, triangles.len())?;
+    // An image has its own colours.
+    let shading = if paint.is_some() { Shading { colours: None, ..shading } } else { shading };
+    let content = Content::new(&points, &triangles, (paint.as_ref(), Some(&shading)), &positions);
     let content = content.map_err(|source| TilesetError::Write { path: folder.join(&uri), source })?;
     let Some(glb) = &content.glb else { return Ok(None) };
     write(folder, &uri, glb)?;
@@ -232,6 +240,28 @@ fn shading<S: ReadAt>(
     let colour = |ramp: &Ramp| samples.iter().map(|&at| ramp.colour(file.info().height(values.steps[at]))).collect();
     let normals = samples.iter().map(|at| normal(at).as_vec3().to_array()).collect();
     Ok(Shading { normals, colours: file.ramp().map(colour), ..Shading::default() })
+}
+
+/// The image over a tile, if there is one. A skirt has what is above it.
+fn paint<S: ReadAt>(
+    file: &Heights<S>,
+    id: TileId,
+    drawn: &DrawnTile,
+    samples: &[usize],
+    triangle_count: usize,
+) -> lodpack::Result<Option<Paint>> {
+    let has_finer = file.record(id)?.is_some_and(|record| record.children != 0);
+    let most = if has_finer { TEXELS } else { TEXELS_OF_LAST };
+    let Some(piece) = file.tile_image(id, most)? else { return Ok(None) };
+    let piece = padded(piece, file.grid().ends(id), 2 * TEXELS_OF_LAST);
+    let size = piece.image.size.map(f64::from);
+    let place = |&at: &usize| {
+        let (column, row) = (drawn.lines.columns[at % SIDE], drawn.lines.rows[at / SIDE]);
+        let place = piece.place([column as f64, row as f64]);
+        [0, 1].map(|axis| (place[axis] / size[axis]) as f32)
+    };
+    let places = samples.iter().map(place).collect();
+    Ok(Some(Paint::of_image(opaque(&piece.image), places, triangle_count)))
 }
 
 /// The triangles of a tile, behind them its skirt.

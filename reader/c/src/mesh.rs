@@ -3,10 +3,7 @@
 
 use std::sync::Arc;
 
-use lodpack::{
-    Opened,
-    heights::{HeightsMesh, Ramp},
-};
+use lodpack::{Opened, heights::HeightsMesh};
 
 use crate::{
     channels::Textured,
@@ -33,15 +30,14 @@ pub struct Lit {
     pub normals: Vec<[f32; 3]>,
     /// For each vertex. Those of frames have none.
     pub heights: Vec<f64>,
-    /// For each vertex, if the file has a ramp.
+    /// For each vertex, if the file has an image over the heights or a ramp.
     pub colours: Option<Vec<[u8; 3]>>,
 }
 
 impl Lit {
-    fn new(mesh: HeightsMesh, ramp: Option<&Ramp>) -> Self {
+    fn new(mesh: HeightsMesh, colours: Option<Vec<[u8; 3]>>) -> Self {
         let HeightsMesh { positions, triangles, normals, heights, .. } = mesh;
         let normals = normals.into_iter().map(|normal| normal.map(|x| f32::from(x) / 32767.0)).collect();
-        let colours = ramp.map(|ramp| heights.iter().map(|&height| ramp.colour(height)).collect());
         Self { positions, triangles, normals, heights, colours }
     }
 
@@ -104,7 +100,8 @@ pub extern "C" fn lodpack_decode(file: *const File, cut: *const Cut, mesh: *mut 
             }
             (Cut::Heights(cut), Opened::Heights(heights)) => {
                 let found = heights.mesh(cut).map_err(|error| file.blame(error))?;
-                give(mesh, Mesh::Heights(Lit::new(found, heights.ramp())))
+                let colours = heights.colours(cut, &found).map_err(|error| file.blame(error))?;
+                give(mesh, Mesh::Heights(Lit::new(found, colours)))
             }
             _ => Err(Failure::other_cut().of(file.name())),
         }

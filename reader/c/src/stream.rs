@@ -334,7 +334,7 @@ fn lit(drawn: &DrawnRoot, images: &TileImages, positions: Vec<[f64; 3]>, triangl
     };
     let colours = images.colours.as_ref().map(|colours| {
         let colour = |place: [f32; 2]| {
-            let [a, b] = ends(place).map(|at| colours.get(at).copied().unwrap_or_default());
+            let [a, b] = ends(place).map(|at| colours.get(images.texel_of(at)).copied().unwrap_or_default());
             [0, 1, 2].map(|k| (u16::from(a[k]) + u16::from(b[k])).div_ceil(2) as u8)
         };
         drawn.places().map(colour).collect()

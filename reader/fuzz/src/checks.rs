@@ -67,6 +67,21 @@ pub fn heights(bytes: &[u8]) {
     assert!(window.is_err() || window.is_ok_and(|window| window.iter().all(|x| x.is_nan() || x.abs() < 1e25)));
     let deepest = TileId { depth: grid.depth(), column: column / 64, row: row / 64 };
     let _ = heights.tile(deepest);
+    if let Some(&drape) = heights.drape() {
+        let [halvings, width] = [byte(6) % (drape.most_halvings() + 2), byte(7) % 80];
+        let columns = [column as f64 - f64::from(width), column as f64];
+        if let Some(window) = drape.window(columns, [row as f64, row as f64 + 3.0], halvings)
+            && let Ok(found) = heights.drape_image(&window)
+        {
+            let texels = window.size[0] as usize * window.size[1] as usize;
+            assert_eq!(
+                (found.image.size, found.image.data.len()),
+                (window.size, texels * usize::from(found.image.components))
+            );
+        }
+        let _ = heights.tile_image(deepest, 1 + u32::from(width));
+        let _ = heights.verify();
+    }
     heights_session(&heights, bytes);
 }
 

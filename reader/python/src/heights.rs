@@ -7,7 +7,7 @@ use crate::{
     source::Source,
 };
 use lodpack::{
-    heights::{Base, Heights, HeightsMesh, HeightsQuery},
+    heights::{Base, DrapeImage, Heights, HeightsMesh, HeightsQuery},
     source::Counting,
 };
 use pyo3::{
@@ -96,6 +96,16 @@ impl HeightsReader {
             Ok::<_, PyErr>(entry)
         });
         info.set_item("ramp", ramp.transpose()?)?;
+        let drape = self.file.drape().map(|drape| {
+            let entry = PyDict::new(py);
+            entry.set_item("size", (drape.size[0], drape.size[1]))?;
+            entry.set_item("first", (drape.first[0], drape.first[1]))?;
+            entry.set_item("spacing", (drape.spacing[0], drape.spacing[1]))?;
+            entry.set_item("has_opacity", drape.components == 4)?;
+            entry.set_item("bytes", self.file.index().drape_bytes())?;
+            Ok::<_, PyErr>(entry)
+        });
+        info.set_item("drape", drape.transpose()?)?;
         let placement = self.file.placement();
         info.set_item("crs", placement.map_or("", |placement| &placement.crs))?;
         let origin = placement.map_or([0.0; 3], |placement| placement.origin);
@@ -117,10 +127,7 @@ impl HeightsReader {
         let (cut, mesh, colours) = self.ask(py, move |file| {
             let cut = file.cut(&query)?;
             let mesh = file.mesh(&cut)?;
-            let colour = |ramp: &lodpack::heights::Ramp| {
-                mesh.heights.iter().map(|&height| ramp.colour(height)).collect::<Vec<[u8; 3]>>()
-            };
-            let colours = file.ramp().map(colour);
+            let colours = file.colours(&cut, &mesh)?;
             Ok((cut, mesh, colours))
         })?;
         let limited_by = cut.limiter.name();
@@ -141,6 +148,27 @@ impl HeightsReader {
         let heights = self.ask(py, move |file| file.window(columns.0..columns.1, rows.0..rows.1))?;
         let shape = [rows.1 - rows.0, columns.1 - columns.0].map(|count| count as usize);
         Ok(Array::shaped(heights, &shape))
+    }
+
+    /// The image over some columns and rows, with at most so many texels along each side: its texels, where the corner
+    /// of its first texel is, and the distance of texels, in columns and rows. None where there is no image.
+    #[expect(clippy::type_complexity, reason = "Python takes it apart")]
+    fn image(
+        &self,
+        py: Python<'_>,
+        columns: (f64, f64),
+        rows: (f64, f64),
+        most: u32,
+    ) -> PyResult<Option<(Array, (f64, f64), (f64, f64))>> {
+        let found = self.ask(py, move |file| {
+            let drape = file.drape();
+            let window = drape.and_then(|drape| drape.window_of_size(columns.into(), rows.into(), most));
+            window.map(|window| file.drape_image(&window)).transpose()
+        })?;
+        Ok(found.map(|DrapeImage { image, first, spacing }| {
+            let shape = [image.size[1] as usize, image.size[0] as usize, image.components.into()];
+            (Array::shaped(image.data, &shape), first.into(), spacing.into())
+        }))
     }
 
     /// Reads every tile, and checks every checksum.

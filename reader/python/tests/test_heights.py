@@ -29,6 +29,22 @@ class Heights(unittest.TestCase):
             self.assertTrue((file.bounds[0] <= file.bounds[1]).all())
             self.assertIn(f"{info['columns']:,} x {info['rows']:,}", repr(file))
 
+    def test_images_over_heights_are_those_of_the_vectors(self):
+        self.assertIsNone(vector("cell").image())
+        for name in ("draped", "photo"):
+            said = json.loads((VECTORS / f"{name}.json").read_text())["drape"]
+            file = vector(name)
+            info = file.info()["drape"]
+            self.assertEqual((list(info["size"]), info["has_opacity"]), (said["size"], said["components"] == 4))
+            image = file.image()
+            self.assertEqual((image.pixels.ndim, image.pixels.dtype), (3, np.uint8))
+            self.assertLessEqual(max(file.image(max_pixels=10).pixels.shape[:2]), 12)
+            self.assertGreater(image.spacing[0], 0)
+            self.assertLess(image.spacing[1], 0)
+            self.assertEqual(file.extract().vertex_colours.shape[1], 3)
+        # A texel a sample, whose middle the sample is.
+        self.assertEqual(image.pixels.shape, (13, 21, 3))
+
     def test_windows_have_the_samples_of_the_vectors(self):
         for name in [*PLANES, "globe"]:
             said = json.loads((VECTORS / f"{name}.json").read_text())

@@ -36,6 +36,8 @@ pub(crate) const VERSION_WITH_HEIGHTS: (u16, u16) = (4, 2);
 pub(crate) const VERSION_WITH_GROUND: (u16, u16) = (4, 3);
 /// The version of files with images in scales.
 pub(crate) const VERSION_WITH_SCALES: (u16, u16) = (4, 4);
+/// The version of files of heights with an image over them.
+pub(crate) const VERSION_WITH_DRAPE: (u16, u16) = (4, 5);
 /// Size of the header.
 pub(crate) const HEADER_BYTES: usize = 64;
 /// Size of a directory entry.
@@ -80,6 +82,8 @@ pub(crate) mod kind {
     pub(crate) const GROUND: u32 = 14;
     /// Which images are divided into scales (with CHANNELS).
     pub(crate) const SCALES: u32 = 15;
+    /// An image over a grid of heights (optional, with HEIGHTS).
+    pub(crate) const DRAPE: u32 = 16;
 
     /// The name of a kind of section.
     pub(crate) fn name(kind: u32) -> &'static str {
@@ -99,6 +103,7 @@ pub(crate) mod kind {
             RAMP => "ramp",
             GROUND => "ground",
             SCALES => "scales",
+            DRAPE => "drape",
             _ => "unknown",
         }
     }
@@ -110,7 +115,7 @@ pub(crate) mod kind {
             SOURCE | OVERVIEW | CHANNELS | PLACEMENT | RAMP => Some(0),
             LEVELS | TABLES | CLUSTERS | HEIGHTS | SCALES => Some(FLAG_REQUIRED),
             INDEX | PAGES | HEIGHT_INDEX => Some(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS),
-            TEXELS | GROUND => Some(FLAG_CHECKED_BY_PARTS),
+            TEXELS | GROUND | DRAPE => Some(FLAG_CHECKED_BY_PARTS),
             _ => None,
         }
     }
@@ -347,6 +352,12 @@ fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Header> {
     }
     if has(kind::RAMP) && !has_heights {
         return Err(Error::format("a file of a mesh has a ramp of heights"));
+    }
+    if has(kind::DRAPE) && !has_heights {
+        return Err(Error::format("a file of a mesh has an image over heights"));
+    }
+    if has(kind::DRAPE) && span.version < VERSION_WITH_DRAPE {
+        return Err(Error::format("a file of a version before 4.5 has an image over heights"));
     }
     if has_heights && span.lattice != Lattice::default() {
         return Err(Error::format("a file of heights has another lattice than that of origin 0 and step 1"));

@@ -6,6 +6,7 @@ use std::{
 };
 
 use super::{
+    drape::{Drape, DrapeImage, DrapeWindow},
     drawn::{DrawnTile, TileValues},
     grid::{Grid, SIDE, TileId},
     index::HeightsIndex,
@@ -104,6 +105,38 @@ impl<S: ReadAt> Heights<S> {
         self.index.ramp()
     }
 
+    /// The image over it, if the file has one.
+    pub fn drape(&self) -> Option<&Drape> {
+        self.index.drape()
+    }
+
+    /// The texels of a window of the image over it.
+    ///
+    /// # Errors
+    /// [`Error::Query`] if there is no image, or the window has more texels than [`Limits::texel_count`];
+    /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
+    pub fn drape_image(&self, window: &DrapeWindow) -> Result<DrapeImage> {
+        let mut fetched = Fetched::default();
+        loop {
+            match self.index.drape_image(window, &fetched) {
+                Err(Error::Missing { ranges }) => {
+                    read_ranges(&self.source, &ranges)?.into_iter().for_each(|(at, bytes)| fetched.insert(at, bytes));
+                }
+                image => return image,
+            }
+        }
+    }
+
+    /// The image over a tile, with at most `most` texels, and two more, along each side; none where there is none.
+    ///
+    /// # Errors
+    /// As [`Self::drape_image`].
+    pub fn tile_image(&self, id: TileId, most: u32) -> Result<Option<DrapeImage>> {
+        let [columns, rows] = self.grid().ends(id);
+        let window = self.drape().and_then(|drape| drape.window_of_size(columns, rows, most));
+        window.map(|window| self.drape_image(&window)).transpose()
+    }
+
     /// The tiles at depth 0. One that draws nothing is not there.
     pub fn roots(&self) -> &[TileId] {
         self.index.roots()
@@ -150,7 +183,7 @@ impl<S: ReadAt> Heights<S> {
     }
 
     /// Reads ranges, as far as they did not come with opening.
-    pub(super) fn fetch(&self, ranges: &[Range<u64>]) -> Result<Fetched> {
+    pub(crate) fn fetch(&self, ranges: &[Range<u64>]) -> Result<Fetched> {
         let mut fetched = Fetched::default();
         let new = plan(ranges.iter().filter(|&range| self.index.head.get(range.clone()).is_none()).cloned());
         read_ranges(&self.source, &new)?.into_iter().for_each(|(at, bytes)| fetched.insert(at, bytes));

@@ -197,6 +197,13 @@ impl Grid {
         self.cells[axis].min(index << (self.depth - depth.min(self.depth)))
     }
 
+    /// The first and the last column of a tile, and its first and last row.
+    pub fn ends(&self, id: TileId) -> [[f64; 2]; 2] {
+        [(0, id.column), (1, id.row)].map(|(axis, tile)| {
+            [0, 1].map(|k| self.line(axis, id.depth, tile.saturating_add(k).saturating_mul(CELLS as u64)) as f64)
+        })
+    }
+
     /// The lines of a tile's samples.
     pub fn lines(&self, id: TileId) -> Lines {
         let of =

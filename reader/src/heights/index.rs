@@ -5,6 +5,7 @@ use std::{collections::HashMap, ops::Range, sync::Mutex};
 use super::{
     bounds::tile_box,
     codec::{decode_tile, implied_tile},
+    drape::{Drape, DrapeImage, DrapeWindow, HEAD_BYTES, ImageId, OpenDrape},
     drawn::{DrawnTile, TileValues},
     grid::{Grid, TileId},
     page::{Entry, LevelErrors, Page, TileRecord},
@@ -29,6 +30,8 @@ use crate::{
 
 /// The first two index pages take no more than this many bytes, or nearly: each has 85 tiles, of about 45 bytes.
 const FIRST_PAGES_BYTES: u64 = 8 << 10;
+/// The head of the image over the heights, and its first directories.
+const FIRST_DRAPE_BYTES: u64 = 4 << 10;
 
 /// The index of a file of heights: it reads nothing itself, and says what is missing. Sessions and programs that read
 /// elsewhere use it;
@@ -40,6 +43,7 @@ pub struct HeightsIndex {
     source_info: Option<SourceInfo>,
     placement: Option<Placement>,
     ramp: Option<Ramp>,
+    drape: Option<OpenDrape>,
     id: FileId,
     version: (u16, u16),
     tables: Tables,
@@ -51,7 +55,7 @@ pub struct HeightsIndex {
     root_blocks: HashMap<TileId, Vec<u8>>,
     pub(super) known: Mutex<KnownPages>,
     /// What came with opening.
-    pub(super) head: Fetched,
+    pub(crate) head: Fetched,
 }
 
 impl HeightsIndex {
@@ -87,7 +91,10 @@ impl HeightsIndex {
         }
         let sections = [kind::SOURCE, kind::PLACEMENT, kind::TABLES, kind::HEIGHTS, kind::RAMP];
         let needed = opener.need(sections.into_iter().filter_map(|kind| header.section(kind)));
-        needed.map_err(|error| with_first_pages(error, opener, &index))?;
+        let drape = header.section(kind::DRAPE).copied();
+        needed
+            .and_then(|()| head_of(opener, drape).map(drop))
+            .map_err(|error| with_first_pages(error, opener, &index, drape))?;
         let tables = opener.parse(&header, kind::TABLES, Tables::parse)?;
         let limits = *opener.limits();
         let section = opener.parse(&header, kind::HEIGHTS, |bytes| HeightsSection::parse(bytes, &limits))?;
@@ -95,12 +102,16 @@ impl HeightsIndex {
         let placement =
             header.section(kind::PLACEMENT).map(|_| opener.parse(&header, kind::PLACEMENT, Placement::parse));
         let ramp = header.section(kind::RAMP).map(|_| opener.parse(&header, kind::RAMP, Ramp::parse));
+        let location = || "section drape".to_string();
+        let drape =
+            drape.zip(head_of(opener, drape)?).map(|(section, bytes)| OpenDrape::parse(bytes, section, &limits));
         let mut this = Self {
             limits,
             info: section.info,
             source_info: source_info.transpose()?,
             placement: placement.transpose()?,
             ramp: ramp.transpose()?,
+            drape: drape.transpose().map_err(|error| error.at(location))?,
             id: header.id,
             version: header.version,
             tables,
@@ -176,6 +187,59 @@ impl HeightsIndex {
     /// The colours to draw it with, if the file has some.
     pub fn ramp(&self) -> Option<&Ramp> {
         self.ramp.as_ref()
+    }
+
+    /// The image over it, if the file has one.
+    pub fn drape(&self) -> Option<&Drape> {
+        self.drape.as_ref().map(OpenDrape::drape)
+    }
+
+    /// Bytes of the file that the image takes; 0 if there is none.
+    pub fn drape_bytes(&self) -> u64 {
+        self.drape.as_ref().map_or(0, OpenDrape::bytes)
+    }
+
+    /// The texels of a window of the image over it, from bytes that were fetched or came with opening. What it reads of
+    /// the index of images stays, and so do decoded images, up to 64 MB.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if there is no image, or the window
+    /// has more texels than [`Limits::texel_count`]; [`Error::Format`], [`Error::Limit`].
+    pub fn drape_image(&self, window: &DrapeWindow, fetched: &Fetched) -> Result<DrapeImage> {
+        let no_image = || Error::Query { what: "the file has no image over its heights".into() };
+        match self.open_drape().ok_or_else(no_image)?.image(window, [&self.head, fetched]) {
+            Err(Error::Missing { ranges }) => Err(Error::Missing { ranges: plan(ranges) }),
+            image => image,
+        }
+    }
+
+    /// The streams that a window of the image takes, and where they are, from directories that were fetched or are
+    /// known.
+    pub(crate) fn drape_streams(
+        &self,
+        window: &DrapeWindow,
+        fetched: &Fetched,
+    ) -> Result<Vec<(ImageId, u8, Range<u64>)>> {
+        let Some(drape) = &self.drape else { return Ok(vec![]) };
+        match drape.streams(window, [&self.head, fetched]) {
+            Err(Error::Missing { ranges }) => Err(Error::Missing { ranges: plan(ranges) }),
+            streams => streams,
+        }
+    }
+
+    /// Where a stream is, and its checksum, if its directory is known.
+    pub(crate) fn drape_stream(&self, id: ImageId, scale: u8) -> Option<(Range<u64>, u32)> {
+        self.drape.as_ref()?.stream(id, scale)
+    }
+
+    /// Where the section of the image is.
+    #[cfg(test)]
+    pub(crate) fn drape_range(&self) -> Option<Range<u64>> {
+        self.drape.as_ref().map(OpenDrape::section_range)
+    }
+
+    pub(crate) fn open_drape(&self) -> Option<&OpenDrape> {
+        self.drape.as_ref()
     }
 
     /// Major and minor version of the format.
@@ -295,9 +359,25 @@ impl HeightsIndex {
     }
 }
 
-/// Asks for the first index pages, too, if anything is missing: they are needed next.
-fn with_first_pages(error: Error, opener: &Opener, index: &Section) -> Error {
+/// The head of the image over the heights, if there is one.
+fn head_of(opener: &Opener, drape: Option<Section>) -> Result<Option<&[u8]>> {
+    let Some(Section { offset, length, .. }) = drape else { return Ok(None) };
+    if length < HEAD_BYTES as u64 {
+        return Err(Error::format("the section ends within its head").at(|| "section drape".to_string()));
+    }
+    let range = offset..offset.saturating_add(HEAD_BYTES as u64);
+    let missing = || Error::Missing { ranges: vec![opener.fetched().rest_of(range.clone())] };
+    opener.fetched().get(range.clone()).ok_or_else(missing).map(Some)
+}
+
+/// Asks for the first index pages, too, if anything is missing: they are needed next. Likewise for the beginning of the
+/// image over the heights.
+fn with_first_pages(error: Error, opener: &Opener, index: &Section, drape: Option<Section>) -> Error {
     let Error::Missing { mut ranges } = error else { return error };
+    if let Some(Section { offset, length, .. }) = drape {
+        let end = offset.saturating_add(length.min(FIRST_DRAPE_BYTES)).min(opener.size());
+        ranges.push(opener.fetched().rest_of(offset.min(end)..end));
+    }
     let end = index.offset.saturating_add(index.length.min(FIRST_PAGES_BYTES)).min(opener.size());
     ranges.push(opener.fetched().rest_of(index.offset.min(end)..end));
     Error::Missing { ranges: plan(ranges) }

@@ -8,13 +8,17 @@
 //! - `section` and `page`: what a file says about the whole and about each tile,
 //! - `index`, `file`, `tree`, `tiles`: an open file, its tiles and their samples,
 //! - `cut`, `mesh` and `on_lines`: what is drawn at a tolerance, and its triangles without cracks,
-//! - `normals` and `ramp`: what tiles look like,
-//! - `ready` and `bounds`: tiles for sessions ([`crate::stream`]), and boxes around them,
+//! - `normals`, `ramp`, `drape` and `colours`: what tiles look like,
+//! - `ready`, `covering` and `bounds`: tiles for sessions ([`crate::stream`]), the image over them, and boxes around
+//!   them,
 //! - `write`: writing a file.
 
 mod bounds;
 pub(crate) mod codec;
+mod colours;
+mod covering;
 mod cut;
+mod drape;
 pub mod drawn;
 mod file;
 pub mod grid;
@@ -38,7 +42,12 @@ pub(crate) use bounds::{enclosed_ball, is_hidden, tile_box};
 pub(crate) use codec::known_samples;
 #[cfg(feature = "write")]
 pub use codec::tile_symbols;
+pub(crate) use covering::{Covering, TileColours};
 pub use cut::{CutTile, HeightsCut, HeightsQuery};
+#[cfg(feature = "write")]
+pub use drape::DrapeWriter;
+pub(crate) use drape::ImageId;
+pub use drape::{Drape, DrapeImage, DrapeWindow};
 pub use drawn::{DrawnTile, TileValues};
 pub use file::Heights;
 pub use grid::{CELLS, Grid, Lines, SIDE, TileId};

@@ -6,6 +6,7 @@
 use std::collections::HashMap;
 
 use super::{
+    covering::TileColours,
     drawn::{Outline, Side, TileValues},
     grid::{SIDE, TileId},
     index::HeightsIndex,
@@ -24,6 +25,8 @@ pub(crate) struct ReadyTile {
     pub values: TileValues,
     /// Of each sample a bit for each resolution: whether triangles are halved there.
     halved: Box<[u8; SIDE * SIDE]>,
+    /// What the image over the heights shows; none without one.
+    pub colours: Option<TileColours>,
 }
 
 /// A triangle that may get further vertices on its sides, from neighbours.
@@ -71,13 +74,14 @@ impl ReadyTile {
                 *bits |= u8::from(*need > resolution.tolerance) << k;
             }
         }
-        Self { values, halved }
+        Self { values, halved, colours: None }
     }
 
     /// Its size in memory.
     pub fn byte_count(&self) -> u64 {
         let cells = self.values.cells.as_ref().map_or(0, |cells| size_of_val(&**cells));
-        (size_of::<Self>() + size_of_val(&*self.values.steps) + size_of_val(&*self.halved) + cells) as u64
+        let colours = self.colours.as_ref().map_or(0, |colours| size_of_val(&*colours.texels));
+        (size_of::<Self>() + size_of_val(&*self.values.steps) + size_of_val(&*self.halved) + cells + colours) as u64
     }
 
     /// Its triangles at a resolution, by number.

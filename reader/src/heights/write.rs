@@ -3,11 +3,12 @@
 
 use std::{
     collections::VecDeque,
-    io::{self, Read, Write},
+    io::{self, Read, Seek, Write},
 };
 
 use super::{
     codec::{contexts::anything, is_implied},
+    drape::DrapeWriter,
     grid::TileId,
     page::{PAGE_DEPTHS, PageDraft, TileRecord},
     ramp::Ramp,
@@ -17,7 +18,7 @@ use crate::{
     codec::entropy::{Codes, SymbolBuffer, Tables, Tally, context, encode},
     error::{Error, Result},
     format::{
-        header::{Header, Section, VERSION_WITH_HEIGHTS, kind},
+        header::{Header, Section, VERSION_WITH_DRAPE, VERSION_WITH_HEIGHTS, kind},
         placement::Placement,
         records::SourceInfo,
         sections::{Part, write_source},
@@ -193,6 +194,20 @@ impl HeightsWriter {
     /// # Errors
     /// [`Error::Model`] if a tile is missing, [`Error::Write`].
     pub fn finish(self, encoder: &TileEncoder, blocks: &mut impl Read, out: &mut impl Write) -> Result<WriteReport> {
+        self.finish_draped(encoder, blocks, None::<DrapeWriter<io::Cursor<Vec<u8>>>>, out)
+    }
+
+    /// As [`Self::finish`], with an image over the heights.
+    ///
+    /// # Errors
+    /// As [`Self::finish`], and [`Error::Model`] if images are missing.
+    pub fn finish_draped<S: Read + Write + Seek>(
+        self,
+        encoder: &TileEncoder,
+        blocks: &mut impl Read,
+        drape: Option<DrapeWriter<S>>,
+        out: &mut impl Write,
+    ) -> Result<WriteReport> {
         if let Some(id) = self.expected() {
             return Err(Error::model(format!("tile {} is missing", id.name())));
         }
@@ -211,7 +226,11 @@ impl HeightsWriter {
             sections.insert(0, ("source", kind::SOURCE, write_source(&self.source)));
         }
         let index_bytes = pages.iter().map(|page| page.len() as u64).sum();
-        let in_parts = [("height index", kind::HEIGHT_INDEX, index_bytes), ("pages", kind::PAGES, self.block_bytes)];
+        let drape = drape.map(DrapeWriter::finish).transpose()?;
+        let version = if drape.is_some() { VERSION_WITH_DRAPE } else { VERSION_WITH_HEIGHTS };
+        let mut in_parts = vec![("height index", kind::HEIGHT_INDEX, index_bytes)];
+        in_parts.extend(drape.as_ref().map(|(length, _)| ("drape", kind::DRAPE, *length)));
+        in_parts.push(("pages", kind::PAGES, self.block_bytes));
         let checked = sections.iter().map(|&(_, kind, ref bytes)| Section {
             kind,
             required: matches!(kind, kind::TABLES | kind::HEIGHTS),
@@ -219,14 +238,22 @@ impl HeightsWriter {
             offset: 0,
             length: bytes.len() as u64,
         });
-        let by_parts =
-            in_parts.map(|(_, kind, length)| Section { kind, required: true, checksum: None, offset: 0, length });
+        let by_parts = in_parts.iter().map(|&(_, kind, length)| Section {
+            kind,
+            required: kind != kind::DRAPE,
+            checksum: None,
+            offset: 0,
+            length,
+        });
         let directory = checked.chain(by_parts).collect();
-        let header = Header::new(VERSION_WITH_HEIGHTS, Lattice::default(), directory).write();
+        let header = Header::new(version, Lattice::default(), directory).write();
         let write = |source| Error::Write { source };
         out.write_all(&header).map_err(write)?;
         for bytes in sections.iter().map(|(.., bytes)| bytes).chain(&pages) {
             out.write_all(bytes).map_err(write)?;
+        }
+        if let Some((_, write_drape)) = drape {
+            write_drape(out).map_err(write)?;
         }
         let copied = io::copy(&mut blocks.take(self.block_bytes), out).map_err(write)?;
         if copied != self.block_bytes {
@@ -234,7 +261,7 @@ impl HeightsWriter {
         }
         let names = sections.iter().map(|(name, _, bytes)| (*name, bytes.len() as u64));
         let names = [("header", header.len() as u64)].into_iter().chain(names);
-        let sections: Vec<_> = names.chain(in_parts.map(|(name, _, length)| (name, length))).collect();
+        let sections: Vec<_> = names.chain(in_parts.iter().map(|&(name, _, length)| (name, length))).collect();
         Ok(WriteReport { total_bytes: sections.iter().map(|section| section.1).sum(), sections, ..Default::default() })
     }
 

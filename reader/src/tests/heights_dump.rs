@@ -4,7 +4,7 @@ use std::{fmt::Write as _, fs, path::PathBuf, process::Command};
 
 use super::terrain::Terrain;
 use crate::{
-    heights::{Base, CELLS, Heights, Ramp, RampStop, SIDE, TileId},
+    heights::{Base, CELLS, Drape, DrapeWindow, Heights, Ramp, RampStop, SIDE, TileId},
     limits::Limits,
 };
 
@@ -23,6 +23,8 @@ fn vectors() -> Vec<(&'static str, Vec<u8>)> {
     let ramp = Ramp::new(ramp).unwrap();
     vec![
         ("painted", Terrain::plane([20, 12]).with_ramp(ramp).file(5.0)),
+        ("draped", Terrain::plane([20, 12]).with_drape(hole()).file(5.0)),
+        ("photo", Terrain::plane([20, 12]).with_drape(photo()).file(5.0)),
         ("cell", Terrain::plane([1, 1]).file(1.0)),
         ("hills", Terrain::plane([100, 70]).file(30.0)),
         ("islands", Terrain::plane([100, 70]).with_cells(island).file(30.0)),
@@ -30,6 +32,34 @@ fn vectors() -> Vec<(&'static str, Vec<u8>)> {
         ("sea", Terrain::globe([300, 5]).level_but(|column, row| column > 270 && row > 0 && row < 5).file(60.0)),
         ("ridge", Terrain::plane([1100, 2]).file(9.0)),
     ]
+}
+
+/// An image with a hole and three levels of tiles, which covers a part of 20 x 12 cells.
+pub(super) fn hole() -> Drape {
+    Drape { size: [140, 90], first: [-0.5, 2.25], spacing: [0.125, 0.125], components: 4, side_log2: 4 }
+}
+
+/// An image without opacity in one tile, whose texels are samples.
+fn photo() -> Drape {
+    Drape { size: [21, 13], first: [0.0, 0.0], spacing: [1.0, 1.0], components: 3, side_log2: 5 }
+}
+
+/// What the image over heights shows: of each tile checksums of its texels at all scales.
+fn drape_text(heights: &Heights<&[u8]>, drape: &Drape) -> String {
+    let list_of = |numbers: [u64; 2]| list(numbers.map(|x| x.to_string()));
+    let numbers = list(drape.first.into_iter().chain(drape.spacing).map(bits));
+    let (size, components, side) = (list_of(drape.size), drape.components, drape.side_log2);
+    let mut text = format!(
+        "\"drape\":{{\"size\":{size},\"numbers\":{numbers},\"components\":{components},\"side\":{side},\"images\":["
+    );
+    for halvings in (0..=drape.most_halvings()).rev() {
+        let size = drape.size_at(halvings).map(|size| size as u32);
+        let window = DrapeWindow { halvings, first: [0, 0], size };
+        let image = heights.drape_image(&window).unwrap().image;
+        let _ = write!(text, "{}", if halvings < drape.most_halvings() { "," } else { "" });
+        let _ = write!(text, "\n[{},{},{}]", size[0], size[1], crc32fast::hash(&image.data));
+    }
+    text + "\n]},\n"
 }
 
 fn bits(number: f64) -> String {
@@ -60,6 +90,9 @@ fn dump(bytes: &[u8]) -> String {
     if let Some(ramp) = heights.ramp() {
         let stop = |stop: &RampStop| format!("[{},{}]", bits(stop.height), list(stop.colour.map(|x| x.to_string())));
         let _ = writeln!(text, "\"stops\":{},", list(ramp.stops().iter().map(stop)));
+    }
+    if let Some(drape) = heights.drape() {
+        text += &drape_text(&heights, drape);
     }
     text += "\"tiles\":[";
     let mut ids: Vec<TileId> = heights.roots().to_vec();

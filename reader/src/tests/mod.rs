@@ -3,6 +3,7 @@
 mod channels;
 pub(crate) mod cuts;
 mod damage;
+mod drape;
 mod fuzzed;
 mod heights;
 mod heights_dump;

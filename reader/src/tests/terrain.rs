@@ -1,9 +1,12 @@
 //! Files of heights, made from hills that a few numbers describe.
 
+use std::io::Cursor;
+
 use crate::codec::entropy::SymbolBuffer;
+use crate::codec::texels::{Image, ImageStreams, encode_image};
 use crate::heights::{
-    Base, CELLS, DrawnTile, Grid, HeightsInfo, HeightsWriter, Ramp, Resolution, SIDE, Surface, TileEncoder, TileId,
-    TileRecord, TileValues, storable_tolerance, tile_symbols,
+    Base, CELLS, Drape, DrapeWriter, DrawnTile, Grid, HeightsInfo, HeightsWriter, Ramp, Resolution, SIDE, Surface,
+    TileEncoder, TileId, TileRecord, TileValues, storable_tolerance, tile_symbols,
 };
 
 /// Degrees of columns and rows of a globe of 1 x 2 right angles.
@@ -30,6 +33,21 @@ pub(crate) struct Terrain {
     /// Which cells of the grid are drawn; none if all are.
     cells: Option<Vec<bool>>,
     ramp: Option<Ramp>,
+    drape: Option<Drape>,
+}
+
+/// A texel of the image over hills, at a level. A disc of it is transparent, if it has opacity, and a corner has one
+/// colour.
+pub(crate) fn texel(drape: &Drape, level: u8, [x, y]: [u64; 2]) -> [u8; 4] {
+    let [x, y] = [x << (3 * level), y << (3 * level)];
+    if drape.components == 4 && x.abs_diff(100).pow(2) + y.abs_diff(40).pow(2) < 1300 {
+        return [0; 4];
+    }
+    if x < 40 && y < 24 {
+        return [30, 90, 200, 255];
+    }
+    let wave = |a: u64, b: u64| ((x * a + y * b) % 256).abs_diff(128) as u8 + hash([x, y]) as u8 % 16;
+    [40 + wave(5, 1), wave(1, 4), wave(3, 7), 255]
 }
 
 impl Terrain {
@@ -79,7 +97,7 @@ impl Terrain {
             (0..6).map(octave).sum::<f64>() as i32
         };
         let steps = (0..=rows).flat_map(|row| (0..=columns).map(move |column| height(column, row))).collect();
-        Self { steps, cells: None, info, ramp: None }
+        Self { steps, cells: None, info, ramp: None, drape: None }
     }
 
     /// Without the cells that `is_there` does not name.
@@ -110,6 +128,38 @@ impl Terrain {
         self.info.ramp = "hills".into();
         self.ramp = Some(ramp);
         self
+    }
+
+    /// With an image over them.
+    #[must_use]
+    pub fn with_drape(mut self, drape: Drape) -> Self {
+        self.drape = Some(drape);
+        self
+    }
+
+    /// The image over them, ready to be written.
+    fn drape_writer(&self) -> Option<DrapeWriter<Cursor<Vec<u8>>>> {
+        let drape = self.drape?;
+        let mut writer = DrapeWriter::new(drape, Cursor::default()).unwrap();
+        for level in 0..drape.level_count() {
+            let [columns, rows] = writer.groups(level);
+            for group in (0..rows).flat_map(|row| (0..columns).map(move |column| [column, row])) {
+                let images = writer.tiles(level, group).into_iter().map(|(first, size)| {
+                    let places = (0..size[1])
+                        .flat_map(|y| (0..size[0]).map(move |x| [first[0] + u64::from(x), first[1] + u64::from(y)]));
+                    let texels: Vec<[u8; 4]> = places.map(|place| texel(&drape, level, place)).collect();
+                    if texels.iter().all(|texel| texel[3] == 0) && level == 0 {
+                        return ImageStreams::default();
+                    }
+                    let data = texels.iter().flat_map(|texel| &texel[..drape.components.into()]).copied().collect();
+                    let image = Image { size, components: drape.components, data };
+                    encode_image(&image, &vec![true; texels.len()], 9)
+                });
+                let images: Vec<ImageStreams> = images.collect();
+                writer.put(level, group, &images).unwrap();
+            }
+        }
+        Some(writer)
     }
 
     /// A sample.
@@ -241,7 +291,7 @@ impl Terrain {
             writer.skip(id).unwrap();
         }
         let mut bytes = Vec::new();
-        writer.finish(&encoder, &mut pages.as_slice(), &mut bytes).unwrap();
+        writer.finish_draped(&encoder, &mut pages.as_slice(), self.drape_writer(), &mut bytes).unwrap();
         bytes
     }
 }

@@ -24,7 +24,9 @@ impl State {
     pub fn channels(&mut self) -> Answer {
         if let Ok(index) = self.heights_index() {
             let colour = "colour\n".bytes();
-            let Some(_) = index.ramp() else { return Ok(0) };
+            if index.ramp().is_none() && index.drape().is_none() {
+                return Ok(0);
+            }
             self.output.put_floats([1.0, 3.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
             self.output.extend(colour);
             return Ok(1);
@@ -52,11 +54,12 @@ impl State {
     }
 
     /// Makes a stream show a channel, or none if there is none of this number; with normals if `beside` is odd, and
-    /// with materials if it is 2 or 3. Of heights number 0 is the ramp.
+    /// with materials if it is 2 or 3. Of heights number 0 is the image or the
+    /// ramp.
     pub fn show(&mut self, stream: u32, channel: u32, range: [f64; 2], beside: u32) -> Answer {
-        let has_ramp = self.heights_index().map(|index| index.ramp().is_some());
-        let Ok(has_ramp) = has_ramp else { return self.show_of_mesh(stream, channel, range, beside) };
-        self.stream(stream)?.0.show_colours(has_ramp && channel == 0);
+        let has_colours = self.heights_index().map(|index| index.ramp().is_some() || index.drape().is_some());
+        let Ok(has_colours) = has_colours else { return self.show_of_mesh(stream, channel, range, beside) };
+        self.stream(stream)?.0.show_colours(has_colours && channel == 0);
         Ok(0)
     }
 }

@@ -120,7 +120,7 @@ impl State {
             return Err(wrong("a cut of heights has depth, column, row and resolution of each tile"));
         }
         let fetched = self.questions.get(question)?;
-        let mesh = ask(&index, fetched, |heights| {
+        let (mesh, colours) = ask(&index, fetched, |heights| {
             let mut cut = HeightsCut::default();
             for &[depth, column, row, number] in tiles {
                 let id = TileId { depth, column: column.into(), row: row.into() };
@@ -129,18 +129,19 @@ impl State {
                 let resolution = resolution.ok_or_else(|| wrong("a tile of the cut does not exist"))?;
                 cut.tiles.push(CutTile { id, resolution });
             }
-            heights.mesh(&cut)
+            let mesh = heights.mesh(&cut)?;
+            let colours = heights.colours(&cut, &mesh)?;
+            Ok((mesh, colours))
         })?;
-        let HeightsMesh { positions, triangles, triangle_tiles, heights, normals, .. } = mesh;
+        let HeightsMesh { positions, triangles, triangle_tiles, normals, .. } = mesh;
         put_mesh(&mut self.output, &Mesh { positions, triangles, triangle_nodes: triangle_tiles });
-        // Of each vertex: the normal (f32), and the colour, if there is a ramp.
+        // Of each vertex: the normal (f32), and the colour, if there is an image or a ramp.
         put_all(&mut self.output, &normals, |bytes: &mut [u8; 12], normal| {
             let numbers = normal.map(|x| (f32::from(x) / 32767.0).to_le_bytes());
             bytes.as_chunks_mut::<4>().0.copy_from_slice(&numbers);
         });
-        if let Some(ramp) = index.ramp() {
-            put_all(&mut self.output, &heights, |bytes: &mut [u8; 4], &height| {
-                let [r, g, b] = ramp.colour(height);
+        if let Some(colours) = colours {
+            put_all(&mut self.output, &colours, |bytes: &mut [u8; 4], &[r, g, b]| {
                 *bytes = [r, g, b, 255];
             });
         }

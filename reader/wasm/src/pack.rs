@@ -10,7 +10,7 @@ use lodpack::{
 
 use crate::{
     answer::{Put, put_all, put_normals, put_triangles},
-    dress::{Dresser, TEXELS, put_images, put_places},
+    dress::{Dresser, put_images, put_places, side_of},
 };
 
 /// The image of a root that the page has.
@@ -188,7 +188,7 @@ impl Packed<'_> {
         ];
         let flags = bits.iter().zip(0..).map(|(&bit, k)| u32::from(bit) << k).sum();
         let size = self.image.as_ref().map_or([0; 2], |image| image.size);
-        let [width, height] = if self.tile_images.is_some() { [TEXELS as u32; 2] } else { size };
+        let [width, height] = self.tile_images.map_or(size, |images| [side_of(images, shows_colours) as u32; 2]);
         [flags, width, height]
     }
 }
@@ -229,7 +229,7 @@ pub fn put_changes(
         put_triangles(output, &triangles);
         put_normals(output, &normals);
         if drawn.images().is_some() {
-            put_places(output, drawn);
+            put_places(output, drawn, dresser.shows_colours);
         }
         let map = drawn.texture().and_then(|texture| texture.texture.map.as_ref());
         if let (Some(pieces), Some(map)) = (pieces, map) {

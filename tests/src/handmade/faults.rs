@@ -3,7 +3,7 @@
 use super::symbols::{CONTEXT_COUNT, contexts, flat_table_numbers};
 use super::{
     BOX_SIZE, CHANNELS, CHILD_CHILDREN, CHILD_HALF_ARCS, CHILD_TRIANGLES, CHILDREN, CLUSTERS, COARSE_ERROR, Container,
-    FINE_BEGINS, FIRST_ARC, FIRST_ARC_SAMPLES, FIRST_CORNER_LEVEL, GROUND, HALF_ARC_COUNT, HALF_ARCS, Handmade,
+    DRAPE, FINE_BEGINS, FIRST_ARC, FIRST_ARC_SAMPLES, FIRST_CORNER_LEVEL, GROUND, HALF_ARC_COUNT, HALF_ARCS, Handmade,
     HandmadeChannel, HandmadeTexels, INDEX, LAST_ARC, LEVEL_SET, LEVELS, PAGES, PLACEMENT, ROOT, SCALES,
     SECOND_CORNER_LEVEL, Section, TABLES, TEXELS, ground, pack_bits,
 };
@@ -83,7 +83,12 @@ pub fn faults() -> Vec<Fault> {
         edit(&mut container);
         Fault { name, what, bytes: container.bytes() }
     });
-    geometry.chain(with_channels).chain(channels).chain(drawn).chain(scaled).chain(grounded).collect()
+    let draped = drape_faults().into_iter().map(|(name, what, edit)| {
+        let mut container = ground::draped();
+        edit(&mut container);
+        Fault { name, what, bytes: container.bytes() }
+    });
+    geometry.chain(with_channels).chain(channels).chain(drawn).chain(scaled).chain(grounded).chain(draped).collect()
 }
 
 type Edit<T> = (&'static str, &'static str, fn(&mut T));
@@ -477,6 +482,82 @@ fn scale_faults() -> Vec<Edit<Container>> {
         ("scales_two", "an image is divided into two streams (20.3)", |c| c.section(SCALES).content[0] = 2),
         ("scales_none", "SCALES says that no image is divided (20.3)", |c| c.section(SCALES).content[0] = 1),
         ("scales_of_numbers", "images of numbers are divided (20.3)", |c| c.section(SCALES).content[1] = 4),
+    ]
+}
+
+/// The head of DRAPE ends with its checksum.
+fn in_drape_head(container: &mut Container, edit: impl FnOnce(&mut [u8])) {
+    let content = &mut container.section(DRAPE).content;
+    edit(&mut content[..64]);
+    let checksum = crc32fast::hash(&content[..64]);
+    content[64..68].copy_from_slice(&checksum.to_le_bytes());
+}
+
+/// The top directory follows the head, which has its checksum.
+fn in_top_directory(container: &mut Container, edit: impl FnOnce(&mut [u8])) {
+    let content = &mut container.section(DRAPE).content;
+    let length = u32::from_le_bytes([content[56], content[57], content[58], content[59]]) as usize;
+    edit(&mut content[68..68 + length]);
+    let checksum = crc32fast::hash(&content[68..68 + length]);
+    in_drape_head(container, |head| head[60..64].copy_from_slice(&checksum.to_le_bytes()));
+}
+
+fn drape_faults() -> Vec<Edit<Container>> {
+    vec![
+        ("drape_of_version_4_4", "a file of version 4.4 has an image over heights (4)", |c| c.version[1] = 4),
+        ("drape_flags", "DRAPE is marked as required (5)", |c| c.section(DRAPE).flags = 3),
+        ("drape_over_a_mesh", "an image for heights lies beside a mesh (5)", |c| {
+            let drape = c.section(DRAPE).content.clone();
+            *c = Handmade::example().container();
+            c.version[1] = 5;
+            let pages = c.sections.len() - 1;
+            c.sections.insert(pages, Section { kind: DRAPE, flags: 2, content: drape, reserved: 0 });
+        }),
+        ("drape_short", "DRAPE ends within its head (22.10)", |c| c.section(DRAPE).content.truncate(60)),
+        ("drape_checksum", "the checksum of the head of DRAPE is wrong (22.10)", |c| c.section(DRAPE).content[0] ^= 1),
+        ("drape_empty", "the image over the heights has no columns (22.10)", |c| in_drape_head(c, |b| b[..8].fill(0))),
+        ("drape_reserved", "a reserved byte of DRAPE is set (22.10)", |c| in_drape_head(c, |b| b[52] = 1)),
+        ("drape_components", "the image over the heights has two components (22.10)", |c| {
+            in_drape_head(c, |b| b[48] = 2);
+        }),
+        ("drape_side", "tiles of the image over the heights have four texels along a side (22.10)", |c| {
+            in_drape_head(c, |b| b[49] = 2);
+        }),
+        ("drape_spacing", "texels of the image over the heights lie at one column (22.10)", |c| {
+            in_drape_head(c, |b| b[32..40].fill(0));
+        }),
+        ("drape_gap", "the image over the heights has three components and a tile without an image (22.10)", |c| {
+            in_drape_head(c, |b| b[48] = 3);
+        }),
+        ("drape_nothing_three", "an image of three components has no tiles (22.10)", |c| {
+            in_drape_head(c, |b| {
+                b[48] = 3;
+                b[56..64].fill(0);
+            });
+            c.section(DRAPE).content.truncate(68);
+        }),
+        ("drape_directory_checksum", "the checksum of a directory of images is wrong (22.10)", |c| {
+            c.section(DRAPE).content[68] ^= 1;
+        }),
+        ("drape_directory_short", "a directory of images ends early (22.10)", |c| {
+            let content = &mut c.section(DRAPE).content;
+            content[56] -= 1;
+            let length = content[56] as usize;
+            let checksum = crc32fast::hash(&content[68..68 + length]);
+            in_drape_head(c, |b| b[60..64].copy_from_slice(&checksum.to_le_bytes()));
+        }),
+        ("drape_first_stream", "images do not begin where their directory says (22.10)", |c| {
+            in_top_directory(c, |b| b[0] += 1);
+        }),
+        ("drape_first_below", "directories do not begin where the one above says (22.10)", |c| {
+            in_top_directory(c, |b| b[8] += 1);
+        }),
+        ("drape_image_checksum", "the checksum of an image is wrong (22.10)", |c| {
+            if let Some(last) = c.section(DRAPE).content.last_mut() {
+                *last ^= 1;
+            }
+        }),
+        ("drape_longer", "a byte follows the last image (22.10)", |c| c.section(DRAPE).content.push(0)),
     ]
 }
 

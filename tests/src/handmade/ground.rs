@@ -23,6 +23,14 @@ pub fn put_under(container: &mut Container, content: Vec<u8>) {
     container.sections.insert(pages, Section { kind: GROUND, flags: 2, content, reserved: 0 });
 }
 
+/// Heights under an image.
+const DRAPED: &[u8] = include_bytes!("../../../format-spec/vectors/heights/draped.lodpack");
+
+/// A file of heights with an image over them, which has a hole and three levels.
+pub fn draped() -> Container {
+    sections_of(DRAPED)
+}
+
 /// Heights around a globe, as a file.
 pub fn globe() -> Vec<u8> {
     GLOBE.to_vec()

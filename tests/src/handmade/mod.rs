@@ -40,6 +40,8 @@ pub const HEIGHT_INDEX: u32 = 12;
 pub const GROUND: u32 = 14;
 /// The section SCALES.
 pub const SCALES: u32 = 15;
+/// The section DRAPE.
+pub const DRAPE: u32 = 16;
 
 /// Codes of fillings.
 pub const IRREGULAR: u16 = 0;

@@ -21,7 +21,7 @@ use lodpack_cli::{
     job::{BuildOptions, build as build_mesh},
     mesh::Mesh,
     mesh::tolerance::Tolerance,
-    pipeline::ModelOptions,
+    pipeline::{ColourQuality, ModelOptions},
     progress::Silent,
 };
 use lodpack_tests::{
@@ -59,8 +59,12 @@ fn terrain_with(name: &str, grid: &Grid, options: RasterOptions, is_there: impl 
     };
     grid.write(&mut std::fs::File::create(&raster).unwrap(), fill).unwrap();
     let source = HeightSource::open(&[raster], &options, &Silent).unwrap().unwrap();
-    let options =
-        HeightsOptions { tolerance: Tolerance::InputUnits(2.0), memory: 1 << 30, folder: std::env::temp_dir() };
+    let options = HeightsOptions {
+        tolerance: Tolerance::InputUnits(2.0),
+        memory: 1 << 30,
+        folder: std::env::temp_dir(),
+        colour_quality: ColourQuality::Auto,
+    };
     build(&source, &options, &mut std::fs::File::create(&out).unwrap(), &Silent).unwrap();
     out
 }

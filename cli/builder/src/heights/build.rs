@@ -1,14 +1,16 @@
 //! Building units, and joining them to a file.
 
+use std::fs::File;
 use std::io::Write;
 use std::path::Path;
 
-use lodpack::heights::{CELLS, TileEncoder, TileId};
+use lodpack::heights::{CELLS, Drape, DrapeWriter, TileEncoder, TileId};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::above::{Above, Seen};
 use super::basis::Basis;
+use super::drape::DrapeSummary;
 use super::facets::Judge;
 use super::samples::Samples;
 use super::spill::Spill;
@@ -126,13 +128,15 @@ impl Joint {
         self.said.is_empty()
     }
 
-    /// Makes the tiles above the units, and writes the file. The builder has seen all units.
+    /// Makes the tiles above the units, and writes the file, with an image over it and the step that it was coded with.
+    /// The builder has seen all units.
     ///
     /// # Errors
     /// [`HeightsError`].
     pub fn finish(
         self,
         builder: &Builder<'_>,
+        drape: Option<(DrapeWriter<File>, u8)>,
         out: &mut impl Write,
         progress: &dyn Progress,
         mut watch: Stopwatch,
@@ -144,12 +148,19 @@ impl Joint {
         above.finish(setting, encoder, self.said, &self.spill)?;
         watch.lap("tiles");
         progress.begin("write", 0);
-        let written = self.spill.write(basis, encoder, out)?;
+        let image = drape.as_ref().map(|(writer, step)| (*writer.drape(), *step));
+        let written = self.spill.write(basis, encoder, drape.map(|(writer, _)| writer), out)?;
+        let (drape_bytes, samples) = (written.drape_bytes, setting.grid.samples().iter().product::<u64>());
+        let drape = image.map(|(Drape { size, components, .. }, step)| DrapeSummary {
+            size,
+            components,
+            step,
+            bytes: drape_bytes,
+        });
         watch.lap("write");
         let (wall, cpu) = watch.total();
-        let [columns, rows] = setting.grid.samples();
         Ok(HeightsSummary {
-            samples: columns * rows,
+            samples,
             cells: setting.grid.cells(),
             tiles: written.tiles,
             depth: setting.grid.depth(),
@@ -158,7 +169,8 @@ impl Joint {
             sample_error: setting.error,
             certified_error: written.error,
             bytes: written.bytes,
-            bits_per_sample: 8.0 * written.bytes as f64 / (columns * rows) as f64,
+            drape,
+            bits_per_sample: 8.0 * (written.bytes - drape_bytes) as f64 / samples as f64,
             stages: watch.stages,
             wall_seconds: wall.as_secs_f64(),
             cpu_seconds: cpu.as_secs_f64(),

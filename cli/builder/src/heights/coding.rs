@@ -5,7 +5,7 @@ use std::io::{self, BufReader, Read, Seek, Write};
 use std::sync::PoisonError;
 
 use lodpack::Lattice;
-use lodpack::heights::{CELLS, Grid, HeightsWriter, TileEncoder, TileId};
+use lodpack::heights::{CELLS, DrapeWriter, Grid, HeightsWriter, TileEncoder, TileId};
 use lodpack::index::SourceInfo;
 use lodpack::write::stored_error;
 
@@ -22,11 +22,19 @@ pub struct Written {
     /// The largest of their errors.
     pub error: f64,
     pub bytes: u64,
+    /// Those of the image over the heights.
+    pub drape_bytes: u64,
 }
 
 impl Spill {
     /// Writes the file.
-    pub fn write(self, basis: &Basis, encoder: &TileEncoder, out: &mut impl Write) -> Result<Written, HeightsError> {
+    pub fn write(
+        self,
+        basis: &Basis,
+        encoder: &TileEncoder,
+        drape: Option<DrapeWriter<File>>,
+        out: &mut impl Write,
+    ) -> Result<Written, HeightsError> {
         let Self { folder, inner } = self;
         let inner = inner.into_inner().unwrap_or_else(PoisonError::into_inner);
         let Inner { mut file, tiles: mut all, mut roots, .. } = inner;
@@ -79,7 +87,9 @@ impl Spill {
         file.rewind().map_err(wrong)?;
         let mut blocks =
             Blocks { file: BufReader::with_capacity(1 << 18, file), at: 0, next: blocks.into_iter(), left: 0 };
-        let report = writer.finish(encoder, &mut blocks, out)?;
+        let report = writer.finish_draped(encoder, &mut blocks, drape, out)?;
+        let in_drape = report.sections.iter().find(|(name, _)| *name == "drape");
+        written.drape_bytes = in_drape.map_or(0, |&(_, bytes)| bytes);
         written.bytes = report.total_bytes;
         // As the file says it, which rounds up.
         written.error = stored_error(written.error, 0.0, &Lattice::default())?;

@@ -5,7 +5,8 @@
 //! them (`above`). What all units have in common is found first (`basis`); then any process builds any of them
 //! (`build`), and one joins them. `tile` chooses the resolutions of a tile. How far their triangles are from all
 //! samples follows for most tiles of planes from a table of `squares`, and so do their `needs`; `facets` and `even`
-//! measure the others, without those in `blocks` that cannot matter. `coding` writes, `geotiff` takes rasters out of
+//! measure the others, without those in `blocks` that cannot matter. `drape` codes the image over the
+//! heights, `coding` writes, `geotiff` takes rasters out of
 //! such files again, and `tin` few triangles.
 
 mod above;
@@ -14,6 +15,7 @@ mod beyond;
 mod blocks;
 mod build;
 mod coding;
+mod drape;
 mod even;
 mod facets;
 mod georeference;
@@ -34,14 +36,16 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::pipeline::ColourQuality;
 use crate::pipeline::summary::{StageTime, Stopwatch};
 pub use above::Seen;
 pub use basis::Basis;
 pub use build::{Builder, BuiltUnit, Joint};
+pub use drape::DrapeSummary;
 pub use georeference::Georeference;
 pub use geotiff::{range_of, raster_window_of, rounding_of, window_of, write_geotiff};
 use lodpack_import::ImportError;
-use lodpack_import::raster::HeightSource;
+use lodpack_import::raster::{HeightDrape, HeightSource};
 use lodpack_mesh::tolerance::Tolerance;
 use lodpack_runtime::progress::Progress;
 pub use samples::{About, Keep, Samples};
@@ -96,6 +100,11 @@ pub enum HeightsError {
         /// The reason that the system gave.
         source: std::io::Error,
     },
+    /// Images over heights are coded in one way alone.
+    #[error(
+        "the image over heights cannot be kept without loss; --color-quality 100 is almost exact, and so small a difference cannot be seen"
+    )]
+    Lossless,
     /// The file cannot be written.
     #[error(transparent)]
     Write(#[from] lodpack::Error),
@@ -117,6 +126,8 @@ pub struct HeightsOptions {
     pub memory: u64,
     /// Where samples and blocks go that do not fit in memory.
     pub folder: PathBuf,
+    /// How good the image over the heights is, if there is one.
+    pub colour_quality: ColourQuality,
 }
 
 /// What was built.
@@ -140,7 +151,9 @@ pub struct HeightsSummary {
     pub certified_error: f64,
     /// Size of the file.
     pub bytes: u64,
-    /// Bits of the file for each sample.
+    /// The image over the heights, if there is one.
+    pub drape: Option<DrapeSummary>,
+    /// Bits of the file for each sample, without those of the image.
     pub bits_per_sample: f64,
     /// Time of each stage.
     pub stages: Vec<StageTime>,
@@ -167,6 +180,10 @@ pub fn build(
     let in_file = 4 * columns * rows > options.memory / 3;
     let keep = if in_file { Keep::Nameless(&options.folder) } else { Keep::Memory };
     let (basis, samples) = Basis::new(source, options.tolerance, keep, progress, &mut watch)?;
+    let code = |image: &HeightDrape| drape::code(image, options.colour_quality, &options.folder, progress);
+    let drape = source.drape.as_ref().map(code);
+    let drape = drape.transpose()?;
+    watch.lap("image");
     progress.begin("tiles", columns * rows);
     let units = basis.units();
     let mut builder = Builder::new(&basis, &units)?;
@@ -175,7 +192,7 @@ pub fn build(
     if joint.is_empty() {
         return Err(source.without_cells().into());
     }
-    joint.finish(&builder, out, progress, watch)
+    joint.finish(&builder, drape, out, progress, watch)
 }
 
 /// A new file that lives as long as it is open.

@@ -261,5 +261,5 @@ pub fn merge_heights(
     if next as usize != units.len() {
         return Err(damaged(first).into());
     }
-    Ok(joint.finish(&builder, out, progress, watch)?)
+    Ok(joint.finish(&builder, None, out, progress, watch)?)
 }

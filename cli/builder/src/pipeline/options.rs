@@ -81,14 +81,19 @@ impl ColourQuality {
         }
     }
 
+    /// The step for images of which at least one was coded with a step, if that is known.
+    pub(crate) fn step_of_coded(self, coded: Option<f64>) -> u8 {
+        match (self, coded) {
+            (Self::Auto, Some(coded)) => (coded * OF_CODED).round().clamp(STEPS_OF_CODED[0], STEPS_OF_CODED[1]) as u8,
+            _ => self.step(),
+        }
+    }
+
     /// The step for what looks like this. Materials without images make pieces of a few colours, which take fewer bytes
     /// without loss than they do at the usual quality: a model of an engine 182 kB in place of 189.
     pub(crate) fn step_of(self, appearance: &Appearance) -> u8 {
         let usual = Self::Lossy(Self::USUAL).step();
-        let step = match (self, appearance.coded_step) {
-            (Self::Auto, Some(coded)) => (coded * OF_CODED).round().clamp(STEPS_OF_CODED[0], STEPS_OF_CODED[1]) as u8,
-            _ => self.step(),
-        };
+        let step = self.step_of_coded(appearance.coded_step);
         if appearance.is_even() && step <= usual { 0 } else { step }
     }
 }

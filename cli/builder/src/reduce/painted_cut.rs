@@ -35,11 +35,6 @@ const FINER: u32 = 4;
 const FINE_TEXELS: f64 = 4_194_304.0;
 /// So many texels are no more than a small file can hold. Where colours jump, lines between them may have these.
 const FEW_TEXELS: f64 = 65_536.0;
-/// The number of texels that are needed grows with this power of that of triangles. A smooth surface of four times the
-/// triangles is a quarter as far off: who comes as near as its error allows sees 16 times the texels, and who stays
-/// where he is as many as before. The power lies between these two, 2 and 0, so that images become smaller, but more
-/// slowly than triangles become fewer: it is images that few triangles are looked at for.
-const TEXELS_PER_TRIANGLES: f64 = 0.5;
 /// Sizes of texels that differ by less are alike.
 const MORE: f64 = 1.01;
 /// A reduced cut gets larger texels if its area is this many times that of the cut.
@@ -162,10 +157,13 @@ impl<'a> CutPainter<'a> {
         self.cut
     }
 
-    /// The share of the cut's texels that a reduced cut needs.
+    /// The share of the cut's texels that a reduced cut needs: the root of its share of triangles. A smooth surface of
+    /// four times the triangles is a quarter as far off: who comes as near as its error allows sees 16 times the texels,
+    /// and who stays where he is as many as before. The root lies between these two, so that images become smaller, but
+    /// more slowly than triangles become fewer: it is images that few triangles are looked at for.
     pub fn needed(&self, finished: &Finished) -> f64 {
         let share = finished.triangles.len() as f64 / self.cut.mesh.triangles.len().max(1) as f64;
-        share.min(1.0).powf(TEXELS_PER_TRIANGLES)
+        share.min(1.0).sqrt()
     }
 
     fn area(&self, finished: &Finished) -> f64 {

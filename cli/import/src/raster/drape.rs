@@ -5,7 +5,7 @@ use std::path::Path;
 
 use lodpack::heights::Ramp;
 
-use super::affine::{of_world_file, placed};
+use super::affine::{of_world_file, placed as georeferenced};
 use super::crs::{Crs, CrsKind};
 use super::header::Georeference;
 use super::mosaic::Mosaic;
@@ -38,7 +38,15 @@ impl Painter {
         let mut layout = AttributeLayout::default();
         if let Some(drape) = &options.drape {
             let image = ImageSource::File { path: drape.clone(), range: None };
-            painter.image = Some(map_of(mosaic, drape, &image, progress)?);
+            let placed = place_of(mosaic, drape, &image)?;
+            let note = |problem: &str| progress.note(&format!("{}: {problem}", drape.display()));
+            if placed.has_opacity {
+                note("says how opaque its pixels are, or which of them count; all are shown as if they were opaque");
+            }
+            if placed.is_part {
+                note("covers only a part of the grid; its border is drawn out over the rest");
+            }
+            painter.image = Some(placed.map);
             let image = sink.attributes.add_image(image);
             let texture = TextureUse { image, uv_set: 0, wrap: [Wrap::Clamp; 2], transform: None };
             let name = drape.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
@@ -104,18 +112,29 @@ fn colour(ramp: &Ramp, height: f64) -> [f32; 4] {
 /// What to do about an image that cannot be shown.
 const REMEDY: &str = "convert it first, with `gdal_translate -of PNG`, and `-expand rgb` if it has a palette";
 
-/// The map from columns and rows to an image: by its own georeference, or over the whole grid, whose edges are half a
-/// sample outside.
-fn map_of(mosaic: &Mosaic, drape: &Path, image: &ImageSource, progress: &dyn Progress) -> Parsed<[[f64; 2]; 2]> {
+/// Where an image is over a grid.
+pub(super) struct PlacedImage {
+    /// From column and row to the image, whose ends are 0 and 1: what is multiplied, and what is added after that, each
+    /// for both axes.
+    pub map: [[f64; 2]; 2],
+    /// Pixels in a row, and rows.
+    pub size: [u32; 2],
+    /// Whether it says how opaque its pixels are, or which of them count.
+    pub has_opacity: bool,
+    /// Whether it does not cover the whole grid.
+    pub is_part: bool,
+}
+
+/// Where an image is: by its own georeference, or over the whole grid, whose edges are half a sample outside.
+pub(super) fn place_of(mosaic: &Mosaic, drape: &Path, image: &ImageSource) -> Parsed<PlacedImage> {
     // Somebody asked for it, so a surface without it would not be what was asked for.
     let refuse = |problem: String| grid_error(drape, &format!("cannot be shown: {problem}; {REMEDY}"));
     let extent = check(image).and_then(|()| image_size(open(image)?)).map_err(refuse)?;
     let mut pam = Pam::beside(drape)?;
     let (affine, crs, has_mask) = tiff::place_of_image(drape, &mut pam)?.unwrap_or_default();
-    if has_mask || mask::beside(drape).is_some() || has_opacity(open(image).map_err(refuse)?).map_err(refuse)? {
-        let problem = "says how opaque its pixels are, or which of them count; all are shown as if they were opaque";
-        progress.note(&format!("{}: {problem}", drape.display()));
-    }
+    let has_opacity =
+        has_mask || mask::beside(drape).is_some() || has_opacity(open(image).map_err(refuse)?).map_err(refuse)?;
+    let mut placed = PlacedImage { map: [[0.0; 2]; 2], size: extent, has_opacity, is_part: false };
     let affine = match affine {
         Some(affine) => Some(affine),
         None => of_world_file(drape)?.or(pam.place),
@@ -123,7 +142,10 @@ fn map_of(mosaic: &Mosaic, drape: &Path, image: &ImageSource, progress: &dyn Pro
     let crs = if crs.says_nothing() { Crs::beside(drape)?.or(pam.crs) } else { crs };
     let size = mosaic.size.map(|size| size as f64);
     let whole = [size.map(|size| 1.0 / size), size.map(|size| 0.5 / size)];
-    let (Some(image), turned) = placed(affine, drape, extent)? else { return Ok(whole) };
+    let (Some(image), turned) = georeferenced(affine, drape, extent)? else {
+        placed.map = whole;
+        return Ok(placed);
+    };
     image.check(drape)?;
     if !crs.name.is_empty() && !mosaic.crs.name.is_empty() && crs.name != mosaic.crs.name {
         let problem = format!(
@@ -149,19 +171,15 @@ fn map_of(mosaic: &Mosaic, drape: &Path, image: &ImageSource, progress: &dyn Pro
     let [left, top] = offset;
     let [right, bottom] = [0, 1].map(|k| offset[k] + (size[k] - 1.0) * scale[k]);
     let within = |at: f64| (-1e-6..=1.0 + 1e-6).contains(&at);
-    if ![left, top, right, bottom].into_iter().all(within) {
-        progress.note(&format!(
-            "{}: covers only a part of the grid; its border is drawn out over the rest",
-            drape.display()
-        ));
-    }
+    placed.is_part = ![left, top, right, bottom].into_iter().all(within);
     if left > 1.0 || top > 1.0 || right < 0.0 || bottom < 0.0 {
         return Err(grid_error(drape, "lies beside the grid: their georeferences do not meet; check its CRS"));
     }
     for axis in [0, 1].into_iter().filter(|&axis| turned[axis]) {
         (scale[axis], offset[axis]) = (-scale[axis], 1.0 - offset[axis]);
     }
-    Ok([scale, offset])
+    placed.map = [scale, offset];
+    Ok(placed)
 }
 
 /// The encoded bytes of an image.

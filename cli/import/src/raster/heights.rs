@@ -7,6 +7,7 @@ use lodpack::index::{Placement, UpAxis};
 
 use super::mosaic::Mosaic;
 use super::options::{RasterOptions, SurfaceKind};
+use super::over_heights::HeightDrape;
 use super::surface::Surface;
 use super::{are_rasters, grid_error};
 use crate::ImportError;
@@ -29,6 +30,8 @@ pub struct HeightSource {
     pub unit: Option<Unit>,
     /// Where the surface is in the world.
     pub placement: Placement,
+    /// The image over it.
+    pub drape: Option<HeightDrape>,
 }
 
 impl HeightSource {
@@ -45,10 +48,6 @@ impl HeightSource {
             return Ok(None);
         }
         let mosaic = Mosaic::open(paths, options)?;
-        if options.drape.is_some() {
-            let problem = "gets a --drape, which files of heights do not keep yet; omit it, or build a surface";
-            return Err(*grid_error(mosaic.path(), problem));
-        }
         if options.surface != SurfaceKind::Plane && options.origin.is_some_and(|origin| origin != [0.0; 3]) {
             let problem = "is laid on a globe, around whose centre a file of heights always lies; omit --origin";
             return Err(*grid_error(mosaic.path(), problem));
@@ -56,6 +55,9 @@ impl HeightSource {
         let surface = Surface::new(&mosaic, options, progress)?;
         let (place, zero) = surface.of_heights(&mosaic);
         let caps = surface.caps().map(|cap| cap.is_some());
+        let north = u64::from(caps[0]);
+        let drape = options.drape.as_ref().map(|drape| HeightDrape::open(&mosaic, drape, north, progress));
+        let drape = drape.transpose()?;
         let [columns, rows] = mosaic.size;
         let wraps = mosaic.is_closed;
         let rows = rows - 1 + caps.iter().map(|&cap| u64::from(cap)).sum::<u64>();
@@ -64,7 +66,8 @@ impl HeightSource {
         let unit = surface.unit();
         let (crs, origin) = surface.crs_and_origin(&mosaic);
         let placement = Placement { up: UpAxis::Z, unit: unit.map(|unit| unit.metres), origin, crs };
-        Ok(Some(Self { mosaic, options: options.clone(), caps, grid, surface: place, zero, unit, placement }))
+        let options = options.clone();
+        Ok(Some(Self { mosaic, options, caps, grid, surface: place, zero, unit, placement, drape }))
     }
 
     /// Colours by height, for heights in this range, and their name.

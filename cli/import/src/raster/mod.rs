@@ -4,7 +4,8 @@
 //! `header` says what a file tells about its grid; a file a format (`tiff`, `hgt`, `asc`, `bil`, `envi`, `png`, `exr`,
 //! `lerc`, `gtx`) reads headers and rows; `affine`, `crs`, `mask` and `pam` read what lies beside it. `mosaic` joins
 //! files whose grids agree, `surface` knows where a sample is on a plane, a sphere or the ellipsoid, and `triangulate`
-//! makes vertices and triangles. `drape` adds colours, and `geoid` the height of the geoid.
+//! makes vertices and triangles. `drape` adds colours (`over_heights` to
+//! heights that stay a grid), and `geoid` the height of the geoid.
 
 mod affine;
 mod asc;
@@ -27,6 +28,7 @@ mod lines;
 mod mask;
 mod mosaic;
 mod options;
+mod over_heights;
 mod pam;
 mod png;
 mod ramp;
@@ -53,6 +55,7 @@ use header::{Header, HeightRows};
 pub use heights::HeightSource;
 use mosaic::Mosaic;
 pub use options::{HeightCode, Nodata, RasterOptions, SurfaceKind};
+pub use over_heights::{HeightDrape, Pixels};
 use pam::Pam;
 pub use ramp::Ramp;
 use surface::Surface;

@@ -27,7 +27,7 @@ const MAX_TAG_BYTES: usize = wkt::MAX_BYTES + (1 << 12);
 pub(super) struct Pam {
     pub place: Option<Affine>,
     pub crs: Crs,
-    nodata: Option<f64>,
+    pub nodata: Option<f64>,
     /// Metres in a unit of the heights.
     vertical: Option<f64>,
     scale: Option<f64>,

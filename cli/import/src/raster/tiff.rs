@@ -137,6 +137,27 @@ pub(super) fn place_of_image(path: &Path, pam: &mut Pam) -> Parsed<Option<(Optio
     Ok(Some((place, crs, has_mask)))
 }
 
+/// The mask that an image of a size has of its own, and the number that pixels without data have, if it is a TIFF.
+#[expect(clippy::type_complexity, reason = "a pair that is used once")]
+pub(super) fn opacity_of_image(path: &Path, size: [u32; 2]) -> Parsed<(Option<Box<dyn HeightRows>>, Option<f64>)> {
+    let io = |source| ImportError::Io { path: path.to_owned(), source };
+    let mut file = File::open(path).map_err(io)?;
+    let mut start = [0; 4];
+    file.read(&mut start).and_then(|_| file.rewind()).map_err(io)?;
+    if !is_tiff(&start) {
+        return Ok((None, None));
+    }
+    let fault = |error| damaged(path, Location::Byte(0), error);
+    let mut decoder = Decoder::new(BufReader::new(file)).map_err(fault)?;
+    let nodata = decoder.get_tag_ascii_string(Tag::Unknown(GDAL_NODATA)).unwrap_or_default();
+    let nodata = nodata.trim_matches(['\0', ' ']).parse().ok();
+    // Smaller images have masks, too.
+    let images = directories(path)?;
+    let is_own = |image: &&Directory| image.is_mask() && image.size() == size.map(u64::from);
+    let mask = images.iter().skip(1).find(is_own).map(|image| mask_rows(path, image, 0, size));
+    Ok((mask.transpose()?, nodata))
+}
+
 /// The place and the system that GDAL's metadata beside a TIFF say, or else its tags: whoever has written these later
 /// could not change the file.
 fn placed_by(tags: &GeoTags, pam: &mut Pam, path: &Path) -> Parsed<(Option<Affine>, Crs)> {

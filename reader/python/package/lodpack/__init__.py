@@ -13,8 +13,8 @@ from ._build import build
 from ._errors import ArgumentError, BuildError, Error, FormatError, LimitError, QueryError, SourceError, UnsupportedError
 from ._file import Cut, File, open
 from ._ground import Ground
-from ._heights import HeightsFile, Window
-from ._info import Channel, GroundInfo, HeightsInfo, Info, Level, OverviewInfo, RampInfo
+from ._heights import HeightsFile, Image, Window
+from ._info import Channel, DrapeInfo, GroundInfo, HeightsInfo, Info, Level, OverviewInfo, RampInfo
 from ._lodpack import VERSION as __version__
 from ._mesh import Mesh, TexturedMesh
 
@@ -23,6 +23,7 @@ __all__ = [
     "BuildError",
     "Channel",
     "Cut",
+    "DrapeInfo",
     "Error",
     "File",
     "FormatError",
@@ -30,6 +31,7 @@ __all__ = [
     "GroundInfo",
     "HeightsFile",
     "HeightsInfo",
+    "Image",
     "Info",
     "Level",
     "LimitError",

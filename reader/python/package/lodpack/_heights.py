@@ -40,6 +40,26 @@ class Window(NamedTuple):
         return (dx, 0.0, x - dx / 2, 0.0, dy, y - dy / 2)
 
 
+class Image(NamedTuple):
+    """A piece of the image over a grid, and where it is."""
+
+    pixels: NDArray[np.uint8]
+    """Rows, columns, and red, green and blue as screens show them; with straight opacity where a part is not
+    covered."""
+    first: tuple[float, float]
+    """x and y of the corner of the first pixel, or its degrees of longitude and latitude."""
+    spacing: tuple[float, float]
+    """What each column and each row of pixels adds. The second one is negative."""
+    crs: str
+    """The coordinate reference system, as EPSG and a number or as WKT; empty if there is none."""
+
+    @property
+    def transform(self) -> tuple[float, float, float, float, float, float]:
+        """From column and row of a pixel's corner to coordinates, as rasterio and affine have it."""
+        (x, y), (dx, dy) = self.first, self.spacing
+        return (dx, 0.0, x, 0.0, dy, y)
+
+
 class HeightsFile(OpenFile[_lodpack.HeightsReader]):
     """An open file of heights. Threads may share it; while one of them reads or decodes, the others go on."""
 
@@ -58,8 +78,8 @@ class HeightsFile(OpenFile[_lodpack.HeightsReader]):
         `bbox`: smallest and largest x and y, or longitude and latitude in degrees, as ((x0, y0), (x1, y1)); tiles that
         it touches are whole. It may be infinite.
 
-        `Mesh.normals` are those of the slopes of the heights, and `Mesh.colours` those of the file's ramp, if it has
-        one.
+        `Mesh.normals` are those of the slopes of the heights, and `Mesh.colours` those of the image over them or
+        of the file's ramp, if it has one.
 
         Raises `QueryError` for what is not a number."""
         return self._mesh(tolerance, max_triangles, None if bbox is None else _corners(bbox))
@@ -105,6 +125,28 @@ class HeightsFile(OpenFile[_lodpack.HeightsReader]):
         heights = as_array(self._native.window((first, last), (north, south)))
         (x, y), (dx, dy) = info["first"], info["spacing"]
         return Window(heights, (x + first * dx, y + north * dy), (dx, dy), info["crs"])
+
+    def image(self, *, bbox: Bounds | None = None, max_pixels: int = 4096) -> Image | None:
+        """Reads the image over the heights, or what of it lies within a box; None where there is none.
+
+        `max_pixels`: how many pixels it has at most along each side, but for two more at its border. A larger image is
+        halved until it has no more.
+
+        Raises `QueryError` if no sample lies within the box, or no pixels are asked for."""
+        info = self._native.info()
+        columns, rows = (0, info["columns"]), (0, info["rows"])
+        if bbox is not None:
+            columns, rows = _within(info, _corners(bbox))
+        if not 0 < operator.index(max_pixels) < 2**32:
+            raise QueryError(f"max_pixels {max_pixels} is no number of pixels")
+        # A grid that wraps ends where it begins.
+        ends = [(float(first), float(last - (0 if wraps else 1))) for (first, last), wraps in ((columns, info["wraps"]), (rows, False))]
+        found = self._native.image(ends[0], ends[1], max_pixels)
+        if found is None:
+            return None
+        pixels, (column, row), steps = found
+        (x, y), (dx, dy) = info["first"], info["spacing"]
+        return Image(as_array(pixels), (x + column * dx, y + row * dy), (steps[0] * dx, steps[1] * dy), info["crs"])
 
     def verify(self) -> None:
         """Reads the complete file, and checks every checksum. Raises `FormatError` with the first damage."""

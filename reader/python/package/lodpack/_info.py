@@ -57,6 +57,20 @@ class RampInfo(TypedDict):
     """Heights, and red, green and blue as screens show them (sRGB)."""
 
 
+class DrapeInfo(TypedDict):
+    """An image over heights."""
+
+    size: tuple[int, int]
+    """Texels in a row, and rows."""
+    first: tuple[float, float]
+    """Where the centre of its first texel is: column and row of samples, which need not be whole."""
+    spacing: tuple[float, float]
+    """Columns and rows of samples from a texel to the next one."""
+    has_opacity: bool
+    bytes: int
+    """Of it in the file."""
+
+
 class HeightsInfo(TypedDict):
     """What is known about a file of heights as soon as it is open."""
 
@@ -89,6 +103,8 @@ class HeightsInfo(TypedDict):
     """Coordinates in a unit of heights."""
     depth_count: int
     ramp: RampInfo | None
+    drape: DrapeInfo | None
+    """The image over the heights."""
     crs: str
     """The coordinate reference system, as EPSG and a number or as WKT; empty if there is none."""
     origin: tuple[float, float, float]

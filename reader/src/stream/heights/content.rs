@@ -9,15 +9,28 @@ use std::{
 use crate::{
     codec::bytes::has_checksum,
     error::{Error, Result},
-    heights::{HeightsIndex, Place, ReadyTile, TileId, WantedPage},
+    heights::{Covering, HeightsIndex, ImageId, Place, ReadyTile, TileId, TileRecord, WantedPage},
     source::{Fetched, requests::plan},
     stream::{job::Content, queue::ByteSpan},
 };
+
+/// Bytes of a file of heights that are read together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum HeightsPage {
+    /// The block of a tile.
+    Block(TileId),
+    /// A scale of a tile of the image over the heights.
+    Image(ImageId, u8),
+}
 
 /// A file of heights, as far as its index is known.
 #[derive(Debug)]
 pub(crate) struct HeightsContent {
     index: Arc<HeightsIndex>,
+    /// The most texels of the image over the heights for each sample of a tile.
+    most_texels: u32,
+    /// What was read last of directories of images. The index keeps what they say.
+    fetched: Mutex<Fetched>,
     /// Index pages that are waited for.
     pages: Mutex<WaitingPages>,
 }
@@ -33,8 +46,21 @@ struct WaitingPages {
 }
 
 impl HeightsContent {
-    pub fn new(index: Arc<HeightsIndex>) -> Self {
-        Self { index, pages: Mutex::default() }
+    /// `most_texels` are those of the image over the heights for each sample of a tile, along each direction.
+    pub fn new(index: Arc<HeightsIndex>, most_texels: u32) -> Self {
+        Self { index, most_texels, fetched: Mutex::default(), pages: Mutex::default() }
+    }
+
+    /// The streams of the image over a tile, with the ranges where they are.
+    fn image_streams(&self, tile: &TileRecord) -> Result<Vec<(ImageId, u8, Range<u64>)>> {
+        let Some(covering) = Covering::of(&self.index, tile, self.most_texels) else { return Ok(vec![]) };
+        let mut fetched = self.fetched.lock().unwrap_or_else(PoisonError::into_inner);
+        let streams = self.index.drape_streams(covering.window(), &fetched);
+        if !matches!(streams, Ok(_) | Err(Error::Missing { .. })) {
+            // What is not sound is read again when it is asked for again.
+            *fetched = Fetched::default();
+        }
+        streams
     }
 
     pub fn index(&self) -> &Arc<HeightsIndex> {
@@ -82,21 +108,25 @@ impl HeightsContent {
 }
 
 impl Content for HeightsContent {
-    type Page = TileId;
+    type Page = HeightsPage;
     type Unit = TileId;
     type Data = ReadyTile;
 
-    fn pages(&self, unit: TileId) -> Result<Vec<TileId>> {
-        match self.place(unit)? {
-            Place::Here(entry) => Ok(self.index.block_range(&entry)?.map(|_| unit).into_iter().collect()),
-            _ => Ok(Vec::new()),
-        }
+    fn pages(&self, unit: TileId) -> Result<Vec<HeightsPage>> {
+        let Place::Here(entry) = self.place(unit)? else { return Ok(Vec::new()) };
+        let block = self.index.block_range(&entry)?.map(|_| HeightsPage::Block(unit));
+        let images = self.image_streams(&entry.record)?.into_iter();
+        Ok(block.into_iter().chain(images.map(|(id, scale, _)| HeightsPage::Image(id, scale))).collect())
     }
 
     fn supply(&self, offset: u64, bytes: Vec<u8>) {
         let range = offset..offset.saturating_add(bytes.len() as u64);
         let mut fetched = Fetched::default();
         fetched.insert(offset, bytes);
+        if self.index.drape().is_some() {
+            // Units that wait for directories of images ask for them at once.
+            self.fetched.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&fetched);
+        }
         let mut waiting = self.pages();
         waiting.joined.retain(|joined| joined.start < range.start || joined.end > range.end);
         let pages: Vec<(WantedPage, Range<u64>)> =
@@ -109,16 +139,26 @@ impl Content for HeightsContent {
         }
     }
 
-    fn span(&self, page: TileId) -> ByteSpan {
-        let range = match self.index.find(page) {
-            Ok(Place::Here(entry)) => self.index.block_range(&entry).ok().flatten(),
-            _ => None,
+    fn span(&self, page: HeightsPage) -> ByteSpan {
+        let range = match page {
+            HeightsPage::Block(tile) => match self.index.find(tile) {
+                Ok(Place::Here(entry)) => self.index.block_range(&entry).ok().flatten(),
+                _ => None,
+            },
+            HeightsPage::Image(id, scale) => self.index.drape_stream(id, scale).map(|(range, _)| range),
         };
         range.map_or(ByteSpan::default(), |range| ByteSpan { offset: range.start, length: range.end - range.start })
     }
 
-    fn is_sound(&self, page: TileId, bytes: &[u8]) -> bool {
-        matches!(self.index.find(page), Ok(Place::Here(entry)) if has_checksum(bytes, entry.record.checksum))
+    fn is_sound(&self, page: HeightsPage, bytes: &[u8]) -> bool {
+        match page {
+            HeightsPage::Block(tile) => {
+                matches!(self.index.find(tile), Ok(Place::Here(entry)) if has_checksum(bytes, entry.record.checksum))
+            }
+            HeightsPage::Image(id, scale) => {
+                self.index.drape_stream(id, scale).is_some_and(|(_, checksum)| has_checksum(bytes, checksum))
+            }
+        }
     }
 
     fn is_pinned(&self, unit: TileId) -> bool {
@@ -129,21 +169,36 @@ impl Content for HeightsContent {
         unit.parent()
     }
 
-    fn decode(&self, unit: TileId, pages: &[(TileId, Arc<[u8]>)], base: Option<&ReadyTile>) -> Result<ReadyTile> {
+    fn decode(&self, unit: TileId, pages: &[(HeightsPage, Arc<[u8]>)], base: Option<&ReadyTile>) -> Result<ReadyTile> {
         let place = self.place(unit)?;
         let nothing = || Error::format("a tile is not there").at(|| format!("tile {}", unit.name()));
         let Place::Here(entry) = &place else { return Err(nothing()) };
-        let block = pages.first().map_or(&[][..], |(_, bytes)| bytes);
+        let block = pages.iter().find(|(page, _)| matches!(page, HeightsPage::Block(_)));
+        let block = block.map_or(&[][..], |(_, bytes)| bytes);
         let values = self.index.decode(unit, &place, base.map(|base| &base.values), block)?.ok_or_else(nothing)?;
-        Ok(ReadyTile::new(&self.index, unit, values, &entry.record.resolutions))
+        let mut ready = ReadyTile::new(&self.index, unit, values, &entry.record.resolutions);
+        let Some(covering) = Covering::of(&self.index, &entry.record, self.most_texels) else { return Ok(ready) };
+        let mut fetched = Fetched::default();
+        for (id, scale, range) in self.image_streams(&entry.record)? {
+            let bytes = pages.iter().find(|(page, _)| *page == HeightsPage::Image(id, scale));
+            if let Some((_, bytes)) = bytes {
+                fetched.insert(range.start, bytes.to_vec());
+            }
+        }
+        let image = self.index.drape_image(covering.window(), &fetched)?;
+        ready.colours = Some(covering.colours(&self.index, &ready.values, &image));
+        Ok(ready)
     }
 
     fn byte_count(&self, data: &ReadyTile) -> u64 {
         data.byte_count()
     }
 
-    fn page_name(&self, page: TileId) -> String {
-        format!("block of tile {}", page.name())
+    fn page_name(&self, page: HeightsPage) -> String {
+        match page {
+            HeightsPage::Block(tile) => format!("block of tile {}", tile.name()),
+            HeightsPage::Image(id, _) => format!("image {}", id.name()),
+        }
     }
 
     fn unit_name(&self, unit: TileId) -> String {

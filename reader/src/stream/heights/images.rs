@@ -7,32 +7,62 @@
 use std::sync::Arc;
 
 use crate::heights::{
-    Across, CELLS, Grid, HeightsIndex, LineName, Normal, ReadyTile, SIDE, SIDES, TileId, axis_of, is_first, line_name,
-    normals,
+    Across, CELLS, Grid, HeightsIndex, LineName, Normal, ReadyTile, SIDE, SIDES, TileColours, TileId, axis_of,
+    is_first, line_name, normals,
 };
 
 pub(super) use crate::heights::across;
 
-/// The images of a tile of heights, of 65 x 65 texels, a texel a sample: row by row from the north-west.
+/// The images of a tile of heights: row by row from the north-west, a texel a sample, or several.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TileImages {
-    /// Directions of length 1, in 32,767ths.
+    /// Directions of length 1, in 32,767ths: 65 x 65.
     pub normals: Box<[Normal; SIDE * SIDE]>,
-    /// Red, green and blue as screens show them (sRGB), if the file has a ramp.
+    /// Red, green and blue as screens show them (sRGB), if the file has an image or a ramp: [`Self::colour_side`] along
+    /// each side.
     pub colours: Option<Arc<[[u8; 3]]>>,
+    /// Texels of colours for each sample, along each direction: 1, or another power of two of an image. A sample lies
+    /// in the middle of its texel.
+    pub per_sample: u32,
 }
 
 impl TileImages {
+    /// Texels of colours along each side.
+    pub fn colour_side(&self) -> usize {
+        CELLS * self.per_sample as usize + 1
+    }
+
+    /// The texel of colours in whose middle a sample lies, both by number.
+    pub fn texel_of(&self, sample: usize) -> usize {
+        let [column, row] = [sample % SIDE, sample / SIDE].map(|at| at * self.per_sample as usize);
+        row * self.colour_side() + column
+    }
+
     /// The normals as half floats, four for each: components from -1 to 1 become numbers from `low` to `high`, which
     /// lie from 0 to 1, and a 1 follows. Bytes would show steps on gentle slopes, where an angle of half a degree is
     /// seen.
-    pub fn half_floats(&self, [low, high]: [f32; 2]) -> Vec<u16> {
+    pub fn half_floats(&self, range: [f32; 2]) -> Vec<u16> {
+        self.finer_half_floats(range, 1)
+    }
+
+    /// As [`Self::half_floats`], with several texels for each sample along each direction, as colours may have them.
+    pub fn finer_half_floats(&self, [low, high]: [f32; 2], per_sample: u32) -> Vec<u16> {
         let [scale, middle] = [0.5 * (high - low) / 32767.0, 0.5 * (high + low)];
-        let texel = |normal: &Normal| {
-            let [x, y, z] = normal.map(|x| half(middle + scale * f32::from(x)));
+        let per_sample = per_sample.clamp(1, 64) as usize;
+        let last = CELLS * per_sample;
+        let texel = |x: usize, y: usize| {
+            let [column, row] = [x, y].map(|at| at / per_sample);
+            let [right, down] = [x, y].map(|at| (at % per_sample) as f32 / per_sample as f32);
+            let at = |column: usize, row: usize| self.normals[row.min(CELLS) * SIDE + column.min(CELLS)].map(f32::from);
+            let corners = [at(column, row), at(column + 1, row), at(column, row + 1), at(column + 1, row + 1)];
+            let [x, y, z] = [0, 1, 2].map(|k| {
+                let [above, below] =
+                    [0, 2].map(|row| corners[row][k] + (corners[row + 1][k] - corners[row][k]) * right);
+                half(middle + scale * (above + (below - above) * down))
+            });
             [x, y, z, half(1.0)]
         };
-        self.normals.iter().flat_map(texel).collect()
+        (0..=last).flat_map(|y| (0..=last).flat_map(move |x| texel(x, y))).collect()
     }
 }
 
@@ -61,7 +91,11 @@ impl Dressed {
         let colour = |ramp: &crate::heights::Ramp| {
             data.values.steps.iter().map(|&steps| ramp.colour(info.height(steps))).collect::<Arc<[_]>>()
         };
-        let images = TileImages { normals: Box::new([[0; 3]; SIDE * SIDE]), colours: index.ramp().map(colour) };
+        let (colours, per_sample) = match &data.colours {
+            Some(TileColours { per_sample, texels }) => (Some(Arc::clone(texels)), *per_sample),
+            None => (index.ramp().map(colour), 1),
+        };
+        let images = TileImages { normals: Box::new([[0; 3]; SIDE * SIDE]), colours, per_sample };
         Self { images: Arc::new(images), across: None }
     }
 
@@ -81,7 +115,8 @@ impl Dressed {
             Some(Across { id: *id, values: &data.values })
         });
         let normals = normals(index.info(), (id, &data.values), beside);
-        self.images = Arc::new(TileImages { normals, colours: self.images.colours.clone() });
+        let TileImages { colours, per_sample, .. } = &*self.images;
+        self.images = Arc::new(TileImages { normals, colours: colours.clone(), per_sample: *per_sample });
         self.across = Some(across);
         true
     }

@@ -39,6 +39,9 @@ pub struct HeightsSession {
     error_px: f64,
 }
 
+/// The most texels of an image for each sample of a tile that has finer ones below, along each direction.
+const MOST_TEXELS: f64 = 4.0;
+
 /// What a frame can draw.
 #[derive(Default)]
 struct Drawable {
@@ -55,7 +58,9 @@ impl HeightsSession {
     /// # Errors
     /// [`crate::Error::Format`] or [`crate::Error::Limit`] if the tiles at depth 0 are damaged.
     pub fn new(index: Arc<HeightsIndex>, options: Options) -> Result<Self> {
-        let content = Arc::new(HeightsContent::new(index));
+        // A sample is at most so many pixels large, where there are finer ones.
+        let most_texels = (options.sample_px * options.texels_per_pixel).ceil().clamp(1.0, MOST_TEXELS) as u32;
+        let content = Arc::new(HeightsContent::new(index, most_texels));
         let rules = rules(&options, [options.byte_cache, options.decoded_cache]);
         let this = Self {
             shared: Arc::new(Shared::new(Loading::new(Loader::new(content.clone(), rules)))),

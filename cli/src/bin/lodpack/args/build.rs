@@ -142,7 +142,7 @@ pub struct BuildArgs {
     /// and its build many times faster. `extract`, `export`, `info`, `verify`, the viewers, JavaScript, Python and C
     /// read such files. The tolerance is how far a height may be off: 0 keeps integers as they are, and auto is half of
     /// what a sample is off the middle of its neighbours, on average.
-    #[arg(long, conflicts_with_all = ["job", "workers", "resume", "extensible", "drape", "channels", "color_quality", "effort", "levels", "fillings", "up"])]
+    #[arg(long, conflicts_with_all = ["job", "workers", "resume", "extensible", "channels", "effort", "levels", "fillings", "up"])]
     pub heights: bool,
     /// What a mesh stands on: a raster of heights, which may be given several times for a mosaic, or one file that was
     /// built with --heights. The file then holds both, and everything that reads it has both: a city and its ground.

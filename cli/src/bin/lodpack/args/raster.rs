@@ -34,7 +34,7 @@ pub struct RasterArgs {
     #[arg(long, default_value_t, value_parser = parse_choice(HeightCode::ALL))]
     pub height_code: HeightCode,
     /// An image over the grid, which becomes its colour: a GeoTIFF where it says it is, another image over the whole
-    /// grid.
+    /// grid. With --heights it keeps its own pixels, and may be transparent in parts.
     #[arg(long, value_name = "IMAGE", conflicts_with = "ramp")]
     pub drape: Option<PathBuf>,
     /// A grid of how far the geoid lies above the ellipsoid (.gtx or GeoTIFF, as egm96_15.gtx), for heights above the

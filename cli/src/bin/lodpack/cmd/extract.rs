@@ -13,7 +13,7 @@ use anyhow::{Context, Result, bail};
 use lodpack::decode::TexturedMesh;
 use lodpack::index::{ChannelInfo, ChannelKind};
 use lodpack::{Cut, Lattice, Limiter, Outside, Query};
-use lodpack_cli::mesh::encoded::{Written, encoded};
+use lodpack_cli::mesh::encoded::{Formats, Written, encoded};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh_with_normals};
 use lodpack_cli::mesh::glb::write_textured_glb;
 use lodpack_cli::mesh::glb_nodes::write_joined_glb;
@@ -316,8 +316,10 @@ pub struct Drawn {
     pub coarser: f64,
     /// Measured numbers and labels among its channels, with their places.
     pub numbers: Vec<(usize, ChannelInfo)>,
-    /// Of heights: normals, and colours if there is a ramp.
+    /// Of heights: normals, and colours if there is a ramp or an image.
     pub shading: Option<Shading>,
+    /// Of heights: the same with the image over it, where the format has room for that.
+    pub draped: Option<PagedMesh>,
 }
 
 impl Drawn {
@@ -335,6 +337,7 @@ impl Drawn {
             coarser: 1.0,
             numbers: vec![],
             shading: None,
+            draped: None,
         }
     }
 
@@ -345,7 +348,9 @@ impl Drawn {
 
     /// Whether it carries more than its shape.
     fn has_look(&self) -> bool {
-        self.textured.is_some() || self.shading.as_ref().is_some_and(|shading| shading.colours.is_some())
+        self.textured.is_some()
+            || self.draped.is_some()
+            || self.shading.as_ref().is_some_and(|shading| shading.colours.is_some())
     }
 
     /// The cut, simplified to a number of triangles; `channels` are those of its images.
@@ -385,6 +390,7 @@ impl Drawn {
             coarser,
             numbers: vec![],
             shading: None,
+            draped: None,
         })
     }
 }
@@ -422,7 +428,7 @@ fn is_number(channel: &ChannelInfo) -> bool {
         }
 }
 
-fn format_of(args: &ExtractArgs) -> Result<MeshFormat> {
+pub(super) fn format_of(args: &ExtractArgs) -> Result<MeshFormat> {
     let named = args.format.map(|format| match format {
         OutputFormat::Ply => MeshFormat::Ply,
         OutputFormat::Obj => MeshFormat::Obj,
@@ -454,7 +460,7 @@ fn is_raster(args: &ExtractArgs) -> bool {
     args.format.is_none() && extension.is_some_and(|extension| extension == "tif" || extension == "tiff")
 }
 
-fn is_stdout(output: &Path) -> bool {
+pub(super) fn is_stdout(output: &Path) -> bool {
     output.as_os_str() == "-"
 }
 
@@ -555,6 +561,14 @@ fn write_bare(
 fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright), mesh: &Drawn) -> Result<Written> {
     let (format, upright) = form;
     let mut written = Written::default();
+    if let Some(draped) = &mesh.draped {
+        let formats = images::formats(&Look::default(), args);
+        match format {
+            MeshFormat::Glb => return Ok(write_textured_glb(out, draped, formats, upright)?),
+            MeshFormat::Obj => return write_obj(out, args, draped, formats),
+            MeshFormat::Ply | MeshFormat::Stl => {}
+        }
+    }
     if let Some(shading) = &mesh.shading {
         write_shaded_mesh(out, format, (&mesh.positions, &mesh.triangles), shading, upright)?;
         return Ok(written);
@@ -578,26 +592,30 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright
             write_textured_ply(out, textured, look.colour(), &numbers, normals)?;
         }
         MeshFormat::Glb => written = write_textured_glb(out, &paged()?, formats, upright)?,
-        MeshFormat::Obj => {
-            let paged = paged()?;
-            let name = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            let mut files = vec![];
-            for page in 0..paged.pages.len() {
-                let Some(image) = paged.image(page, Layer::Colour) else { continue };
-                let encoded = encoded(Layer::Colour, image, formats)?;
-                written.add(image, &encoded);
-                let (bytes, media_type) = encoded;
-                let extension = if media_type == "image/png" { "png" } else { "jpg" };
-                files.push((page, format!("{name}-{page}.{extension}"), bytes));
-            }
-            let material_name = format!("{name}.mtl");
-            write_textured_obj(out, &paged, &material_name)?;
-            let names: Vec<(usize, &str)> = files.iter().map(|(page, name, _)| (*page, name.as_str())).collect();
-            write_beside(args, &material_name, material_file(&paged, &names).as_bytes())?;
-            for (_, name, bytes) in &files {
-                write_beside(args, name, bytes)?;
-            }
-        }
+        MeshFormat::Obj => written = write_obj(out, args, &paged()?, formats)?,
+    }
+    Ok(written)
+}
+
+/// Writes OBJ, and beside it its materials and images; returns which images it has.
+fn write_obj(out: impl io::Write, args: &ExtractArgs, paged: &PagedMesh, formats: Formats) -> Result<Written> {
+    let mut written = Written::default();
+    let name = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let mut files = vec![];
+    for page in 0..paged.pages.len() {
+        let Some(image) = paged.image(page, Layer::Colour) else { continue };
+        let encoded = encoded(Layer::Colour, image, formats)?;
+        written.add(image, &encoded);
+        let (bytes, media_type) = encoded;
+        let extension = if media_type == "image/png" { "png" } else { "jpg" };
+        files.push((page, format!("{name}-{page}.{extension}"), bytes));
+    }
+    let material_name = format!("{name}.mtl");
+    write_textured_obj(out, paged, &material_name)?;
+    let names: Vec<(usize, &str)> = files.iter().map(|(page, name, _)| (*page, name.as_str())).collect();
+    write_beside(args, &material_name, material_file(paged, &names).as_bytes())?;
+    for (_, name, bytes) in &files {
+        write_beside(args, name, bytes)?;
     }
     Ok(written)
 }

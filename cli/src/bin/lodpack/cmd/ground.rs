@@ -95,6 +95,7 @@ fn open_any(
         tolerance: model.tolerance,
         memory: run.memory.unwrap_or_else(|| machine_bytes() / 2),
         folder: folder.to_owned(),
+        colour_quality: model.colour_quality,
     };
     let mut out = BufWriter::with_capacity(1 << 20, nameless_in(folder)?);
     build_heights(&source, &options, &mut out, &progress)?;

@@ -6,7 +6,7 @@ pub type Stages = &'static [(&'static str, f64)];
 /// Measured on scans, in memory. On disk, repair takes more and roots take less.
 pub const BUILD: Stages = &[("import", 0.06), ("repair", 0.12), ("segment", 0.17), ("roots", 0.62), ("pack", 0.03)];
 /// Of files of heights.
-pub const BUILD_HEIGHTS: Stages = &[("import", 0.2), ("tiles", 0.75), ("write", 0.05)];
+pub const BUILD_HEIGHTS: Stages = &[("import", 0.2), ("image", 0.3), ("tiles", 0.45), ("write", 0.05)];
 /// Of files of heights, before the parts.
 pub const PLAN_HEIGHTS: Stages = &[("import", 1.0)];
 /// The stages before the roots, on disk.

@@ -9,6 +9,7 @@ use anyhow::{Context, Result, bail};
 use lodpack_cli::heights::{HeightsOptions, HeightsSummary, build as build_heights};
 use lodpack_cli::import::raster::HeightSource;
 use lodpack_cli::job::typed_raster;
+use lodpack_cli::pipeline::ColourQuality;
 use lodpack_cli::storage::memory::machine_bytes;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -23,6 +24,7 @@ pub fn build(args: &BuildArgs, inputs: &[PathBuf], output: &Path) -> Result<Exit
         tolerance: model.tolerance,
         memory: args.run.memory.unwrap_or_else(|| machine_bytes() / 2),
         folder,
+        colour_quality: model.colour_quality,
     };
     let (pending, file) = PendingFile::create(output, args.force, inputs.iter().map(|p| p.as_path()))?;
     interrupt::on_stop_leave_nothing();
@@ -32,6 +34,9 @@ pub fn build(args: &BuildArgs, inputs: &[PathBuf], output: &Path) -> Result<Exit
         let Some(source) = HeightSource::open(inputs, &typed_raster(&model), &progress)? else {
             bail!("--heights is for rasters of heights, and the inputs are none; omit it");
         };
+        if source.drape.is_none() && model.colour_quality != ColourQuality::Auto {
+            bail!("--color-quality is for an image over the heights; add one with --drape, or omit it");
+        }
         let summary = build_heights(&source, &options, &mut out, &progress)?;
         let written = out.into_inner().map_err(|error| error.into_error());
         pending.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
@@ -51,7 +56,15 @@ pub fn print(s: &HeightsSummary, output: &Path) -> Result<()> {
     say!("{}", output.display());
     say!("  input      {} samples, {} x {} cells", count(s.samples), count(s.cells[0]), count(s.cells[1]));
     say!("  tiles      {} in {} depths, {} triangles at the finest", count(s.tiles), s.depth + 1, count(s.triangles));
-    say!("  size       {}, {:.2} bits per sample", bytes(s.bytes), s.bits_per_sample);
+    let image = s.drape.as_ref();
+    let of = if image.is_some() { " of the heights" } else { "" };
+    say!("  size       {}, {:.2} bits per sample{of}", bytes(s.bytes), s.bits_per_sample);
+    if let Some(image) = image {
+        let [width, height] = image.size.map(count);
+        let opacity = if image.components == 4 { " with opacity" } else { "" };
+        let bits = 8.0 * image.bytes as f64 / (image.size[0] as f64 * image.size[1] as f64);
+        say!("  image      {width} x {height} texels{opacity}, {}, {bits:.2} bits per texel", bytes(image.bytes));
+    }
     say!(
         "  error      samples {} at most, surface {} certified, tolerance {}",
         bound(s.sample_error),

@@ -1,14 +1,17 @@
 //! Meshes and rasters of files of heights.
 
-use super::super::extract::Drawn;
+use super::super::extract::{Drawn, format_of, is_stdout};
 use super::super::open::{Source, in_file};
 use crate::args::{ExtractArgs, NormalsChoice, ProgressStyle};
+use crate::messages;
 use crate::output::count;
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Result, bail};
 use lodpack::Limiter;
-use lodpack::heights::{Heights, HeightsCut, HeightsMesh, HeightsQuery};
+use lodpack::heights::{DrapeImage, Heights, HeightsCut, HeightsMesh, HeightsQuery};
 use lodpack_cli::heights::triangulate;
+use lodpack_cli::mesh::draped;
+use lodpack_cli::mesh::export::MeshFormat;
 use lodpack_cli::mesh::shaded::Shading;
 use lodpack_cli::reduce::Topology;
 
@@ -30,9 +33,29 @@ pub fn mesh_of(file: &Heights<Source>, tolerance: Option<f64>, args: &ExtractArg
     if cut.tiles.is_empty() {
         bail!("{name}: nothing touches the box; the grid reaches {}", super::reach(file));
     }
-    let normals = mesh.normals.iter().map(|normal| normal.map(|x| f32::from(x) / 32767.0)).collect();
-    let ramp = file.ramp().filter(|_| args.channels == "auto");
-    let colours = ramp.map(|ramp| mesh.heights.iter().map(|&height| ramp.colour(height)).collect());
+    let normals: Vec<[f32; 3]> = mesh.normals.iter().map(|normal| normal.map(|x| f32::from(x) / 32767.0)).collect();
+    let wants_colours = args.channels == "auto";
+    let ramp = file.ramp().filter(|_| wants_colours);
+    let mut colours: Option<Vec<[u8; 3]>> =
+        ramp.map(|ramp| mesh.heights.iter().map(|&height| ramp.colour(height)).collect());
+    let image = if wants_colours { image_over(file, &cut, args)? } else { None };
+    let mut draped = None;
+    if let Some(image) = &image {
+        match format_of(args)? {
+            MeshFormat::Stl => {}
+            MeshFormat::Obj if is_stdout(&args.output) => {}
+            MeshFormat::Obj | MeshFormat::Glb => {
+                draped = Some(draped::draped(&mesh, &normals, file.grid(), image));
+            }
+            MeshFormat::Ply => {
+                let below = colours.unwrap_or_else(|| vec![draped::BARE; mesh.positions.len()]);
+                let painted =
+                    mesh.samples.iter().zip(below).map(|(&sample, below)| draped::colour_at(image, sample, below));
+                colours = Some(painted.collect());
+                messages::tell("note", "PLY has colours of vertices alone: write GLB or OBJ to keep the image");
+            }
+        }
+    }
     let drawn = Drawn {
         positions: mesh.positions,
         triangles: mesh.triangles,
@@ -49,8 +72,33 @@ pub fn mesh_of(file: &Heights<Source>, tolerance: Option<f64>, args: &ExtractArg
             colours,
             has_normals_everywhere: args.normals == Some(NormalsChoice::Smooth),
         }),
+        draped,
     };
     Ok((drawn, (cut.tiles.len() as u64, "tiles")))
+}
+
+/// The image over a cut, as fine as a page may be; none if there is none.
+fn image_over(file: &Heights<Source>, cut: &HeightsCut, args: &ExtractArgs) -> Result<Option<DrapeImage>> {
+    let Some(drape) = file.drape() else { return Ok(None) };
+    let ends = cut.tiles.iter().map(|tile| file.grid().ends(tile.id));
+    let all = ends.reduce(|one, other| [0, 1].map(|axis| join(one[axis], other[axis])));
+    let Some([columns, rows]) = all else { return Ok(None) };
+    // A window has up to two more texels.
+    let Some(window) = drape.window_of_size(columns, rows, args.page_size.saturating_sub(2)) else { return Ok(None) };
+    if window.halvings > 0 {
+        let share = 1_u64 << window.halvings;
+        messages::tell(
+            "note",
+            &format!(
+                "the image has one texel of every {share} along each side, to fit one page; ask for less with --bbox, or for more with --page-size"
+            ),
+        );
+    }
+    Ok(Some(in_file(&args.file, file.drape_image(&window))?))
+}
+
+fn join([a, b]: [f64; 2], [c, d]: [f64; 2]) -> [f64; 2] {
+    [a.min(c), b.max(d)]
 }
 
 /// The triangulation that was asked for, and how many samples it was made of.
@@ -75,6 +123,7 @@ pub fn tin_of(file: &Heights<Source>, tolerance: f64, args: &ExtractArgs) -> Res
         coarser: 1.0,
         numbers: vec![],
         shading: None,
+        draped: None,
     };
     Ok((drawn, (tin.sample_count, "samples")))
 }

@@ -105,6 +105,10 @@ pub fn drawn_of((heights, frame): &Ground, tolerance: Option<f64>, args: &Extrac
     if let Some(shading) = &mut drawn.shading {
         shading.normals.iter_mut().for_each(|normal| *normal = frame.direction(*normal));
     }
+    if let Some(draped) = &mut drawn.draped {
+        draped.positions.iter_mut().for_each(|point| *point = frame.point(*point));
+        draped.normals.iter_mut().for_each(|normal| *normal = frame.direction(*normal));
+    }
     drawn.error *= frame.scale();
     drawn.error_everywhere *= frame.scale();
     Ok((drawn, nodes))

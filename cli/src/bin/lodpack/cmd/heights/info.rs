@@ -38,6 +38,8 @@ struct Info {
     step: f64,
     sample_error: f64,
     ramp: Option<RampInfo>,
+    /// The image over the heights.
+    drape: Option<DrapeInfo>,
     placement: Option<PlacementInfo>,
     depths: Vec<Depth>,
     depth_count: u32,
@@ -53,6 +55,21 @@ struct RampInfo {
     name: String,
     /// Height, and red, green and blue from 0 to 255.
     stops: Vec<(f64, [u8; 3])>,
+}
+
+/// An image.
+#[derive(Serialize)]
+struct DrapeInfo {
+    /// Texels in a row, and rows.
+    size: [u64; 2],
+    /// 3, or 4 with opacity.
+    components: u8,
+    /// Columns and rows of samples from a texel to the next one.
+    spacing: [f64; 2],
+    /// Of the centre of its first texel: column and row of samples.
+    first: [f64; 2],
+    bytes: u64,
+    bits_per_texel: f64,
 }
 
 /// The tiles of a depth.
@@ -85,13 +102,25 @@ pub fn run(file: &Heights<Source>, args: &InfoArgs) -> Result<()> {
         &args.file,
         file.source().size().map_err(|source| lodpack::Error::Io { offset: 0, length: 0, source }),
     )?;
+    let drape = file.drape().map(|drape| {
+        let bytes = file.index().drape_bytes();
+        DrapeInfo {
+            size: drape.size,
+            components: drape.components,
+            spacing: drape.spacing,
+            first: drape.first,
+            bytes,
+            bits_per_texel: 8.0 * bytes as f64 / (drape.size[0] as f64 * drape.size[1] as f64),
+        }
+    });
+    let of_heights = total - drape.as_ref().map_or(0, |drape| drape.bytes.min(total));
     let info = Info {
         holds: "heights",
         generator: file.source_info().map(|source| source.generator.clone()).unwrap_or_default(),
         bytes: total,
         samples: columns * rows,
         cells: grid.cells(),
-        bits_per_sample: 8.0 * total as f64 / (columns as f64 * rows as f64),
+        bits_per_sample: 8.0 * of_heights as f64 / (columns as f64 * rows as f64),
         surface: match surface.base {
             Base::Plane => "plane",
             Base::Ellipsoid { eccentricity: 0.0, .. } => "sphere",
@@ -109,6 +138,7 @@ pub fn run(file: &Heights<Source>, args: &InfoArgs) -> Result<()> {
             name: about.ramp.clone(),
             stops: ramp.stops().iter().map(|stop| (stop.height, stop.colour)).collect(),
         }),
+        drape,
         placement: file.placement().map(PlacementInfo::new),
         level_tiles: depths.iter().map(|depth| depth.level_tiles).sum(),
         depths,
@@ -153,6 +183,15 @@ fn print(info: &Info, file: &Heights<Source>, args: &InfoArgs) -> Result<()> {
     say!("  heights    {} to {}, in steps of {}", length(info.lowest), length(info.highest), length(info.step));
     if let Some(ramp) = &info.ramp {
         say!("  ramp       {}, {} colours", ramp.name, count(ramp.stops.len() as u64));
+    }
+    if let Some(drape) = &info.drape {
+        let [width, height] = drape.size.map(count);
+        let opacity = if drape.components == 4 { " with opacity" } else { "" };
+        say!(
+            "  image      {width} x {height} texels{opacity}, {} of the file, {:.2} bits per texel",
+            bytes(drape.bytes),
+            drape.bits_per_texel
+        );
     }
     say!("  error      samples {} at most", bound(info.sample_error));
     say!("  size       {}, {:.2} bits per sample", bytes(info.bytes), info.bits_per_sample);
