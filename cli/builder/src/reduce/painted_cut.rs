@@ -35,21 +35,6 @@ const FINER: u32 = 4;
 const FINE_TEXELS: f64 = 4_194_304.0;
 /// So many texels are no more than a small file can hold. Where colours jump, lines between them may have these.
 const FEW_TEXELS: f64 = 65_536.0;
-/// The number of texels that are needed grows with this power of that of triangles. A smooth surface of four times the
-/// triangles is a quarter as far off: who comes as near as its error allows sees 16 times the texels, and who stays
-/// where he is as many as before. The power lies between these two, 2 and 0, so that images become smaller, but more
-/// slowly than triangles become fewer: it is images that few triangles are looked at for.
-const TEXELS_PER_TRIANGLES: f64 = 0.5;
-/// Sizes of texels that differ by less are alike.
-const MORE: f64 = 1.01;
-/// A reduced cut gets larger texels if its area is this many times that of the cut.
-const MUCH_LARGER: f64 = 2.0;
-/// A reduced cut may be this many times as far off as the nearest one, if it shows more.
-const FARTHER: f64 = 3.0;
-/// About how many cells of a reduced cut are compared.
-const CELLS: f64 = 131_072.0;
-/// The same where vertices are moved again.
-const FINE_CELLS: f64 = 524_288.0;
 
 /// What gives reduced cuts the look of the cut that they were made from.
 pub struct CutPainter<'a> {
@@ -162,10 +147,13 @@ impl<'a> CutPainter<'a> {
         self.cut
     }
 
-    /// The share of the cut's texels that a reduced cut needs.
+    /// The share of the cut's texels that a reduced cut needs: the root of its share of the triangles. A smooth surface
+    /// of four times the triangles is a quarter as far off: who comes as near as its error allows sees 16 times the
+    /// texels, and who stays sees as many as before. Between these, images become smaller more slowly than triangles
+    /// become fewer: it is for images that few triangles are looked at.
     pub fn needed(&self, finished: &Finished) -> f64 {
         let share = finished.triangles.len() as f64 / self.cut.mesh.triangles.len().max(1) as f64;
-        share.min(1.0).powf(TEXELS_PER_TRIANGLES)
+        share.min(1.0).sqrt()
     }
 
     fn area(&self, finished: &Finished) -> f64 {
