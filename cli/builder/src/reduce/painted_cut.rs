@@ -35,6 +35,16 @@ const FINER: u32 = 4;
 const FINE_TEXELS: f64 = 4_194_304.0;
 /// So many texels are no more than a small file can hold. Where colours jump, lines between them may have these.
 const FEW_TEXELS: f64 = 65_536.0;
+/// Sizes of texels that differ by less are alike.
+const MORE: f64 = 1.01;
+/// A reduced cut gets larger texels if its area is this many times that of the cut.
+const MUCH_LARGER: f64 = 2.0;
+/// A reduced cut may be this many times as far off as the nearest one, if it shows more.
+const FARTHER: f64 = 3.0;
+/// About how many cells of a reduced cut are compared.
+const CELLS: f64 = 131_072.0;
+/// The same where vertices are moved again.
+const FINE_CELLS: f64 = 524_288.0;
 
 /// What gives reduced cuts the look of the cut that they were made from.
 pub struct CutPainter<'a> {
