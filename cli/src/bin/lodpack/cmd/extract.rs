@@ -6,7 +6,7 @@ use super::print_json;
 use crate::args::{ExtractArgs, GroundChoice, ImagesChoice, NormalsChoice, OutputFormat};
 use crate::interrupt;
 use crate::messages;
-use crate::output::{PendingFile, bound, bytes, count, length, say};
+use crate::output::{PendingFile, bound, bytes, count, finish_all, length, say};
 use crate::progress_bar::Terminal;
 use anyhow::{Context, Result, bail};
 use lodpack::decode::TexturedMesh;
@@ -446,15 +446,17 @@ impl Output {
 
     fn write(self, args: &ExtractArgs, format: (MeshFormat, Upright), mesh: &[(&str, Drawn)]) -> Result<()> {
         let cannot_write = || format!("cannot write {}", args.output.display());
+        let mut beside = vec![];
         match self {
-            Self::Stdout => match write(io::stdout().lock(), args, format, mesh) {
+            Self::Stdout => match write(io::stdout().lock(), args, format, mesh, &mut beside) {
                 // A closed pipe is no error: its reader, such as `head`, has seen enough.
-                Err(error) if is_closed_pipe(&error) => Ok(()),
-                written => written.context("cannot write to stdout"),
+                Err(error) if is_closed_pipe(&error) => finish_all(beside),
+                written => written.context("cannot write to stdout").and_then(|()| finish_all(beside)),
             },
             Self::File(pending, out) => {
-                write(&out, args, format, mesh).with_context(cannot_write)?;
-                pending.finish(out)
+                write(&out, args, format, mesh, &mut beside).with_context(cannot_write)?;
+                beside.push((pending, out));
+                finish_all(beside)
             }
         }
     }
@@ -464,21 +466,25 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
     error.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
 }
 
+/// Files beside the output, which get their names with it.
+type Beside = Vec<(PendingFile, File)>;
+
 /// Writes one mesh, or all of them as nodes or as one.
 fn write(
     out: impl io::Write,
     args: &ExtractArgs,
     format: (MeshFormat, Upright),
     meshes: &[(&str, Drawn)],
+    beside: &mut Beside,
 ) -> Result<()> {
     if let [(_, mesh)] = meshes {
-        return write_one(out, args, format, mesh);
+        return write_one(out, args, format, mesh, beside);
     }
     if format.0 == MeshFormat::Glb {
         let mut models = vec![];
         for (name, mesh) in meshes {
             let mut bytes = vec![];
-            write_one(&mut bytes, args, format, mesh)?;
+            write_one(&mut bytes, args, format, mesh, beside)?;
             models.push((*name, bytes));
         }
         return Ok(write_joined_glb(out, &models)?);
@@ -515,7 +521,13 @@ fn write_bare(
     Ok(write_mesh_with_normals(out, format, (positions, triangles), fans.as_ref(), upright)?)
 }
 
-fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright), mesh: &Drawn) -> Result<()> {
+fn write_one(
+    out: impl io::Write,
+    args: &ExtractArgs,
+    form: (MeshFormat, Upright),
+    mesh: &Drawn,
+    beside: &mut Beside,
+) -> Result<()> {
     let (format, upright) = form;
     if let Some(shading) = &mesh.shading {
         return Ok(write_shaded_mesh(out, format, (&mesh.positions, &mesh.triangles), shading, upright)?);
@@ -555,9 +567,9 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright
             let material_name = format!("{name}.mtl");
             write_textured_obj(out, &paged, &material_name)?;
             let names: Vec<(usize, &str)> = files.iter().map(|(page, name, _)| (*page, name.as_str())).collect();
-            write_beside(args, &material_name, material_file(&paged, &names).as_bytes())?;
+            beside.push(write_beside(args, &material_name, material_file(&paged, &names).as_bytes())?);
             for (_, name, bytes) in &files {
-                write_beside(args, name, bytes)?;
+                beside.push(write_beside(args, name, bytes)?);
             }
         }
     }
@@ -565,11 +577,11 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright
 }
 
 /// Writes a file into the folder of the output.
-fn write_beside(args: &ExtractArgs, name: &str, content: &[u8]) -> Result<()> {
+fn write_beside(args: &ExtractArgs, name: &str, content: &[u8]) -> Result<(PendingFile, File)> {
     let path = args.output.with_file_name(name);
     let (pending, mut file) = PendingFile::create(&path, args.force, [args.file.as_path()])?;
     io::Write::write_all(&mut file, content).with_context(|| format!("cannot write {}", path.display()))?;
-    pending.finish(file)
+    Ok((pending, file))
 }
 
 /// Why a cut misses the tolerance that was asked for, if it does.
