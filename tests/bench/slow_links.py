@@ -2,10 +2,10 @@
 """Measures reading over slow links that break: python tests/bench/slow_links.py [options] FILE.lodpack
 
 A server of its own gives every answer after a delay, sends all answers together at a rate, and breaks a share of them
-off at a random byte. `lodpack verify ADDRESS` (Rust) and `FetchSource` (JavaScript, in Node) read the whole file from
-it. The ideal is the time that the same program takes without breaks and at any rate, which counts its delays, and that
-of the file's bytes at the rate. Prints Markdown: the time over the ideal, the bytes that were sent over those of the
-file, and how many answers were broken off. Random numbers have a fixed seed, so breaks are where they were.
+off at a random byte. `lodpack extract ADDRESS` (Rust) reads the finest level from it, and `FetchSource` (JavaScript, in
+Node) the whole file. The ideal is the time that the same program takes without breaks and at any rate, which counts its
+delays, and that of the bytes that it then reads, at the rate. Prints Markdown: the time over the ideal, the bytes that
+were sent over those needed, and how many answers were broken off. Random numbers have a fixed seed.
 """
 
 import argparse
@@ -130,22 +130,22 @@ def main():
     content = options.file.read_bytes()
     script = SCRIPT % (ROOT / "reader/wasm/js/source.js").as_uri()
     readers = {
-        "lodpack verify": lambda url: [options.lodpack.resolve(), "verify", url],
+        "lodpack extract": lambda url: [options.lodpack.resolve(), "extract", url, "-o", "/dev/null", "--format", "ply", "--force"],
         "FetchSource": lambda url: ["node", "--input-type=module", "-e", script, "--", url, str(len(content))],
     }
     print(f"{len(content):,} bytes, {options.delay} s delay, {options.broken:.0%} of answers broken off\n")
-    print("| reader | rate | breaks | ideal | time | over the ideal | bytes over the file's |")
+    print("| reader | rate | breaks | ideal | time | over the ideal | bytes over those needed |")
     print("|---|---:|---:|---:|---:|---:|---:|")
     for name, command in readers.items():
-        base, _, problem = measure(command, content, options.delay, 0, 0, 0)
+        base, needed, problem = measure(command, content, options.delay, 0, 0, 0)
         if base is None:
             sys.exit(f"{name}: {problem}")
         for rate in (float(rate) * 1000 for rate in options.rates.split(",")):
             for seed in range(options.seeds):
                 seconds, link, problem = measure(command, content, options.delay, rate, options.broken, seed)
-                ideal = base + len(content) / rate
+                ideal = base + needed.sent / rate
                 shown = f"{seconds:.1f} s | {seconds / ideal:.2f}" if seconds else f"{problem} | -"
-                print(f"| {name} | {rate / 1000:,.0f} kB/s | {link.breaks} of {link.answers} | {ideal:.1f} s | {shown} | {link.sent / len(content):.3f} |", flush=True)
+                print(f"| {name} | {rate / 1000:,.0f} kB/s | {link.breaks} of {link.answers} | {ideal:.1f} s | {shown} | {link.sent / needed.sent:.3f} |", flush=True)
 
 
 if __name__ == "__main__":

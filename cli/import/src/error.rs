@@ -112,6 +112,17 @@ pub enum ImportError {
         source: lodpack::Error,
     },
 
+    /// The file has a known format that is not read.
+    #[error("{}: this is {format}, which is not read here; {remedy}", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// The format, with its article.
+        format: &'static str,
+        /// What to do.
+        remedy: &'static str,
+    },
+
     /// Neither content nor name identify a known format.
     #[error("{}: unknown mesh format: the file starts with {start}; convert it to OBJ, OFF, PLY, STL, glTF or GLB, or heights to GeoTIFF", path.display())]
     UnknownFormat {

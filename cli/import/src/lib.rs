@@ -12,6 +12,7 @@ mod attributes;
 mod beside;
 mod colour_numbers;
 mod error;
+mod foreign;
 mod gltf;
 mod inputs;
 mod lines;
@@ -41,7 +42,7 @@ use std::path::{Path, PathBuf};
 
 use lodpack_mesh::Mesh;
 use lodpack_mesh::appearance::{COLOUR, Channels};
-use lodpack_runtime::progress::{Progress, Silent};
+use lodpack_runtime::progress::{FewNotes, Progress, Silent};
 
 pub use attributes::MAX_MATERIALS;
 use error::Parsed;
@@ -118,6 +119,7 @@ pub fn import_large_meshes(
     }
     let sizes: Vec<u64> = paths.iter().map(|p| std::fs::metadata(p).map_or(0, |m| m.len())).collect();
     progress.begin("import", sizes.iter().fold(0, |sum: u64, &size| sum.saturating_add(size)));
+    let progress = &FewNotes::new(progress);
     let mut sink = MeshSink::new(room.clone(), &options.channels);
     if raster::are_rasters(paths)? {
         raster::read_rasters(paths, &options.raster, &mut sink, progress)?;
@@ -272,6 +274,9 @@ fn detect_format(source: &Source) -> Parsed<Format> {
     let bytes = source.bytes;
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
     let extension = source.path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    if let Some((format, remedy)) = foreign::by_content(bytes, &extension) {
+        return Err(ImportError::Foreign { path: source.path.to_owned(), format, remedy }.into());
+    }
     let has_word = |word: &[u8]| text.starts_with(word) && text.get(word.len()).is_none_or(u8::is_ascii_whitespace);
     let format = if bytes.starts_with(b"ply") && has_word(b"ply") {
         Format::Ply
@@ -300,6 +305,9 @@ fn detect_format(source: &Source) -> Parsed<Format> {
             "gltf" => return Err(source.wrong_magic("a glTF file must be a JSON object")),
             _ if obj::looks_like_obj(text) => Format::Obj,
             _ => {
+                if let Some((format, remedy)) = foreign::by_name(&extension) {
+                    return Err(ImportError::Foreign { path: source.path.to_owned(), format, remedy }.into());
+                }
                 let start = source.start_of_file();
                 return Err(ImportError::UnknownFormat { path: source.path.to_owned(), start }.into());
             }

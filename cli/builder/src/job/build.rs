@@ -10,6 +10,7 @@ use crate::pipeline::summary::{BuildSummary, Stopwatch};
 use lodpack_import::Imported;
 use lodpack_mesh::attributes::Surface;
 use lodpack_runtime::progress::Progress;
+use lodpack_runtime::storage::WorkDirectory;
 
 /// Builds a file from meshes. The bytes depend on the inputs and the options alone.
 ///
@@ -26,11 +27,25 @@ pub fn build(
         let job = Job::resume(&options.work, options)?;
         return job.build(options, None, out, progress, watch);
     }
+    if options.resume && is_worth_resuming(options) {
+        // Whoever says so at first wants to continue whatever happens, also where the input fits in memory.
+        let job = Job::begin(WorkDirectory::create(&options.work)?, options)?;
+        return job.build(options, None, out, progress, watch);
+    }
     progress.begin("import", 0);
     let input = read_input(&options.inputs, &options.room(), &options.model, progress)?;
     watch.lap("import");
     build_imported(input, options, out, progress, watch)
 }
+
+/// Whether a build takes long enough for its state to be worth a place on the disk.
+fn is_worth_resuming(options: &BuildOptions) -> bool {
+    let sizes = options.inputs.iter().filter_map(|input| std::fs::metadata(input).ok());
+    sizes.filter(|metadata| metadata.is_file()).map(|metadata| metadata.len()).sum::<u64>() >= RESUMABLE_BYTES
+}
+
+/// Bytes of input that take more than some seconds.
+const RESUMABLE_BYTES: u64 = 4 << 20;
 
 /// Builds a file from a mesh or a surface in memory; `options.inputs` only serve messages.
 ///

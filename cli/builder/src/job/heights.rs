@@ -207,7 +207,14 @@ impl HeightsPart {
     /// What checking all of a file says about it.
     pub fn check(path: &Path) -> Result<FoundPart<u64>, WorkError> {
         let part = Self::open(path)?;
-        let found = FoundPart { job: part.job, part: part.head.part, parts: part.head.parts, plan: part.head.basis };
+        let found = FoundPart {
+            job: part.job,
+            part: part.head.part,
+            parts: part.head.parts,
+            regions: part.head.units.len() as u32,
+            all_regions: part.basis.as_ref().map(|basis| basis.units().len() as u32),
+            plan: part.head.basis,
+        };
         part.finish()?;
         Ok(found)
     }

@@ -150,6 +150,12 @@ impl Manifest {
         JobId(xxh3_128(&text))
     }
 
+    /// Whether a part has nothing to build, and its file nothing that a merge needs: the first one of heights has what
+    /// all have in common.
+    pub(super) fn is_empty_part(&self, part: u32) -> bool {
+        !(self.heights && part == 0) && self.parts.get(part as usize).is_some_and(|entry| entry.regions == 0)
+    }
+
     /// The job's number.
     pub fn id(&self) -> JobId {
         JobId(u128::from_str_radix(&self.job, 16).unwrap_or_default())

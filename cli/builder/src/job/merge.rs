@@ -38,6 +38,10 @@ pub(super) struct FoundPart<P> {
     pub job: JobId,
     pub part: u32,
     pub parts: u32,
+    /// How many regions it has.
+    pub regions: u32,
+    /// How many there are in all, as far as this part knows.
+    pub all_regions: Option<u32>,
     /// What all parts have in common.
     pub plan: P,
 }
@@ -89,10 +93,11 @@ impl Parts {
             Some(manifest) => manifest.heights,
             None => files.first().is_some_and(|file| HeightsPart::is_one(file)),
         };
+        let of = (job.as_deref(), manifest.as_ref());
         let (plan, files) = match is_heights {
-            true => (None, checked(files, expected, job.as_deref(), progress, HeightsPart::check)?.1),
+            true => (None, checked(files, expected, of, progress, HeightsPart::check)?.1),
             false => {
-                let (plan, files) = checked(files, expected, job.as_deref(), progress, PartReader::check)?;
+                let (plan, files) = checked(files, expected, of, progress, PartReader::check)?;
                 (Some(plan), files)
             }
         };
@@ -118,11 +123,11 @@ fn parts_in(folder: &Path) -> Result<Vec<PathBuf>, JobError> {
     Ok(files)
 }
 
-/// Checks all parts; returns them by number, and their plan.
+/// Checks all parts; returns those that have regions, and any others that are there, by number, and their plan.
 fn checked<P: PartialEq>(
     files: Vec<PathBuf>,
     mut expected: Option<Expected>,
-    job: Option<&Path>,
+    (job, manifest): (Option<&Path>, Option<&Manifest>),
     progress: &dyn Progress,
     check: impl Fn(&Path) -> Result<FoundPart<P>, WorkError>,
 ) -> Result<(P, Vec<PathBuf>), JobError> {
@@ -132,6 +137,7 @@ fn checked<P: PartialEq>(
     };
     let mut plan: Option<P> = None;
     let mut found: BTreeMap<u32, PathBuf> = BTreeMap::new();
+    let (mut regions, mut all_regions) = (0, None);
     // A part that exists but is unusable is not also reported as missing.
     let (mut problems, mut broken) = (vec![], BTreeSet::new());
     progress.begin("check", files.len() as u64);
@@ -142,7 +148,7 @@ fn checked<P: PartialEq>(
         let problem = match check(&path) {
             Err(error) => format!("{named}: {}; {}", error.source, again(&path, &repair)),
             Ok(found_part) => {
-                let FoundPart { job: id, part: number, parts: count, plan: of_part } = found_part;
+                let FoundPart { job: id, part: number, parts: count, plan: of_part, .. } = found_part;
                 let Expected { job, parts } = *expected.get_or_insert(Expected { job: id, parts: count });
                 if id != job {
                     format!("{named} belongs to another job ({id} instead of {job}); remove it")
@@ -157,7 +163,10 @@ fn checked<P: PartialEq>(
                     format!("{named} and {} are both part {number}, but differ; remove one", other.display())
                 } else {
                     plan.get_or_insert(of_part);
-                    found.entry(number).or_insert(path);
+                    if found.insert(number, path).is_none() {
+                        regions += u64::from(found_part.regions);
+                        all_regions = all_regions.or(found_part.all_regions);
+                    }
                     continue;
                 }
             }
@@ -166,10 +175,19 @@ fn checked<P: PartialEq>(
         problems.push(problem);
     }
     let parts = expected.map_or(0, |expected| expected.parts);
-    let missing = (0..parts).filter(|part| !found.contains_key(part) && !broken.contains(part));
+    // Where all regions are there, parts that are not have none.
+    let is_complete = all_regions.is_some_and(|all| regions == u64::from(all));
+    let missing = (0..parts).filter(|part| {
+        !is_complete
+            && !found.contains_key(part)
+            && !broken.contains(part)
+            && !manifest.is_some_and(|m| m.is_empty_part(*part))
+    });
     problems.extend(missing.map(|part| format!("part {part} is missing; {}", repair(part))));
     match plan {
-        Some(plan) if problems.is_empty() && found.len() == parts as usize => Ok((plan, found.into_values().collect())),
+        Some(plan) if problems.is_empty() && (is_complete || found.len() == parts as usize) => {
+            Ok((plan, found.into_values().collect()))
+        }
         _ => Err(JobError::Parts { parts, problems }),
     }
 }
@@ -211,7 +229,8 @@ pub fn merge(
                 progress.note(&format!("{}; the parts are merged instead", chain(&error)));
                 let expected = Expected { job: manifest.part_id(), parts: manifest.parts.len() as u32 };
                 let files = parts.files.clone();
-                let (plan, files) = checked(files, Some(expected), Some(folder), progress, PartReader::check)?;
+                let (plan, files) =
+                    checked(files, Some(expected), (Some(folder), Some(manifest)), progress, PartReader::check)?;
                 let parts = Parts { plan: Some(plan), files, encoded: None, changed_inputs: vec![] };
                 return merge(&parts, scratch, out, progress);
             }

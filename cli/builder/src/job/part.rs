@@ -79,9 +79,9 @@ impl PartReader {
     /// What checking all of a file says about it.
     pub(super) fn check(path: &Path) -> Result<FoundPart<Plan>, WorkError> {
         let part = Self::open(path)?;
-        let (job, PartHead { part: number, parts, plan, .. }) = (part.job, part.head.clone());
+        let (job, PartHead { part: number, parts, regions, plan }) = (part.job, part.head.clone());
         part.finish()?;
-        Ok(FoundPart { job, part: number, parts, plan })
+        Ok(FoundPart { job, part: number, parts, regions: regions.len() as u32, all_regions: Some(plan.regions), plan })
     }
 
     /// What the file as a whole has to know of the next region. Its symbols are skipped, so the file can no longer be

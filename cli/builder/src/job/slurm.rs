@@ -69,7 +69,10 @@ impl SlurmScripts {
         };
         let memory = status.parts.iter().map(|part| part.memory).max().unwrap_or(stages.memory).div_ceil(1 << 20);
         let done = |part: u32| {
-            status.parts.get(part as usize).is_some_and(|part| matches!(part.state, PartState::Done { .. }))
+            status
+                .parts
+                .get(part as usize)
+                .is_some_and(|part| matches!(part.state, PartState::Done { .. } | PartState::Empty))
         };
         let fill = |script: &str, stage: Stage, count: u32, tasks: &[u32]| -> Result<String, JobError> {
             let values = [

@@ -53,6 +53,8 @@ pub enum PartState {
     },
     /// Nobody has tried to build it.
     Missing,
+    /// There is nothing to build: it has no regions, and the merge does without its file.
+    Empty,
 }
 
 /// A part of a job.
@@ -120,9 +122,9 @@ impl JobStatus {
         })
     }
 
-    /// The number of parts that are done.
+    /// The number of parts that are done, or have nothing to do.
     pub fn done(&self) -> usize {
-        self.parts.iter().filter(|part| matches!(part.state, PartState::Done { .. })).count()
+        self.parts.iter().filter(|part| matches!(part.state, PartState::Done { .. } | PartState::Empty)).count()
     }
 }
 
@@ -139,6 +141,7 @@ fn state_of(job: &Path, manifest: &Manifest, part: u32) -> PartState {
     match found {
         _ if !files.path.exists() => match fs::read_to_string(&files.failure) {
             Ok(reason) => PartState::Failed { reason },
+            Err(_) if manifest.is_empty_part(part) => PartState::Empty,
             Err(_) => PartState::Missing,
         },
         Ok((job, parts)) if job != manifest.part_id() || parts as usize != manifest.parts.len() => {

@@ -401,6 +401,11 @@ pub(super) fn text_of(code: u32) -> Option<&'static str> {
     epsg_utils::epsg_to_wkt2(i32::try_from(code).ok()?).ok()
 }
 
+/// Whether the EPSG dataset has a system of this number.
+pub fn is_known_epsg(code: u32) -> bool {
+    text_of(code).is_some()
+}
+
 /// What to say about a code that the dataset lacks.
 pub(super) fn unknown(code: u32) -> String {
     format!("EPSG:{code} is not among the systems that are known here; check the number, or pass its WKT with --crs")

@@ -50,7 +50,7 @@ use lodpack_mesh::tolerance::Unit;
 use lodpack_runtime::progress::{Progress, Silent};
 
 use affine::{Turned, of_world_file, placed};
-pub use crs::{Body, Crs, CrsKind};
+pub use crs::{Body, Crs, CrsKind, is_known_epsg};
 use header::{Header, HeightRows};
 pub use heights::HeightSource;
 use mosaic::Mosaic;

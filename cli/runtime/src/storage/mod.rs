@@ -91,8 +91,22 @@ pub const DIVIDED_NAME: &str = "divided";
 const FIRST_REMOVED: [&str; 3] = [MANIFEST_NAME, PLAN_NAME, DIVIDED_NAME];
 /// The folder of the tasks of a job's stages.
 pub const STAGES_NAME: &str = "stages";
-/// How the names of the files of regions, and of what is built of them, begin.
-const OF_REGIONS: [&str; 2] = ["region-", "part-"];
+/// The other names in a job's directory, by whoever writes them: the parts' folder, scripts, a ground, a grid, and
+/// what is read of inputs.
+const OTHERS: [&str; 9] =
+    ["parts", "slurm", "ground.lodpack", "samples", "pairs", "vertices", "triangles", "vertex-values", "corner-values"];
+/// How the names of files begin of which there are several: of regions and of what is built of them, of images, and of
+/// the texts that tasks have read.
+const NUMBERED: [&str; 4] = ["region-", "part-", "image-", "text-"];
+
+/// Whether a job's directory may hold a file or folder of this name. Whatever a job writes has to be known here: a
+/// directory with anything else is nobody's to resume or to remove.
+pub fn is_of_job(name: &str) -> bool {
+    [LOCK_NAME, MANIFEST_NAME, PLAN_NAME, DIVIDED_NAME, STAGES_NAME].contains(&name)
+        || OTHERS.contains(&name)
+        || NUMBERED.iter().any(|begin| name.starts_with(begin))
+        || name.ends_with(".tmp")
+}
 
 impl WorkDirectory {
     /// Makes a new directory, or takes an empty one. Anything else of that name is refused and left alone.
@@ -144,8 +158,9 @@ impl WorkDirectory {
         self.0.kept.store(kept, Ordering::Relaxed);
     }
 
-    /// The path of a file in the directory.
+    /// The path of a file in the directory, whose name [`is_of_job`] knows.
     pub fn path(&self, name: &str) -> PathBuf {
+        debug_assert!(is_of_job(name), "is_of_job does not know {name}");
         self.0.path.join(name)
     }
 
@@ -184,14 +199,14 @@ impl Drop for Directory {
     }
 }
 
-/// Removes what killed processes have left: unfinished files, and all files of regions and stages where there is no
+/// Removes what killed processes have left: unfinished files, and all numbered files and stages where there is no
 /// manifest. Such a directory was being removed, so what one of its files says of another need no longer be true.
 fn remove_left(folder: &Path) {
     let has_manifest = folder.join(MANIFEST_NAME).exists();
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name();
         let Some(name) = name.to_str() else { continue };
-        if name.ends_with(".tmp") || !has_manifest && OF_REGIONS.iter().any(|begin| name.starts_with(begin)) {
+        if name.ends_with(".tmp") || !has_manifest && NUMBERED.iter().any(|begin| name.starts_with(begin)) {
             let _ = fs::remove_file(entry.path());
         }
         if !has_manifest && name == STAGES_NAME {

@@ -6,7 +6,7 @@ fn records_come_back_and_go_with_the_directory() {
     let parent = tempfile::tempdir().unwrap();
     let directory = WorkDirectory::create(&parent.path().join("work")).unwrap();
     let points: Vec<DVec3> = (0..100_000).map(|i| DVec3::new(f64::from(i), -0.0, 1.0 / f64::from(i))).collect();
-    let mut writer = RecordWriter::create(&directory, "points").unwrap();
+    let mut writer = RecordWriter::create(&directory, "vertices").unwrap();
     writer.push_all(&points).unwrap();
     let path = writer.finish().unwrap();
     let read = RecordReader::<DVec3>::open(&path).unwrap().read_all().unwrap();
@@ -17,7 +17,7 @@ fn records_come_back_and_go_with_the_directory() {
     assert!((0..100_000).rev().step_by(7).all(|i| lookup.position(i).x == f64::from(i)));
     assert_eq!(lookup.count(), 100_000);
     // More is added behind what is there, and counts.
-    let mut writer = RecordWriter::append(&directory, "points").unwrap();
+    let mut writer = RecordWriter::append(&directory, "vertices").unwrap();
     writer.push_all(&points[..1]).unwrap();
     writer.finish().unwrap();
     assert_eq!(RecordReader::<DVec3>::open(&path).unwrap().read_all().unwrap().len(), 100_001);

@@ -7,6 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 /// Files and directories to remove when the program is stopped.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(vec![]);
@@ -60,15 +61,24 @@ pub fn on_stop_after(mut first: impl FnMut() + Send + 'static, state: &Path, adv
     });
 }
 
-/// Removes a folder. Renamed first, it is out of reach of threads that still write to it.
-fn remove_folder(path: &Path) {
+/// Removes a folder. Renamed first, it is out of reach of threads that still write to it, but for those that have just
+/// opened a file there.
+pub fn remove_folder(path: &Path) {
     let mut name = path.as_os_str().to_owned();
     name.push("x");
-    let _ = match fs::rename(path, &name) {
-        Ok(()) => fs::remove_dir_all(name),
-        Err(_) => fs::remove_dir_all(path),
-    };
+    let name = PathBuf::from(name);
+    for _ in 0..ATTEMPTS {
+        let folder = if fs::rename(path, &name).is_ok() { &name } else { path };
+        let _ = fs::remove_dir_all(folder);
+        if !path.exists() && !name.exists() {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
 }
+
+/// How often a folder is removed into which threads still write.
+const ATTEMPTS: u32 = 10;
 
 /// Registers a file or directory that is unfinished.
 pub fn unfinished(path: &Path) {

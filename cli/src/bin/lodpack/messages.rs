@@ -1,6 +1,7 @@
 //! Messages on stderr: lines of text or, with `--progress json`, one JSON object per line, so that a program can read
 //! all of them.
 
+use lodpack_cli::text;
 use std::ffi::OsString;
 use std::fmt;
 use std::io::Write;
@@ -21,13 +22,20 @@ pub fn is_json() -> bool {
     JSON.load(Ordering::Relaxed)
 }
 
-/// Writes a line as it is. A closed stderr is not an error: there is no one to tell.
+/// Writes a line, without what a terminal would take as commands. A closed stderr is not an error: there is no one to
+/// tell.
 pub fn line(text: fmt::Arguments) {
-    let _ = writeln!(std::io::stderr().lock(), "{text}");
+    let _ = writeln!(std::io::stderr().lock(), "{}", text::plain(&text.to_string()));
 }
+
+/// The most characters of a note.
+const NOTE_LENGTH: usize = 2000;
 
 /// Writes a message of a kind: "note", "error" or "stopped".
 pub fn tell(kind: &str, text: &str) {
+    // Names in notes are those that files have. Errors may have several lines.
+    let note = (kind == "note").then(|| text::line(text, NOTE_LENGTH));
+    let text = note.as_deref().unwrap_or(text);
     match is_json() {
         true => line(format_args!("{}", serde_json::json!({ kind: text }))),
         false => line(format_args!("{kind}: {text}")),

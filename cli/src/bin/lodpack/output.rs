@@ -4,9 +4,10 @@ use crate::interrupt;
 use anyhow::{Context, Result, bail};
 use lodpack::index::FillingCounts;
 use std::ffi::{OsStr, OsString};
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use tempfile::TempPath;
 
 /// An output under a temporary name beside its final one; removed if it is dropped unfinished. A device or a pipe is
 /// written directly, since a file renamed over it would replace it.
@@ -14,7 +15,13 @@ pub struct PendingFile {
     /// None once the file has its final name, and for devices.
     temporary: Option<PathBuf>,
     path: PathBuf,
+    /// Whether it may take the place of another file.
+    replaces: bool,
 }
+
+/// The most temporary names that are tried: they are taken only where processes of several machines or containers
+/// have the same number.
+const NAMES: u32 = 100;
 
 impl PendingFile {
     /// Checks that `path` may be written, and creates a file under a temporary name beside it. `path` must not be one
@@ -32,7 +39,7 @@ impl PendingFile {
         };
         if real.exists() && !real.is_file() {
             let file = File::options().write(true).open(&real).with_context(cannot_write)?;
-            return Ok((Self { temporary: None, path: real }, file));
+            return Ok((Self { temporary: None, path: real, replaces: false }, file));
         }
         if let Ok(output) = fs::canonicalize(&real)
             && inputs.into_iter().any(|input| fs::canonicalize(input).is_ok_and(|input| input == output))
@@ -45,26 +52,71 @@ impl PendingFile {
         let Some(name) = real.file_name() else { bail!("{} names no file", path.display()) };
         check_folder(&real)?;
         remove_abandoned(folder_of(&real), &name.to_string_lossy());
-        let temporary = real.with_file_name(temporary_name(name));
-        interrupt::unfinished(&temporary);
-        let file = File::options().create(true).truncate(true).read(true).write(true).open(&temporary);
-        let file = file.with_context(cannot_write)?;
-        // The lock only shows other processes that this file is in use.
-        let _ = file.try_lock();
-        Ok((Self { temporary: Some(temporary), path: real }, file))
+        let (temporary, file) = new_file(&real, name).with_context(cannot_write)?;
+        Ok((Self { temporary: Some(temporary), path: real, replaces: force }, file))
     }
 
     /// Gives the complete file its final name.
     pub fn finish(mut self, file: File) -> Result<()> {
         let Some(temporary) = &self.temporary else { return Ok(()) };
         file.sync_all().with_context(|| format!("cannot finish {}", temporary.display()))?;
+        let named = match self.replaces {
+            true => fs::rename(temporary, &self.path),
+            false => TempPath::try_from_path(temporary)
+                .and_then(|temporary| temporary.persist_noclobber(&self.path).map_err(|refused| refused.error)),
+        };
         drop(file);
-        fs::rename(temporary, &self.path)
-            .with_context(|| format!("cannot rename {} to {}", temporary.display(), self.path.display()))?;
+        match named {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => bail!(
+                "{} appeared while it was written, and stays as it is; pass --force to overwrite it, or name another file with -o",
+                self.path.display()
+            ),
+            named => {
+                named.with_context(|| format!("cannot rename {} to {}", temporary.display(), self.path.display()))?
+            }
+        }
         interrupt::finished(temporary);
         self.temporary = None;
         Ok(())
     }
+}
+
+/// Finishes several files, of which none gets its name before all of them have reached the disk.
+pub fn finish_all(files: Vec<(PendingFile, File)>) -> Result<()> {
+    for (pending, file) in files.iter().filter(|(pending, _)| pending.temporary.is_some()) {
+        file.sync_all().with_context(|| format!("cannot write {}", pending.path.display()))?;
+    }
+    files.into_iter().try_for_each(|(pending, file)| pending.finish(file))
+}
+
+/// Makes a file that nobody else has, under a temporary name, and locks it: the lock shows other processes that it is
+/// in use.
+fn new_file(output: &Path, name: &OsStr) -> io::Result<(PathBuf, File)> {
+    let mut taken = io::ErrorKind::AlreadyExists.into();
+    for attempt in 0..NAMES {
+        let temporary = output.with_file_name(match attempt {
+            0 => temporary_name(name),
+            _ => {
+                let mut other = name.to_owned();
+                other.push(format!(".{}-{attempt}.tmp", std::process::id()));
+                other
+            }
+        });
+        match File::options().create_new(true).read(true).write(true).open(&temporary) {
+            Ok(file) => {
+                interrupt::unfinished(&temporary);
+                // A process that looked for abandoned files may have taken it for one before it was locked.
+                let is_taken = matches!(file.try_lock(), Err(TryLockError::WouldBlock)) || !temporary.exists();
+                if !is_taken {
+                    return Ok((temporary, file));
+                }
+                interrupt::finished(&temporary);
+            }
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => taken = error,
+            Err(error) => return Err(error),
+        }
+    }
+    Err(taken)
 }
 
 /// The temporary name of an output.
@@ -80,8 +132,14 @@ fn remove_abandoned(folder: &Path, name: &str) {
         let file_name = entry.file_name();
         let number =
             file_name.to_str().and_then(|other| other.strip_prefix(name)?.strip_prefix('.')?.strip_suffix(".tmp"));
-        let is_ours = number.is_some_and(|number| !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit()));
-        if is_ours && File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok()) {
+        let is_number = |b: u8| b.is_ascii_digit() || b == b'-';
+        let is_ours = number.is_some_and(|number| !number.is_empty() && number.bytes().all(is_number));
+        // Opening a pipe would wait for whoever writes to it.
+        if is_ours
+            && entry.file_type().is_ok_and(|kind| kind.is_file())
+            && let Ok(file) = File::open(entry.path())
+            && file.try_lock().is_ok()
+        {
             let _ = fs::remove_file(entry.path());
         }
     }
@@ -181,7 +239,7 @@ impl Drop for PendingFolder {
     fn drop(&mut self) {
         if !self.is_finished {
             // If this fails, the temporary name still shows that the folder is no product.
-            let _ = fs::remove_dir_all(&self.temporary);
+            interrupt::remove_folder(&self.temporary);
             interrupt::finished(&self.temporary);
         }
     }
@@ -193,14 +251,16 @@ macro_rules! say {
 }
 pub(crate) use say;
 
-/// Writes a line to stdout. A closed pipe is no error: its reader, such as `head`, has seen enough.
+/// Writes a line to stdout, without what a terminal would take as commands. A closed pipe is no error: its reader, such
+/// as `head`, has seen enough.
 pub fn write_line(text: std::fmt::Arguments) -> Result<()> {
-    match writeln!(io::stdout().lock(), "{text}") {
+    match writeln!(io::stdout().lock(), "{}", plain(&text.to_string())) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error).context("cannot write to stdout"),
         _ => Ok(()),
     }
 }
 
+use lodpack_cli::text::plain;
 pub use lodpack_cli::text::{count, shell};
 
 /// How many there are of each filling: "2 irregular, 0 grid".

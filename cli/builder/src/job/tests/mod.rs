@@ -130,6 +130,71 @@ fn any_number_of_parts_gives_the_bytes_of_one_build() {
 }
 
 #[test]
+fn parts_without_regions_are_not_missing() {
+    let scene = Scene::new();
+    let expected = scene.expected();
+    let job = scene.plan("job", Some(64));
+    let manifest = Manifest::read(&job).unwrap();
+    let (empty, full): (Vec<u32>, Vec<u32>) = (0..64).partition(|&part| manifest.parts[part as usize].regions == 0);
+    for &part in &full[1..] {
+        build_part(&job, part, u64::MAX, None, &Silent).unwrap();
+    }
+    // Only what has to be built is named.
+    assert_eq!(refusal(&job).matches("is missing").count(), 1);
+    assert_eq!(JobStatus::of(&job).unwrap().done(), 63);
+    build_part(&job, full[0], u64::MAX, None, &Silent).unwrap();
+    let status = JobStatus::of(&job).unwrap();
+    assert!(status.done() == 64 && empty.iter().all(|&part| status.parts[part as usize].state == PartState::Empty));
+    assert!(merged(&job).unwrap() == expected);
+    // Elsewhere, without the job, parts know how many regions there are.
+    let elsewhere = scene.path("elsewhere");
+    fs::rename(job.join(PARTS_NAME), &elsewhere).unwrap();
+    assert!(merged(&elsewhere).unwrap() == expected);
+    fs::remove_file(elsewhere.join(part_name(full[1]))).unwrap();
+    assert!(refusal(&elsewhere).contains(&format!("part {} is missing", full[1])));
+}
+
+#[test]
+fn every_name_in_a_jobs_directory_is_known() {
+    use lodpack_runtime::storage::{DIVIDED_NAME, PLAN_NAME, is_of_job};
+    for name in [PARTS_NAME, STAGES_NAME, SLURM_NAME, GROUND_NAME, MANIFEST_NAME, PLAN_NAME, DIVIDED_NAME, "image-7"] {
+        assert!(is_of_job(name), "{name}");
+    }
+    assert!(!is_of_job("holiday.png") && !is_of_job("images"));
+}
+
+#[test]
+fn a_build_that_is_to_be_resumed_begins_on_the_disk() {
+    let scene = Scene::new();
+    let mesh = scene.path("large.ply");
+    write_torus(&mesh, 400, 250);
+    let model = ModelOptions { region_triangles: 100_000, ..scene.options.model.clone() };
+    let options = BuildOptions { inputs: vec![mesh], model, resume: true, ..scene.options.clone() };
+    let (mut plain, mut bytes) = (vec![], vec![]);
+    build(&BuildOptions { resume: false, ..options.clone() }, &mut plain, &Silent).unwrap();
+    assert!(!options.work.exists());
+    let progress = Stopping { work: options.work.clone(), seen: Mutex::new(false) };
+    build(&options, &mut bytes, &progress).unwrap();
+    assert!(*progress.seen.lock().unwrap() && bytes == plain && !options.work.exists());
+}
+
+/// Looks whether there is something to resume from.
+struct Stopping {
+    work: PathBuf,
+    seen: Mutex<bool>,
+}
+
+impl Progress for Stopping {
+    fn begin(&self, _stage: &'static str, _total: u64) {
+        *self.seen.lock().unwrap() |= self.work.join(MANIFEST_NAME).exists();
+    }
+
+    fn advance(&self, _amount: u64) {}
+
+    fn note(&self, _message: &str) {}
+}
+
+#[test]
 fn parts_are_the_same_whenever_they_are_built_and_not_built_twice() {
     let scene = Scene::new();
     let job = scene.built("job", 3);

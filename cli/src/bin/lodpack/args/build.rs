@@ -153,7 +153,7 @@ pub struct BuildArgs {
     /// Directory for temporary files. By default that of the output.
     #[arg(long, value_name = "DIR")]
     pub temp: Option<PathBuf>,
-    /// Continue a stopped or killed build of the same output; start one if there is none.
+    /// Continue a stopped or killed build of the same output; start one if there is none, with its state on the disk.
     #[arg(long)]
     pub resume: bool,
     /// Build a part of this job, which `lodpack plan` has prepared, into the job's directory or to -o.

@@ -2,6 +2,7 @@
 
 use clap::ValueEnum;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use lodpack_cli::import::raster::is_known_epsg;
 use std::str::FromStr;
 
 /// A box in input units: its smaller corner, then its larger one.
@@ -110,7 +111,10 @@ pub fn parse_crs(text: &str) -> Result<String, String> {
         .split_once('[')
         .is_some_and(|(word, _)| word.len() > 3 && word.bytes().all(|b| b.is_ascii_uppercase() || b == b'_'));
     match text.get(5..).map(parse_count::<u32>) {
-        Some(Ok(number)) if is_epsg => Ok(format!("EPSG:{number}")),
+        Some(Ok(number)) if is_epsg && is_known_epsg(number) => Ok(format!("EPSG:{number}")),
+        Some(Ok(number)) if is_epsg => {
+            Err(format!("EPSG has no system with the number {number}; check it, or write the system as WKT"))
+        }
         _ if is_wkt && text.ends_with(']') => Ok(text.to_owned()),
         _ => Err("write a number of EPSG as EPSG:32632, or WKT".into()),
     }
@@ -269,7 +273,12 @@ mod tests {
     fn systems_are_numbers_or_wkt_and_places_three_numbers() {
         assert_eq!(parse_crs("epsg:32632"), Ok("EPSG:32632".into()));
         assert_eq!(parse_crs(" PROJCRS[\"x\",1] "), Ok("PROJCRS[\"x\",1]".into()));
-        for bad in ["", "EPSG:", "EPSG:x", "EPSG:99999999999", "WGS84", "32632", "PROJCRS[", "a[b]"] {
+        for known in ["EPSG:4978", "EPSG:4979", "EPSG:25832", "EPSG:2230"] {
+            assert_eq!(parse_crs(known).as_deref(), Ok(known));
+        }
+        for bad in
+            ["", "EPSG:", "EPSG:x", "EPSG:1", "EPSG:99999", "EPSG:99999999999", "WGS84", "32632", "PROJCRS[", "a[b]"]
+        {
             assert!(parse_crs(bad).is_err(), "{bad}");
         }
         assert_eq!("7.5,-50,1e3".parse(), Ok(Place([7.5, -50.0, 1000.0])));

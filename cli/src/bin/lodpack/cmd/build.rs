@@ -2,7 +2,7 @@
 
 use super::ground::{self, Joined, Target, WithGround};
 use super::inputs::find_inputs;
-use super::state::{begin_in, beside_first, folder_beside, naming, with_advice, work_directory};
+use super::state::{begin_in, beside_first, check_extension, folder_beside, naming, with_advice, work_directory};
 use super::summary::print;
 use super::{print_json, use_threads, workers};
 use crate::args::{BuildArgs, ModelArgs, PartRange, RunArgs};
@@ -31,6 +31,7 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
         Some(output) => output.clone(),
         None => beside_first(&args.inputs, &inputs, FILE_EXTENSION)?,
     };
+    check_extension(output)?;
     if args.heights {
         return super::heights::build::build(args, &inputs, output);
     }

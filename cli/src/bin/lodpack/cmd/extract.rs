@@ -7,7 +7,7 @@ use super::print_json;
 use crate::args::{ExtractArgs, GroundChoice, ImagesChoice, NormalsChoice, OutputFormat, TexelsChoice};
 use crate::interrupt;
 use crate::messages;
-use crate::output::{PendingFile, bound, bytes, count, length, say};
+use crate::output::{PendingFile, bound, bytes, count, finish_all, length, say};
 use crate::progress_bar::Terminal;
 use anyhow::{Context, Result, bail};
 use lodpack::decode::TexturedMesh;
@@ -485,15 +485,24 @@ impl Output {
     /// Writes meshes; returns which images they have.
     fn write(self, args: &ExtractArgs, format: (MeshFormat, Upright), mesh: &[(&str, Drawn)]) -> Result<Written> {
         let cannot_write = || format!("cannot write {}", args.output.display());
+        let mut beside = vec![];
         match self {
-            Self::Stdout => match write(io::stdout().lock(), args, format, mesh) {
+            Self::Stdout => match write(io::stdout().lock(), args, format, mesh, &mut beside) {
                 // A closed pipe is no error: its reader, such as `head`, has seen enough.
-                Err(error) if is_closed_pipe(&error) => Ok(Written::default()),
-                written => written.context("cannot write to stdout"),
+                Err(error) if is_closed_pipe(&error) => {
+                    finish_all(beside)?;
+                    Ok(Written::default())
+                }
+                written => {
+                    let written = written.context("cannot write to stdout")?;
+                    finish_all(beside)?;
+                    Ok(written)
+                }
             },
             Self::File(pending, out) => {
-                let written = write(&out, args, format, mesh).with_context(cannot_write)?;
-                pending.finish(out)?;
+                let written = write(&out, args, format, mesh, &mut beside).with_context(cannot_write)?;
+                beside.push((pending, out));
+                finish_all(beside)?;
                 Ok(written)
             }
         }
@@ -504,21 +513,25 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
     error.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
 }
 
+/// Files beside the output, which get their names with it.
+type Beside = Vec<(PendingFile, File)>;
+
 /// Writes one mesh, or all of them as nodes or as one.
 fn write(
     out: impl io::Write,
     args: &ExtractArgs,
     format: (MeshFormat, Upright),
     meshes: &[(&str, Drawn)],
+    beside: &mut Beside,
 ) -> Result<Written> {
     if let [(_, mesh)] = meshes {
-        return write_one(out, args, format, mesh);
+        return write_one(out, args, format, mesh, beside);
     }
     if format.0 == MeshFormat::Glb {
         let (mut models, mut written) = (vec![], Written::default());
         for (name, mesh) in meshes {
             let mut bytes = vec![];
-            written.add_all(&write_one(&mut bytes, args, format, mesh)?);
+            written.add_all(&write_one(&mut bytes, args, format, mesh, beside)?);
             models.push((*name, bytes));
         }
         write_joined_glb(out, &models)?;
@@ -558,14 +571,20 @@ fn write_bare(
 }
 
 /// Writes a mesh; returns which images it has.
-fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright), mesh: &Drawn) -> Result<Written> {
+fn write_one(
+    out: impl io::Write,
+    args: &ExtractArgs,
+    form: (MeshFormat, Upright),
+    mesh: &Drawn,
+    beside: &mut Beside,
+) -> Result<Written> {
     let (format, upright) = form;
     let mut written = Written::default();
     if let Some(draped) = &mesh.draped {
         let formats = images::formats(&Look::default(), args);
         match format {
             MeshFormat::Glb => return Ok(write_textured_glb(out, draped, formats, upright)?),
-            MeshFormat::Obj => return write_obj(out, args, draped, formats),
+            MeshFormat::Obj => return write_obj(out, (args, beside), draped, formats),
             MeshFormat::Ply | MeshFormat::Stl => {}
         }
     }
@@ -592,13 +611,18 @@ fn write_one(out: impl io::Write, args: &ExtractArgs, form: (MeshFormat, Upright
             write_textured_ply(out, textured, look.colour(), &numbers, normals)?;
         }
         MeshFormat::Glb => written = write_textured_glb(out, &paged()?, formats, upright)?,
-        MeshFormat::Obj => written = write_obj(out, args, &paged()?, formats)?,
+        MeshFormat::Obj => written = write_obj(out, (args, beside), &paged()?, formats)?,
     }
     Ok(written)
 }
 
 /// Writes OBJ, and beside it its materials and images; returns which images it has.
-fn write_obj(out: impl io::Write, args: &ExtractArgs, paged: &PagedMesh, formats: Formats) -> Result<Written> {
+fn write_obj(
+    out: impl io::Write,
+    (args, beside): (&ExtractArgs, &mut Beside),
+    paged: &PagedMesh,
+    formats: Formats,
+) -> Result<Written> {
     let mut written = Written::default();
     let name = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let mut files = vec![];
@@ -613,19 +637,19 @@ fn write_obj(out: impl io::Write, args: &ExtractArgs, paged: &PagedMesh, formats
     let material_name = format!("{name}.mtl");
     write_textured_obj(out, paged, &material_name)?;
     let names: Vec<(usize, &str)> = files.iter().map(|(page, name, _)| (*page, name.as_str())).collect();
-    write_beside(args, &material_name, material_file(paged, &names).as_bytes())?;
+    beside.push(write_beside(args, &material_name, material_file(paged, &names).as_bytes())?);
     for (_, name, bytes) in &files {
-        write_beside(args, name, bytes)?;
+        beside.push(write_beside(args, name, bytes)?);
     }
     Ok(written)
 }
 
 /// Writes a file into the folder of the output.
-fn write_beside(args: &ExtractArgs, name: &str, content: &[u8]) -> Result<()> {
+fn write_beside(args: &ExtractArgs, name: &str, content: &[u8]) -> Result<(PendingFile, File)> {
     let path = args.output.with_file_name(name);
     let (pending, mut file) = PendingFile::create(&path, args.force, [args.file.as_path()])?;
     io::Write::write_all(&mut file, content).with_context(|| format!("cannot write {}", path.display()))?;
-    pending.finish(file)
+    Ok((pending, file))
 }
 
 /// Why a cut misses the tolerance that was asked for, if it does.

@@ -10,6 +10,7 @@ use crate::output::{bound, by_filling, bytes, count, length, number, say};
 use anyhow::Result;
 use lodpack::index::{FillingCounts, Placement, UpAxis};
 use lodpack_cli::pipeline::summary::roots_by_name;
+use lodpack_cli::text::line;
 use serde::Serialize;
 use std::process::ExitCode;
 
@@ -70,11 +71,8 @@ impl PlacementInfo {
     pub fn text(&self) -> String {
         let up = self.up.map(|up| format!("{up} up"));
         let unit = self.unit.map(|unit| format!("a unit is {unit} m"));
-        let crs = self.crs.as_ref().map(|crs| match crs.chars().count() {
-            // Line breaks and the rest of a long WKT are for --json.
-            0..=60 => crs.clone(),
-            _ => crs.chars().take(60).filter(|c| !c.is_control()).chain("...".chars()).collect(),
-        });
+        // Line breaks and the rest of a long WKT are for --json.
+        let crs = self.crs.as_ref().map(|crs| line(crs, 60));
         let origin = (self.origin != [0.0; 3]).then(|| format!("origin {:?}", self.origin));
         [crs, origin, up, unit].into_iter().flatten().collect::<Vec<_>>().join(", ")
     }
@@ -218,7 +216,7 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
 }
 
 fn print(info: &Info, args: &InfoArgs) -> Result<()> {
-    say!("{}: lodpack {}, written by {}", args.file.display(), info.version, info.generator);
+    say!("{}: lodpack {}, written by {}", args.file.display(), info.version, line(&info.generator, 80));
     say!(
         "  source     {} triangles, {} vertices, mean edge {}",
         count(info.source_triangles),
@@ -249,6 +247,7 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
         let bound = if *bound > 0.0 { format!(", texels within {}", number(*bound)) } else { String::new() };
         let kind = if *lossless { format!("lossless {kind}") } else { kind.to_string() };
         let head = if place == 0 { "channels" } else { "" };
+        let name = line(name, 80);
         say!("  {head:<10} {name}: {kind}, {components} from {low} in steps of {step}{bound}; images {}", bytes(*size));
     }
     if !info.channels.is_empty() {

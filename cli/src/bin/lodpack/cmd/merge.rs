@@ -2,7 +2,7 @@
 
 use super::ground::{self, Target, WithGround};
 use super::print_json;
-use super::state::{folder_beside, naming};
+use super::state::{check_extension, folder_beside, naming};
 use super::summary::print;
 use crate::args::MergeArgs;
 use crate::interrupt;
@@ -41,6 +41,7 @@ pub fn run(args: &MergeArgs) -> Result<ExitCode> {
         None => merged_file(&args.parts)?
             .context("single parts do not tell the name of the file to write; add -o OUT.lodpack")?,
     };
+    check_extension(output)?;
     interrupt::on_stop_leave_nothing();
     // Refused before the parts are read.
     let inputs = args.parts.iter().chain(&args.ground).map(|path| path.as_path());

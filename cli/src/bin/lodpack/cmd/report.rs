@@ -6,7 +6,7 @@ use super::verify::file_and_meshes;
 use super::{print_json, use_threads};
 use crate::args::ReportArgs;
 use crate::interrupt;
-use crate::output::say;
+use crate::output::{PendingFile, finish_all, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::import::import_shape;
@@ -22,7 +22,7 @@ use lodpack_cli::progress::Progress;
 use lodpack_cli::stage::repair::repair;
 use lodpack_cli::storage::memory::machine_bytes;
 use std::fs;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -204,12 +204,14 @@ fn prepare_directory(args: &ReportArgs) -> Result<Trials> {
 
 fn write_report(args: &ReportArgs, report: &Report) -> Result<()> {
     let texts = [page(report), table(report), serde_json::to_string_pretty(report)? + "\n"];
+    let mut files = vec![];
     for (name, text) in NAMES.into_iter().zip(&texts) {
-        let (path, temporary) = (args.output.join(name), args.output.join(format!("{name}.tmp")));
-        let cannot_write = || format!("cannot write {}", path.display());
-        fs::write(&temporary, text).with_context(cannot_write)?;
-        fs::rename(&temporary, &path).with_context(cannot_write)?;
+        let path = args.output.join(name);
+        let (pending, mut file) = PendingFile::create(&path, args.force, [])?;
+        file.write_all(text.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
+        files.push((pending, file));
     }
+    finish_all(files)?;
     if args.json {
         return print_json(report);
     }

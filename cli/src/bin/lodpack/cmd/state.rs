@@ -1,13 +1,11 @@
 //! Where products and the state of builds go, and what to do about state that an earlier build left.
 
 use crate::messages;
-use crate::output::check_folder;
+use crate::output::{check_folder, shell};
 use anyhow::{Context, Result, anyhow, bail};
 use lodpack_cli::import::ImportError;
-use lodpack_cli::job::{
-    BuildError, FILE_EXTENSION, GROUND_NAME, MANIFEST_NAME, PARTS_NAME, SLURM_NAME, STAGES_NAME, beside,
-};
-use lodpack_cli::storage::WorkError;
+use lodpack_cli::job::{BuildError, FILE_EXTENSION, beside};
+use lodpack_cli::storage::{WorkError, is_of_job};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -33,6 +31,24 @@ pub fn beside_first(typed: &[PathBuf], files: &[PathBuf], extension: &str) -> Re
     }
     Ok(product)
 }
+
+/// Refuses a name of another kind of file for a product.
+pub fn check_extension(output: &Path) -> Result<()> {
+    let extension = output.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
+    let Some(extension) = extension.filter(|found| MESHES.contains(&found.as_str())) else { return Ok(()) };
+    let as_file = output.with_extension(FILE_EXTENSION);
+    bail!(
+        "{}: this command writes .{FILE_EXTENSION} files; write {} first, and `lodpack extract {} -o {}` makes {} of it",
+        output.display(),
+        as_file.display(),
+        shell(&as_file),
+        shell(output),
+        extension.to_ascii_uppercase()
+    )
+}
+
+/// The extensions of meshes that `lodpack extract` writes.
+const MESHES: [&str; 4] = ["glb", "obj", "ply", "stl"];
 
 /// Where a build keeps its state if memory does not suffice: always the same path, so that it can be resumed.
 pub fn work_directory(output: &Path, temp: Option<&Path>) -> PathBuf {
@@ -78,15 +94,6 @@ pub fn begin_job(job: &Path, resume: bool, force: bool) -> Result<()> {
         None if force => remove_job(job),
         None => bail!("{} holds a job; continue it with --resume, or plan it anew with --force", job.display()),
     }
-}
-
-/// Whether a job may have a file of this name.
-fn is_of_job(name: &str) -> bool {
-    ["lock", "plan", "samples", "pairs", "divided", "vertices", "triangles", "vertex-values", "corner-values"]
-        .contains(&name)
-        || [PARTS_NAME, STAGES_NAME, SLURM_NAME, MANIFEST_NAME, GROUND_NAME].contains(&name)
-        || ["region-", "part-", MANIFEST_NAME].iter().any(|prefix| name.starts_with(prefix))
-        || name.ends_with(".tmp")
 }
 
 /// Removes a job's directory, unless it holds other files or a process is working in it.

@@ -103,6 +103,7 @@ fn print_part(part: &PartStatus) -> Result<()> {
         PartState::Failed { reason } => ("failed", reason.clone()),
         PartState::Broken { reason } => ("broken", reason.clone()),
         PartState::Missing => ("missing", String::new()),
+        PartState::Empty => ("empty", "nothing to do".into()),
     };
     say!("  {:>6} {:>8} {:>13} {state:<8} {more}", part.part, part.regions, count(part.triangles));
     Ok(())
