@@ -269,12 +269,14 @@ fn what_a_link_leads_to_is_overwritten_not_the_link() {
 
 #[test]
 fn an_input_is_never_overwritten() {
-    let (_dir, mesh, _) = with_triangle();
-    let before = std::fs::read(&mesh).expect("readable");
-    let (code, said) = outcome(&["build", arg(&mesh), "-o", arg(&mesh), "--force"]);
-    assert_eq!(code, Some(2));
-    assert!(said.contains("is an input"), "{said}");
-    assert_eq!(std::fs::read(&mesh).expect("readable"), before);
+    let (_dir, mesh, file) = with_triangle();
+    for (input, why) in [(&file, "is an input"), (&mesh, "this command writes .lodpack files")] {
+        let before = std::fs::read(input).expect("readable");
+        let (code, said) = outcome(&["build", arg(input), "-o", arg(input), "--force"]);
+        assert_eq!(code, Some(2));
+        assert!(said.contains(why), "{said}");
+        assert_eq!(std::fs::read(input).expect("readable"), before);
+    }
 }
 
 #[test]

@@ -134,13 +134,13 @@ fn commands_tell_of_the_image_and_write_it() {
     assert!(is_sound, "{said}");
     let said = run(&["info", "a.lodpack"]).1;
     assert!(said.contains("303 x 243 texels"), "{said}");
-    for (name, mark) in [("a.glb", "image/png"), ("a.obj", "mtllib"), ("a.ply", "property uchar red")] {
+    for (name, mark) in [("a.glb", "image/jpeg"), ("a.obj", "mtllib"), ("a.ply", "property uchar red")] {
         let (is_written, said) = run(&["extract", "a.lodpack", "-o", name]);
         assert!(is_written, "{said}");
         let bytes = std::fs::read(folder.0.path().join(name)).expect("written");
         assert!(String::from_utf8_lossy(&bytes).contains(mark), "{name}");
     }
-    assert!(folder.0.path().join("a-0.png").exists());
+    assert!(folder.0.path().join("a-0.jpg").exists());
     let (is_built, said) = run(&["build", "dem.tif", "--heights", "--color-quality", "50", "-o", "b.lodpack"]);
     assert!(!is_built && said.contains("--drape"), "{said}");
 }

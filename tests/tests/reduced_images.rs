@@ -21,7 +21,8 @@ fn save_grainy(folder: &Folder, has_opacity: bool) {
         text += &format!("f {a}/{a} {b}/{b} {c}/{c}\n");
     }
     fs::write(folder.path("grainy.obj"), text).expect("writable");
-    fs::write(folder.path("grainy.mtl"), "newmtl grainy\nmap_Kd grainy.png\n").expect("writable");
+    let opacity = if has_opacity { "map_d grainy.png\n" } else { "" };
+    fs::write(folder.path("grainy.mtl"), format!("newmtl grainy\nmap_Kd grainy.png\n{opacity}")).expect("writable");
     let mut state = 1_u32;
     let image = image::RgbaImage::from_fn(512, 512, |x, y| {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

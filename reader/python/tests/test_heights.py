@@ -41,7 +41,7 @@ class Heights(unittest.TestCase):
             self.assertLessEqual(max(file.image(max_pixels=10).pixels.shape[:2]), 12)
             self.assertGreater(image.spacing[0], 0)
             self.assertLess(image.spacing[1], 0)
-            self.assertEqual(file.extract().vertex_colours.shape[1], 3)
+            self.assertEqual(file.extract().colours.shape[1], 4)
         # A texel a sample, whose middle the sample is.
         self.assertEqual(image.pixels.shape, (13, 21, 3))
 

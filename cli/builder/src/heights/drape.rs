@@ -239,7 +239,7 @@ mod tests {
         let next = averaged(&Pixels { size: [10, 9], components: 4, data });
         assert_eq!((next.size, next.data.len()), ([2, 2], 16));
         assert_eq!(next.data[..8], [200, 100, 40, 128, 200, 100, 40, 255]);
-        assert_eq!(averaged(&next).data, [200, 100, 40, 191]);
+        assert_eq!(averaged(&next).data, [200, 100, 40, 192]);
     }
 
     #[test]

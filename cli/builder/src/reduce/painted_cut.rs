@@ -158,9 +158,9 @@ impl<'a> CutPainter<'a> {
     }
 
     /// The share of the cut's texels that a reduced cut needs: the root of its share of triangles. A smooth surface of
-    /// four times the triangles is a quarter as far off: who comes as near as its error allows sees 16 times the texels,
-    /// and who stays where he is as many as before. The root lies between these two, so that images become smaller, but
-    /// more slowly than triangles become fewer: it is images that few triangles are looked at for.
+    /// four times the triangles is a quarter as far off: who comes as near as its error allows sees 16 times the
+    /// texels, and who stays sees as many as before. Between these, images become smaller more slowly than triangles
+    /// become fewer: it is for images that few triangles are looked at.
     pub fn needed(&self, finished: &Finished) -> f64 {
         let share = finished.triangles.len() as f64 / self.cut.mesh.triangles.len().max(1) as f64;
         share.min(1.0).sqrt()

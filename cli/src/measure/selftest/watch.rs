@@ -112,10 +112,10 @@ fn watch_row(program: &Path, id: RowId, limits: &Limits, temporary: &Path) -> Re
     let mut running = RUNNING.lock().map_err(|_| locked())?;
     let name = format!("{}{}{SUFFIX}", own_prefix(), id.to_string().replace(':', "-"));
     let directory = WorkDirectory::create(&temporary.join(name))?;
-    let (printed, said) = (directory.path("row.json"), directory.path("said.txt"));
+    let (printed, said) = (directory.folder().join("row.json"), directory.folder().join("said.txt"));
     let child = Command::new(program)
         .args(["selftest", "--row", &id.to_string(), "--memory", &limits.memory_bytes.to_string(), "--temp"])
-        .arg(directory.path(""))
+        .arg(directory.folder())
         .stdin(Stdio::null())
         .stdout(std::fs::File::create(&printed).map_err(failed)?)
         .stderr(std::fs::File::create(&said).map_err(failed)?)
