@@ -36,9 +36,11 @@ const MOST_LOSSES: u32 = 3;
 
 /// Opens a window and shows the file of the command line.
 pub fn show_window(args: &Args) -> Result<()> {
-    // A file that is not there is worth more words than a display that is not there.
-    args.file.as_deref().map(open_source).transpose()?;
-    let event_loop = EventLoop::new().context("no display; --screenshot works without one")?;
+    let event_loop = EventLoop::new().or_else(|error| {
+        // A file that is not there is worth more words than a display that is not there.
+        args.file.as_deref().map(open_source).transpose()?;
+        Err(error).context("no display; --screenshot works without one")
+    })?;
     let mut app = App::default();
     app.controls.args = args.clone();
     match &args.file {
