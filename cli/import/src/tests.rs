@@ -258,7 +258,7 @@ fn content_decides_the_format_before_the_name() {
 
 #[test]
 fn unknown_content_is_shown() {
-    assert!(error_of("a.xyz", b"Kaydara fbx Binary  \x00").contains("\"Kaydara fbx Bina\""));
+    assert!(error_of("a.dat", b"Kaydara fbx Binary  \x00").contains("\"Kaydara fbx Bina\""));
     assert!(error_of("a.ply", b"plx\nformat").contains("must start with the line \"ply\""));
     assert!(error_of("a.glb", b"glTX\x02\0\0\0").contains("must start with the letters glTF"));
     assert!(error_of("a.gltf", b"[]").contains("JSON object"));
