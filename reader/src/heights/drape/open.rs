@@ -233,7 +233,7 @@ impl OpenDrape {
     pub fn image(&self, window: &DrapeWindow, read: Read<'_>) -> Result<DrapeImage> {
         let drape = &self.drape;
         let Covered { ends, level, scale, side } = self.covered(window)?;
-        let is_whole = [0, 1].iter().all(|&axis| ends[axis][1] - ends[axis][0] == window.size[axis].into());
+        let is_whole = [0, 1].iter().all(|&axis| ends[axis][1] - ends[axis][0] == u64::from(window.size[axis]));
         let components = if is_whole { drape.components } else { 4 };
         let (mut tiles, mut missing) = (vec![], vec![]);
         for id in tiles_in(ends, level, side) {
