@@ -49,12 +49,17 @@ pub fn boxes(count: u32) -> Mesh {
 
 /// Adds a box to a mesh.
 pub fn add_box(mesh: &mut Mesh, low: DVec3, size: DVec3) {
-    let first = mesh.positions.len() as u32;
+    add_box_to(&mut mesh.positions, &mut mesh.triangles, low, size);
+}
+
+/// Adds a box to positions and triangles.
+pub fn add_box_to(positions: &mut Vec<DVec3>, triangles: &mut Vec<[u32; 3]>, low: DVec3, size: DVec3) {
+    let first = positions.len() as u32;
     let corner = |bits: u32| low + size * DVec3::from_array([0, 1, 2].map(|axis| f64::from(bits >> axis & 1)));
-    mesh.positions.extend((0..8).map(corner));
+    positions.extend((0..8).map(corner));
     let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    let triangles = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
-    mesh.triangles.extend(triangles.map(|corners: [u32; 3]| corners.map(|v| v + first)));
+    let of_faces = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
+    triangles.extend(of_faces.map(|corners: [u32; 3]| corners.map(|v| v + first)));
 }
 
 /// A Menger sponge: the boundary of what is left of a cube of 3^depth cells a side. At depth 3 it has 36,096 triangles.

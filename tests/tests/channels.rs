@@ -259,29 +259,14 @@ fn cuts_of_a_stated_size_show_each_colour_on_its_side_of_a_line_with_any_number_
         lodpack().current_dir(folder.path(".")).env("RAYON_NUM_THREADS", threads).args(words).assert().success();
     }
     assert!(folder.read("one-0.png") == folder.read("seven-0.png"), "threads change what is shown");
-    let text = String::from_utf8(folder.read("one.obj")).expect("a text");
-    let rows = |kind: &str| -> Vec<Vec<f64>> {
-        let of_kind = text.lines().filter_map(|line| line.strip_prefix(kind));
-        of_kind.map(|row| row.split_whitespace().map(|x| x.parse().expect("a number")).collect()).collect()
-    };
-    let (positions, places) = (rows("v "), rows("vt "));
+    let shape = ObjShape::read(&folder, "one.obj");
     let image = image::open(folder.path("one-0.png")).expect("an image").to_rgb8();
     let (mut wrong, mut in_all) = (0, 0);
-    for face in text.lines().filter_map(|line| line.strip_prefix("f ")) {
-        let corners: Vec<[usize; 2]> = face
-            .split_whitespace()
-            .map(|corner| {
-                let mut numbers = corner.split('/').map(|x| x.parse::<usize>().expect("a number") - 1);
-                [numbers.next().expect("a vertex"), numbers.next().expect("a place")]
-            })
-            .collect();
+    for face in &shape.faces {
         for weights in [[0.8, 0.1, 0.1], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8], [0.34, 0.33, 0.33]] {
-            let mean = |of: &[Vec<f64>], which: usize, k: usize| -> f64 {
-                (0..3).map(|i| of[corners[i][which]][k] * weights[i]).sum()
-            };
-            let beyond = mean(&positions, 0, 2) - 0.2 * (mean(&positions, 0, 0) * 3.0).sin();
-            let [x, y] = [mean(&places, 1, 0), 1.0 - mean(&places, 1, 1)];
-            let [x, y] = [x * f64::from(image.width()), y * f64::from(image.height())].map(|x| x as u32);
+            let (position, [u, v]) = shape.at(face, weights);
+            let beyond = position[2] - 0.2 * (position[0] * 3.0).sin();
+            let [x, y] = [u * f64::from(image.width()), (1.0 - v) * f64::from(image.height())].map(|x| x as u32);
             let [red, _, blue] = image.get_pixel(x.min(image.width() - 1), y.min(image.height() - 1)).0;
             // The line between the colours is a zigzag along edges of the input.
             if beyond.abs() > 0.08 {
@@ -291,6 +276,40 @@ fn cuts_of_a_stated_size_show_each_colour_on_its_side_of_a_line_with_any_number_
         }
     }
     assert!(in_all > 4000 && wrong * 200 < in_all, "{wrong} of {in_all} points");
+}
+
+/// The triangles of an OBJ file with texture coordinates.
+pub(crate) struct ObjShape {
+    positions: Vec<Vec<f64>>,
+    places: Vec<Vec<f64>>,
+    /// Of each corner the numbers of its position and of its place, from 0.
+    pub faces: Vec<[[usize; 2]; 3]>,
+}
+
+impl ObjShape {
+    pub(crate) fn read(folder: &Folder, name: &str) -> Self {
+        let text = String::from_utf8(folder.read(name)).expect("a text");
+        let rows = |kind: &str| -> Vec<Vec<f64>> {
+            let of_kind = text.lines().filter_map(|line| line.strip_prefix(kind));
+            of_kind.map(|row| row.split_whitespace().map(|x| x.parse().expect("a number")).collect()).collect()
+        };
+        let corner = |corner: &str| {
+            let mut numbers = corner.split('/').map(|x| x.parse::<usize>().expect("a number") - 1);
+            [numbers.next().expect("a vertex"), numbers.next().expect("a place")]
+        };
+        let faces = text.lines().filter_map(|line| line.strip_prefix("f "));
+        let faces = faces.map(|face| face.split_whitespace().map(corner).collect::<Vec<_>>());
+        let faces = faces.map(|corners| corners.try_into().expect("a triangle")).collect();
+        Self { positions: rows("v "), places: rows("vt "), faces }
+    }
+
+    /// The position and the place of a point of a triangle.
+    pub(crate) fn at(&self, corners: &[[usize; 2]; 3], weights: [f64; 3]) -> ([f64; 3], [f64; 2]) {
+        let mean = |of: &[Vec<f64>], which: usize, k: usize| -> f64 {
+            (0..3).map(|i| of[corners[i][which]][k] * weights[i]).sum()
+        };
+        ([0, 1, 2].map(|k| mean(&self.positions, 0, k)), [0, 1].map(|k| mean(&self.places, 1, k)))
+    }
 }
 
 /// Writes a bumpy sphere as OBJ, whose texture has one colour for each of two charts, which meet in two zigzags.

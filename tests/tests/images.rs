@@ -10,20 +10,25 @@ use lodpack_tests::generate::bumpy_sphere;
 use std::fs;
 use std::process::Command;
 
-/// Writes a bumpy sphere as OBJ, on which an image of any kind lies as seen from above; `material` follows the name of
-/// its only material.
+/// As [`save_sphere_as`], as ball.obj.
 fn save_sphere(folder: &Folder, detail: u32, material: &str) {
+    save_sphere_as(folder, "ball", (detail, 0.3), material);
+}
+
+/// Writes a bumpy sphere as OBJ, on which an image of any kind lies as seen from above; `material` follows the name of
+/// its only material. `share` is that of the image which a unit takes.
+pub(crate) fn save_sphere_as(folder: &Folder, name: &str, (detail, share): (u32, f64), material: &str) {
     let sphere = bumpy_sphere(detail);
-    let mut text = String::from("mtllib ball.mtl\nusemtl ball\n");
+    let mut text = format!("mtllib {name}.mtl\nusemtl {name}\n");
     for p in &sphere.positions {
-        text += &format!("v {} {} {}\nvt {} {}\n", p.x, p.y, p.z, 0.5 + 0.3 * p.x, 0.5 + 0.3 * p.y);
+        text += &format!("v {} {} {}\nvt {} {}\n", p.x, p.y, p.z, 0.5 + share * p.x, 0.5 + share * p.y);
     }
     for triangle in &sphere.triangles {
         let [a, b, c] = triangle.map(|v| v + 1);
         text += &format!("f {a}/{a} {b}/{b} {c}/{c}\n");
     }
-    fs::write(folder.path("ball.obj"), text).expect("writable");
-    fs::write(folder.path("ball.mtl"), format!("newmtl ball\n{material}\n")).expect("writable");
+    fs::write(folder.path(&format!("{name}.obj")), text).expect("writable");
+    fs::write(folder.path(&format!("{name}.mtl")), format!("newmtl {name}\n{material}\n")).expect("writable");
 }
 
 /// Runs the program, and returns its exit code and what it says.

@@ -1,28 +1,19 @@
 //! Images of meshes that `extract` simplifies: fewer triangles have fewer texels and fewer bytes, what must be exact is
 //! PNG, and nothing of the texels between charts is seen.
 
-use crate::channels::{Folder, save_coloured, smooth_colour};
+use crate::channels::{Folder, ObjShape, save_coloured, smooth_colour};
 use crate::commands::lodpack;
+use crate::images::save_sphere_as;
 use glam::DVec3;
 use lodpack_tests::generate::bumpy_sphere;
 use serde_json::Value;
 use std::fs;
 
-/// Writes a bumpy sphere of some 20,000 triangles as OBJ, whose image is as grainy as a photograph; with opacity, too,
-/// if that is wanted.
+/// Writes a bumpy sphere of 58,800 triangles as OBJ, whose image is as grainy as a photograph; with opacity, too, if
+/// that is wanted.
 fn save_grainy(folder: &Folder, has_opacity: bool) {
-    let sphere = bumpy_sphere(70);
-    let mut text = String::from("mtllib grainy.mtl\nusemtl grainy\n");
-    for p in &sphere.positions {
-        text += &format!("v {} {} {}\nvt {} {}\n", p.x, p.y, p.z, 0.5 + 0.35 * p.x, 0.5 + 0.35 * p.y);
-    }
-    for triangle in &sphere.triangles {
-        let [a, b, c] = triangle.map(|v| v + 1);
-        text += &format!("f {a}/{a} {b}/{b} {c}/{c}\n");
-    }
-    fs::write(folder.path("grainy.obj"), text).expect("writable");
-    let opacity = if has_opacity { "map_d grainy.png\n" } else { "" };
-    fs::write(folder.path("grainy.mtl"), format!("newmtl grainy\nmap_Kd grainy.png\n{opacity}")).expect("writable");
+    let opacity = if has_opacity { "\nmap_d grainy.png" } else { "" };
+    save_sphere_as(folder, "grainy", (70, 0.35), &format!("map_Kd grainy.png{opacity}"));
     let mut state = 1_u32;
     let image = image::RgbaImage::from_fn(512, 512, |x, y| {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -106,12 +97,7 @@ fn opacity_and_what_the_file_has_kept_without_loss_stay_png() {
 /// How far the colours that an OBJ shows are from those that belong there: root mean square and largest, at points of
 /// all triangles and of their edges.
 fn differences(folder: &Folder, name: &str) -> [f64; 2] {
-    let text = String::from_utf8(folder.read(&format!("{name}.obj"))).expect("a text");
-    let rows = |kind: &str| -> Vec<Vec<f64>> {
-        let of_kind = text.lines().filter_map(|line| line.strip_prefix(kind));
-        of_kind.map(|row| row.split_whitespace().map(|x| x.parse().expect("a number")).collect()).collect()
-    };
-    let (positions, places) = (rows("v "), rows("vt "));
+    let shape = ObjShape::read(folder, &format!("{name}.obj"));
     let file = ["png", "jpg"].map(|end| folder.path(&format!("{name}-0.{end}"))).into_iter().find(|file| file.exists());
     let image = image::open(file.expect("an image")).expect("an image").to_rgb8();
     let shown = |[u, v]: [f64; 2]| {
@@ -127,21 +113,12 @@ fn differences(folder: &Folder, name: &str) -> [f64; 2] {
         sum
     };
     let (mut sum, mut largest, mut count) = (0.0, 0.0_f64, 0.0);
-    for face in text.lines().filter_map(|line| line.strip_prefix("f ")) {
-        let corners: Vec<[usize; 2]> = face
-            .split_whitespace()
-            .map(|corner| {
-                let mut numbers = corner.split('/').map(|x| x.parse::<usize>().expect("a number") - 1);
-                [numbers.next().expect("a vertex"), numbers.next().expect("a place")]
-            })
-            .collect();
+    for face in &shape.faces {
         let mixtures = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.3, 0.3, 0.4]];
         for weights in mixtures {
-            let mean = |of: &[Vec<f64>], which: usize, k: usize| -> f64 {
-                (0..3).map(|i| of[corners[i][which]][k] * weights[i]).sum()
-            };
-            let wanted = smooth_colour(DVec3::from([0, 1, 2].map(|k| mean(&positions, 0, k))));
-            let found = shown([mean(&places, 1, 0), mean(&places, 1, 1)]);
+            let (position, place) = shape.at(face, weights);
+            let wanted = smooth_colour(DVec3::from(position));
+            let found = shown(place);
             for k in 0..3 {
                 let difference = (found[k] - wanted[k]).abs();
                 (sum, largest, count) = (sum + difference * difference, largest.max(difference), count + 1.0);

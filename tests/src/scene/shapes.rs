@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 
 use super::Shape;
+use crate::parts::add_box_to;
 
 impl Shape {
     /// An empty one.
@@ -46,12 +47,7 @@ impl Shape {
 
     /// Adds a box with sides along the axes.
     pub fn cuboid(&mut self, low: DVec3, size: DVec3) {
-        let first = self.positions.len() as u32;
-        let corner = |bits: u32| low + size * DVec3::from_array([0, 1, 2].map(|axis| f64::from(bits >> axis & 1)));
-        self.positions.extend((0..8).map(corner));
-        let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        let triangles = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
-        self.triangles.extend(triangles.map(|corners: [u32; 3]| corners.map(|v| v + first)));
+        add_box_to(&mut self.positions, &mut self.triangles, low, size);
     }
 
     /// Moves what was added since the mesh had `first` vertices.

@@ -486,26 +486,20 @@ impl Output {
     fn write(self, args: &ExtractArgs, format: (MeshFormat, Upright), mesh: &[(&str, Drawn)]) -> Result<Written> {
         let cannot_write = || format!("cannot write {}", args.output.display());
         let mut beside = vec![];
-        match self {
+        let written = match self {
             Self::Stdout => match write(io::stdout().lock(), args, format, mesh, &mut beside) {
                 // A closed pipe is no error: its reader, such as `head`, has seen enough.
-                Err(error) if is_closed_pipe(&error) => {
-                    finish_all(beside)?;
-                    Ok(Written::default())
-                }
-                written => {
-                    let written = written.context("cannot write to stdout")?;
-                    finish_all(beside)?;
-                    Ok(written)
-                }
+                Err(error) if is_closed_pipe(&error) => Written::default(),
+                written => written.context("cannot write to stdout")?,
             },
             Self::File(pending, out) => {
                 let written = write(&out, args, format, mesh, &mut beside).with_context(cannot_write)?;
                 beside.push((pending, out));
-                finish_all(beside)?;
-                Ok(written)
+                written
             }
-        }
+        };
+        finish_all(beside)?;
+        Ok(written)
     }
 }
 
