@@ -74,8 +74,7 @@ pub fn put_images(output: &mut Vec<u8>, images: &TileImages, shows_colours: bool
     let per_sample = per_sample(images, shows_colours);
     let (side, last) = (side_of(images, shows_colours), CELLS * per_sample);
     let inside = |texel: usize| texel.saturating_sub(1).min(last);
-    let texels: Vec<[usize; 2]> =
-        (0..side * side).map(|texel| [inside(texel % side), inside(texel / side)]).collect();
+    let texels: Vec<[usize; 2]> = (0..side * side).map(|texel| [inside(texel % side), inside(texel / side)]).collect();
     if let Some(colours) = images.colours.as_ref().filter(|_| shows_colours) {
         let step = (images.per_sample as usize / per_sample).max(1);
         put_all(output, &texels, |bytes: &mut [u8; 4], &[x, y]| {

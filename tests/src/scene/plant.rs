@@ -215,7 +215,7 @@ impl Plant {
             self.object(format!("TRAY-{number}"), run, shape, Transform::at(start + DVec3::X * x));
             x += length;
         }
-        for number in 1..=3 + self.below(6) {
+        for number in 1..=1 + self.below(4) {
             let [sag, wave] = [0.01 + 0.02 * self.random.unit(), 2.0 + 5.0 * self.random.unit()];
             let steps = (x * 8.0).ceil().max(2.0) as u32;
             let points = (0..=steps).map(|k| f64::from(k) / f64::from(steps) * x);

@@ -218,7 +218,7 @@ impl OpenDrape {
                 Err(error) => return Err(error),
             }
         }
-        if missing.is_empty() { Ok(streams) } else { Err(Error::Missing { ranges: missing }) }
+        if missing.is_empty() { Ok(streams) } else { Err(Error::Missing { ranges: plan(missing) }) }
     }
 
     /// Where a stream is, and its checksum, if its directory is known.

@@ -29,8 +29,8 @@ pub(crate) struct HeightsContent {
     index: Arc<HeightsIndex>,
     /// The most texels of the image over the heights for each sample of a tile.
     most_texels: u32,
-    /// What was read last of directories of images. The index keeps what they say.
-    fetched: Mutex<Fetched>,
+    /// What was read of directories of images, until they are all there that a tile waits for.
+    directories: Mutex<Fetched>,
     /// Index pages that are waited for.
     pages: Mutex<WaitingPages>,
 }
@@ -48,19 +48,23 @@ struct WaitingPages {
 impl HeightsContent {
     /// `most_texels` are those of the image over the heights for each sample of a tile, along each direction.
     pub fn new(index: Arc<HeightsIndex>, most_texels: u32) -> Self {
-        Self { index, most_texels, fetched: Mutex::default(), pages: Mutex::default() }
+        Self { index, most_texels, directories: Mutex::default(), pages: Mutex::default() }
     }
 
     /// The streams of the image over a tile, with the ranges where they are.
     fn image_streams(&self, tile: &TileRecord) -> Result<Vec<(ImageId, u8, Range<u64>)>> {
         let Some(covering) = Covering::of(&self.index, tile, self.most_texels) else { return Ok(vec![]) };
-        let mut fetched = self.fetched.lock().unwrap_or_else(PoisonError::into_inner);
-        let streams = self.index.drape_streams(covering.window(), &fetched);
-        if !matches!(streams, Ok(_) | Err(Error::Missing { .. })) {
-            // What is not sound is read again when it is asked for again.
-            *fetched = Fetched::default();
+        let mut directories = self.directories();
+        let streams = self.index.drape_streams(covering.window(), &directories);
+        if !matches!(streams, Err(Error::Missing { .. })) {
+            // The index keeps what they say; what is not sound is read again when it is asked for again.
+            *directories = Fetched::default();
         }
         streams
+    }
+
+    fn directories(&self) -> MutexGuard<'_, Fetched> {
+        self.directories.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub fn index(&self) -> &Arc<HeightsIndex> {
@@ -122,11 +126,11 @@ impl Content for HeightsContent {
     fn supply(&self, offset: u64, bytes: Vec<u8>) {
         let range = offset..offset.saturating_add(bytes.len() as u64);
         let mut fetched = Fetched::default();
-        fetched.insert(offset, bytes);
         if self.index.drape().is_some() {
             // Units that wait for directories of images ask for them at once.
-            self.fetched.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&fetched);
+            self.directories().insert(offset, bytes.clone());
         }
+        fetched.insert(offset, bytes);
         let mut waiting = self.pages();
         waiting.joined.retain(|joined| joined.start < range.start || joined.end > range.end);
         let pages: Vec<(WantedPage, Range<u64>)> =

@@ -79,8 +79,12 @@ impl HeightsSession {
         Ok(this)
     }
 
-    /// Decodes the tiles at depth 0, whose blocks came with opening.
+    /// Decodes the tiles at depth 0, whose blocks came with opening. Under an image they come as all others do: its
+    /// texels have to be read.
     fn load_roots(&self) -> Result<()> {
+        if self.index().drape().is_some() {
+            return Ok(());
+        }
         let mut loading = self.shared.lock();
         for &root in self.index().roots() {
             loading.geometry.want(root, Class::Demand, u8::MAX, Duration::ZERO);
@@ -160,6 +164,12 @@ impl HeightsSession {
                 }
                 drawable.late += u32::from(states().all(|state| state != UnitState::Failed));
                 resolution = tile.record.resolutions.len().saturating_sub(1);
+            }
+            // Only one at depth 0 may not be there: what is below another is drawn when all of it is.
+            let state = state(id);
+            if state != UnitState::Decoded {
+                drawable.late += u32::from(state == UnitState::Coming);
+                continue;
             }
             let error = tile.record.resolutions.get(resolution).map_or(0.0, |resolution| resolution.error);
             drawable.error = drawable.error.max(tile.factor * error);

@@ -4,7 +4,7 @@ use std::{collections::HashMap, sync::Arc};
 
 use super::heights::{Worker, frame, open, options, random_view, settled, terrains};
 use crate::{
-    heights::{CELLS, Heights, Normal, Ramp, RampStop, SIDE, TileId, tile_box},
+    heights::{CELLS, Drape, DrapeImage, DrapeWindow, Heights, Normal, Ramp, RampStop, SIDE, TileId, tile_box},
     limits::Limits,
     select::{Projection, View},
     stream::{DrawnRoot, HeightsSession, Mode, Options},
@@ -209,4 +209,45 @@ fn tiles_are_as_fine_as_their_images_have_to_be() {
         }
         assert!(deeper > 0, "{name}");
     }
+}
+
+#[test]
+fn tiles_under_an_image_show_it_at_a_scale_of_their_own() {
+    // Half a texel of it lies beyond the grid on each side.
+    let drape = Drape { size: [1201, 693], first: [0.0; 2], spacing: [0.25; 2], components: 3, side_log2: 6 };
+    let bytes = Terrain::plane([300, 173]).with_drape(drape).file(12.0);
+    let file = open(&bytes);
+    let whole = |halvings: u8| {
+        let size = drape.size_at(halvings).map(|size| size as u32);
+        file.drape_image(&DrapeWindow { halvings, first: [0, 0], size }).unwrap()
+    };
+    let scales: Vec<DrapeImage> = (0..=drape.most_halvings()).map(whole).collect();
+    let mut random = Random::new(8);
+    let mut session = HeightsSession::new(Arc::clone(file.index()), options(Mode::Asynchronous)).unwrap();
+    let mut worker = Worker::default();
+    let mut compared = HashMap::new();
+    for step in 0..80 {
+        let view = random_view(file.index(), &mut random);
+        // Whatever has come until now is drawn with its image.
+        match step % 3 {
+            0 => drop(settled(&mut session, &view, &bytes)),
+            _ => drop(frame(&mut session, &view)),
+        }
+        for (id, root) in drawn(&session) {
+            let images = root.images().unwrap();
+            let distance = f64::from(1_u32 << (file.grid().depth() - id.depth)) / f64::from(images.per_sample);
+            let halvings = drape.halvings_for(distance);
+            let lines = file.grid().lines(id);
+            for at in 0..SIDE * SIDE {
+                let place = [lines.columns[at % SIDE] as f64, lines.rows[at / SIDE] as f64];
+                let wanted = scales[usize::from(halvings)].over(place, [0; 3]);
+                let shown = images.colours.as_ref().unwrap()[images.texel_of(at)];
+                assert!((0..3).all(|k| wanted[k].abs_diff(shown[k]) <= 1), "{id:?} {at}: {wanted:?} {shown:?}");
+            }
+            *compared.entry(halvings).or_insert(0) += 1;
+        }
+        worker.work(&session, &bytes, random.below(40), &mut random);
+    }
+    assert!(compared.len() > 2 && compared.contains_key(&0), "{compared:?}");
+    assert!(session.take_problems().is_empty());
 }
