@@ -374,6 +374,41 @@ fn the_commands_work_with_files_of_heights() {
     assert!(!at("d.lodpack").exists());
 }
 
+#[test]
+fn rasters_become_heights_unless_something_is_for_meshes() {
+    let folder = Folder::new();
+    folder.fractal("a.tif", &Grid::utm([200, 150]), false, |_, _| false);
+    let run = |words: &str| lodpack().current_dir(folder.0.path()).args(words.split(' ')).output().expect("it runs");
+    let ok = |words: &str| {
+        let output = run(words);
+        let said = String::from_utf8_lossy(&[&*output.stdout, &output.stderr].concat()).into_owned();
+        assert!(output.status.success(), "{words}: {said}");
+        said
+    };
+    let refused = |words: &str| {
+        let output = run(words);
+        assert!(!output.status.success(), "{words}");
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    assert!(ok("build a.tif -o heights.lodpack --tolerance 2m").contains("--as mesh"));
+    assert!(!ok("build a.tif -o mesh.lodpack --as mesh --tolerance 2m").contains("--as mesh"));
+    let noted = ok("build a.tif -o noted.lodpack --levels finest --tolerance 2m");
+    assert!(noted.contains("--levels is for meshes"), "{noted}");
+    let kinds = [("heights", "heights"), ("mesh", "mesh"), ("noted", "mesh")];
+    for (name, kind) in kinds {
+        let info = ok(&format!("info {name}.lodpack --json"));
+        let info: serde_json::Value = serde_json::from_str(&info).expect("JSON");
+        assert_eq!(info["holds"] == "heights", kind == "heights", "{info}");
+        ok(&format!("extract {name}.lodpack --triangles 800 -o {name}.glb"));
+        ok(&format!("verify {name}.lodpack --against a.tif --cuts 3"));
+        ok(&format!("export {name}.lodpack --as 3dtiles -o {name}"));
+    }
+    assert!(refused("build a.tif -o no.lodpack --as heights --effort best").contains("--effort is for meshes"));
+    assert!(refused("build a.tif -o no.lodpack --workers 2").contains("--as mesh"));
+    assert!(ok("plan a.tif -o heights.job --parts 1 --json").contains("\"heights\": true"));
+    assert!(ok("plan a.tif -o mesh.job --as mesh --parts 1 --json").contains("\"heights\": false"));
+}
+
 /// The JSON of a GLB, and the bytes behind it.
 fn glb(path: &Path) -> (serde_json::Value, Vec<u8>) {
     let bytes = std::fs::read(path).expect("written");

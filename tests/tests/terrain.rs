@@ -427,7 +427,7 @@ fn a_built_terrain_keeps_its_place_and_its_heights_within_the_tolerance() {
     let mut samples = fractal(grid.size);
     (0..20).for_each(|y| samples[(40 + y) * 150 + 60..][..25].fill(-1.0));
     std::fs::write(&path, grid.bytes(&samples)).expect("writable");
-    run(dir.path(), "build a.tif --tolerance 5m");
+    run(dir.path(), "build a.tif --as mesh --tolerance 5m");
     let bytes = std::fs::read(dir.path().join("a.lodpack")).expect("written");
     let file = open(&bytes);
     let placement = file.placement().expect("it has a place");
@@ -454,7 +454,7 @@ fn every_way_of_building_terrain_gives_the_same_bytes() {
         let half = grid.window([first, 0], [80, 80]);
         half.write(&mut out, |row, into| fractal.globe_row([160, 80], row, first, into)).expect("writable");
     }
-    let options = "--surface wgs84 --ramp earth --region-triangles 8000";
+    let options = "--as mesh --surface wgs84 --ramp earth --region-triangles 8000";
     run(dir.path(), &format!("build w.tif e.tif -o one.lodpack --threads 1 {options}"));
     run(dir.path(), &format!("build e.tif w.tif -o small.lodpack --memory 64MiB {options}"));
     run(dir.path(), &format!("plan w.tif e.tif -o job --parts 3 {options}"));
@@ -481,8 +481,8 @@ fn a_ramp_and_a_drape_become_colours() {
     let picture =
         image::RgbImage::from_fn(60, 60, |_, y| image::Rgb(if y < 30 { [250, 10, 10] } else { [10, 20, 240] }));
     picture.save(dir.path().join("drape.png")).expect("writable");
-    run(dir.path(), "build a.tif -o drape.lodpack --drape drape.png");
-    run(dir.path(), "build a.tif -o ramp.lodpack --ramp viridis");
+    run(dir.path(), "build a.tif --as mesh -o drape.lodpack --drape drape.png");
+    run(dir.path(), "build a.tif --as mesh -o ramp.lodpack --ramp viridis");
     for name in ["drape.lodpack", "ramp.lodpack"] {
         let bytes = std::fs::read(dir.path().join(name)).expect("written");
         let file = open(&bytes);

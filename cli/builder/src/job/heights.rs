@@ -53,7 +53,7 @@ pub(super) fn plan(
     progress: &dyn Progress,
 ) -> Result<Manifest, BuildError> {
     let source = HeightSource::open(&options.inputs, &typed_raster(&options.model), progress)?.ok_or_else(|| {
-        let what = "--heights is for rasters of heights, and the inputs are none; omit it";
+        let what = "--as heights is for rasters of heights, and the inputs are none; omit it";
         PipelineError::Tolerance { what: what.into() }
     })?;
     parts.refuse_below(least_bytes(0))?;

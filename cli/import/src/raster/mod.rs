@@ -54,7 +54,7 @@ pub use crs::{Body, Crs, CrsKind, is_known_epsg};
 use header::{Header, HeightRows};
 pub use heights::HeightSource;
 use mosaic::Mosaic;
-pub use options::{HeightCode, Nodata, RasterOptions, SurfaceKind};
+pub use options::{HeightCode, Nodata, RasterForm, RasterOptions, SurfaceKind};
 pub use over_heights::{HeightDrape, Pixels};
 use pam::Pam;
 pub use ramp::Ramp;

@@ -89,6 +89,18 @@ pub enum SurfaceKind {
     Wgs84,
 }
 
+/// What rasters become.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RasterForm {
+    /// Heights, unless something is asked for that only meshes have.
+    #[default]
+    Auto,
+    /// A file of heights: the grid stays.
+    Heights,
+    /// Triangles.
+    Mesh,
+}
+
 /// Which value means that a sample has no data.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Nodata {
@@ -114,6 +126,15 @@ impl SurfaceKind {
         ("plane", Self::Plane, "A plane in the units of the CRS; degrees become metres to the east and the north"),
         ("sphere", Self::Sphere, "A sphere, in metres from its centre"),
         ("wgs84", Self::Wgs84, "The ellipsoid of WGS 84, in metres from the centre of the earth (EPSG:4978)"),
+    ];
+}
+
+impl RasterForm {
+    /// Name, form and description of each.
+    pub const ALL: [(&str, Self, &str); 3] = [
+        ("auto", Self::Auto, "Heights, unless an option is typed that only meshes have"),
+        ("heights", Self::Heights, "A height for each sample: smaller, and built many times faster"),
+        ("mesh", Self::Mesh, "Irregular triangles: fewer of them for the same error"),
     ];
 }
 
@@ -146,7 +167,7 @@ macro_rules! named {
     )*};
 }
 
-named!(SurfaceKind, HeightCode);
+named!(SurfaceKind, HeightCode, RasterForm);
 
 impl std::str::FromStr for Nodata {
     type Err = String;

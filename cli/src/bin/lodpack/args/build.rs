@@ -1,11 +1,12 @@
 //! Arguments of `build` and `atlas`.
 
-use super::raster::RasterArgs;
+use super::raster::{HEADING, RasterArgs};
 use super::values::{
     PartRange, Place, ProgressStyle, UpAxis, parse_choice, parse_count, parse_crs, parse_size, parse_threads,
 };
 use clap::Args;
 use lodpack::index::Placement;
+use lodpack_cli::import::raster::RasterForm;
 use lodpack_cli::mesh::appearance::Channels;
 use lodpack_cli::mesh::tolerance::{Tolerance, Unit};
 use lodpack_cli::pipeline::{ColourQuality, Effort, Fillings, LevelChoice, ModelOptions};
@@ -67,6 +68,14 @@ pub struct ModelArgs {
     /// Most triangles in a region, for tests.
     #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
     pub region_triangles: u64,
+    /// What rasters become. `extract`, `export`, `info`, `verify`, the viewers, JavaScript, Python and C read both. Of
+    /// heights, --tolerance is how far a height may be off: 0 keeps integers as they are, and auto is half of what a
+    /// sample is off the middle of its neighbours, on average.
+    #[arg(id = "form", help_heading = HEADING, long = "as", value_name = "FORM", default_value_t, value_parser = parse_choice(RasterForm::ALL))]
+    form: RasterForm,
+    /// Short for `--as heights`.
+    #[arg(long, hide = true, conflicts_with = "form")]
+    heights: bool,
     #[command(flatten)]
     pub raster: RasterArgs,
 }
@@ -92,6 +101,25 @@ impl ModelArgs {
             new_charts,
             raster: self.raster.options(),
         }
+    }
+
+    /// What rasters are to become.
+    pub fn form(&self) -> RasterForm {
+        if self.heights { RasterForm::Heights } else { self.form }
+    }
+
+    /// The first option that was typed and that only meshes have.
+    pub fn of_meshes_alone(&self) -> Option<&'static str> {
+        let typed = [
+            (self.effort != Effort::default(), "--effort"),
+            (self.levels != LevelChoice::default(), "--levels"),
+            (self.fillings != Fillings::default(), "--fillings"),
+            (self.channels != Channels::default(), "--channels"),
+            (self.extensible, "--extensible"),
+            (self.new_charts, "--new-charts"),
+            (self.up.is_some(), "--up"),
+        ];
+        typed.into_iter().find_map(|(is_typed, name)| is_typed.then_some(name))
     }
 
     /// Where the surface is in the world, if anything of that was typed. The unit alone does not count: it may only be
@@ -138,14 +166,8 @@ pub struct BuildArgs {
     /// depend on it.
     #[arg(long, value_name = "N", conflicts_with = "job", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub workers: Option<u32>,
-    /// Keep the grid of rasters: the file gets a height for each sample in place of triangles, which makes it smaller
-    /// and its build many times faster. `extract`, `export`, `info`, `verify`, the viewers, JavaScript, Python and C
-    /// read such files. The tolerance is how far a height may be off: 0 keeps integers as they are, and auto is half of
-    /// what a sample is off the middle of its neighbours, on average.
-    #[arg(long, conflicts_with_all = ["job", "workers", "resume", "extensible", "channels", "effort", "levels", "fillings", "up"])]
-    pub heights: bool,
     /// What a mesh stands on: a raster of heights, which may be given several times for a mosaic, or one file that was
-    /// built with --heights. The file then holds both, and everything that reads it has both: a city and its ground.
+    /// made of one. The file then holds both, and everything that reads it has both: a city and its ground.
     /// --crs, --origin and the tolerance count for rasters, too. `lodpack merge --ground` puts a ground under a file
     /// that is there already.
     #[arg(long, value_name = "DEM", conflicts_with_all = ["job", "heights"])]
@@ -157,7 +179,7 @@ pub struct BuildArgs {
     #[arg(long)]
     pub resume: bool,
     /// Build a part of this job, which `lodpack plan` has prepared, into the job's directory or to -o.
-    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "crs", "origin", "up", "effort", "levels", "extensible", "channels", "surface", "radius", "vertical_unit", "nodata", "spacing", "bounds", "height_code", "drape", "geoid", "ramp", "temp", "resume"])]
+    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "crs", "origin", "up", "effort", "levels", "extensible", "channels", "surface", "radius", "vertical_unit", "nodata", "spacing", "bounds", "height_code", "drape", "geoid", "ramp", "form", "heights", "temp", "resume"])]
     pub job: Option<PathBuf>,
     /// Number of the part, from 0; or the first and the last of several, as 0-15, built one after the other.
     #[arg(long, value_name = "K", requires = "job")]

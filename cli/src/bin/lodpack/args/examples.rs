@@ -21,7 +21,7 @@ Examples:
   lodpack build huge.ply --memory 2GiB --resume                   continues a build that was stopped
   lodpack build scan.ply --channels colour,quality                keeps these beside the shape; none keeps the shape alone
   lodpack build atlas/                                            writes atlas.lodpack beside it
-  lodpack build dem.tif --tolerance 1m                            terrain: heights on a plane, in the units of its CRS
+  lodpack build dem.tif --tolerance 1m                            terrain: a file of heights; --as mesh makes triangles
   lodpack build tiles/*.tif --surface wgs84 -o earth.lodpack      tiles as one mosaic, on the globe
   lodpack build dem.tif --drape photo.tif                         with an image over it; --ramp earth colours it by height
   lodpack build heights.png --spacing 10 --vertical-unit m --unit m

@@ -18,10 +18,6 @@ pub struct PlanArgs {
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub model: ModelArgs,
-    /// Keep the grid of rasters, as `build --heights` does. Regions are then squares of about 1,024 cells, and the job
-    /// takes 4 bytes a sample.
-    #[arg(long, conflicts_with_all = ["stages", "extensible", "drape", "channels", "color_quality", "effort", "levels", "fillings", "up"])]
-    pub heights: bool,
     /// What the mesh stands on, as with `build --ground`. The job keeps the ground beside its parts, and `lodpack
     /// merge` puts it under the mesh.
     #[arg(long, value_name = "DEM", conflicts_with_all = ["heights", "extensible"])]
@@ -48,8 +44,8 @@ pub struct AddArgs {
 /// How a job is planned.
 #[derive(Args, Debug)]
 pub struct JobArgs {
-    /// Number of parts. By default one for each region (of at most two million triangles), and with --heights one for
-    /// 16 million samples; there cannot be more than regions that have anything to do.
+    /// Number of parts. By default one for each region (of at most two million triangles), and of heights one for 16
+    /// million samples; there cannot be more than regions that have anything to do.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub parts: Option<u32>,
     /// Memory available to each part. The plan is refused if a part needs more, and kept for --resume with more memory.
@@ -149,7 +145,7 @@ pub struct MergeArgs {
     /// A job, a directory of parts, or parts one by one; with --ground also a finished file of a mesh.
     #[arg(required = true, value_name = "PARTS")]
     pub parts: Vec<PathBuf>,
-    /// Put this file of heights, built with --heights, under the mesh: the file then holds both. A ground that it had,
+    /// Put this file of heights, built from rasters, under the mesh: the file then holds both. A ground that it had,
     /// or that the job was planned with, is replaced. Nothing is built again, so no other byte of the mesh changes.
     /// Both must be in the same coordinate reference system, as far as they name one.
     #[arg(long, value_name = "TERRAIN.lodpack")]

@@ -6,9 +6,12 @@ use lodpack_cli::import::raster::{HeightCode, Nodata, Ramp, RasterOptions, Surfa
 use lodpack_cli::mesh::tolerance::Unit;
 use std::path::PathBuf;
 
+/// Where these options stand in the help.
+pub const HEADING: &str = "Rasters of heights";
+
 /// How a grid of heights becomes a surface.
 #[derive(Args, Debug)]
-#[command(next_help_heading = "Rasters of heights")]
+#[command(next_help_heading = HEADING)]
 pub struct RasterArgs {
     /// What a grid of heights is laid on.
     #[arg(long, default_value_t, value_parser = parse_choice(SurfaceKind::ALL))]
@@ -34,7 +37,7 @@ pub struct RasterArgs {
     #[arg(long, default_value_t, value_parser = parse_choice(HeightCode::ALL))]
     pub height_code: HeightCode,
     /// An image over the grid, which becomes its colour: a GeoTIFF where it says it is, another image over the whole
-    /// grid. With --heights it keeps its own pixels, and may be transparent in parts.
+    /// grid. Over heights it keeps its own pixels, and may be transparent in parts.
     #[arg(long, value_name = "IMAGE", conflicts_with = "ramp")]
     pub drape: Option<PathBuf>,
     /// A grid of how far the geoid lies above the ellipsoid (.gtx or GeoTIFF, as egm96_15.gtx), for heights above the

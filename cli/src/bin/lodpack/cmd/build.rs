@@ -1,7 +1,7 @@
 //! `lodpack build`
 
 use super::ground::{self, Joined, Target, WithGround};
-use super::inputs::find_inputs;
+use super::inputs::{become_heights, find_inputs};
 use super::state::{begin_in, beside_first, check_extension, folder_beside, naming, with_advice, work_directory};
 use super::summary::print;
 use super::{print_json, use_threads, workers};
@@ -32,7 +32,10 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
         None => beside_first(&args.inputs, &inputs, FILE_EXTENSION)?,
     };
     check_extension(output)?;
-    if args.heights {
+    if become_heights(&inputs, &args.model, &[(!args.ground.is_empty(), "--ground")])? {
+        if args.workers.is_some() {
+            bail!("heights are built by one process: omit --workers, or take --as mesh");
+        }
         return super::heights::build::build(args, &inputs, output);
     }
     let work = work_directory(output, args.temp.as_deref());

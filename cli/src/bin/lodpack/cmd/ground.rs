@@ -87,7 +87,7 @@ fn open_any(
     let progress = Terminal::new(run.progress, progress_bar::BUILD_HEIGHTS);
     let Some(source) = HeightSource::open(paths, &typed_raster(model), &progress)? else {
         bail!(
-            "{}: the ground is a raster of heights, or a file that was built from one with --heights",
+            "{}: the ground is a raster of heights, or a file that was built from one",
             first.display()
         );
     };
@@ -111,7 +111,7 @@ pub fn open_file(path: &Path) -> Result<Heights<File>> {
     match Opened::open(file, Limits::default()).with_context(|| path.display().to_string())? {
         Opened::Heights(heights) => Ok(heights),
         Opened::Mesh(_) => bail!(
-            "{} holds a mesh; a ground is a file of heights, which `lodpack build --heights` makes of a raster",
+            "{} holds a mesh; a ground is a file of heights, which `lodpack build --as heights` makes of a raster",
             path.display()
         ),
     }

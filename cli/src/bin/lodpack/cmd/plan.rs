@@ -2,7 +2,7 @@
 
 use super::build::options;
 use super::ground::{self, Under};
-use super::inputs::{Notes, find_inputs};
+use super::inputs::{Notes, become_heights, find_inputs};
 use super::state::{begin_job, beside_first, folder_beside, naming};
 use super::{print_json, use_threads};
 use crate::args::{AddArgs, JobArgs, PlanArgs};
@@ -15,6 +15,7 @@ use lodpack_cli::job::{
     BuildError, BuildOptions, GROUND_NAME, JOB_EXTENSION, Job, Manifest, PartEntry, PartOptions, Stage, StagedJob,
     keep_ground,
 };
+use lodpack_cli::pipeline::ColourQuality;
 use lodpack_cli::progress::Progress;
 use lodpack_cli::storage::memory::machine_bytes;
 use std::path::Path;
@@ -29,7 +30,14 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode> {
         None => beside_first(&args.inputs, &inputs, JOB_EXTENSION)?,
     };
     begin(output, job)?;
-    let heights = args.heights;
+    let model = &args.model;
+    let others = [
+        (job.stages, "--stages"),
+        (!args.ground.is_empty(), "--ground"),
+        (model.raster.drape.is_some(), "--drape"),
+        (model.color_quality != ColourQuality::default(), "--color-quality"),
+    ];
+    let heights = become_heights(&inputs, model, &others)?;
     let mut options = BuildOptions { resume: job.resume, heights, ..options(inputs, &args.model, &job.run) };
     // The job's directory itself, once it exists, would pass for a device.
     let under =

@@ -32,7 +32,7 @@ pub fn build(args: &BuildArgs, inputs: &[PathBuf], output: &Path) -> Result<Exit
     let summary = {
         let progress = Terminal::new(args.run.progress, progress_bar::BUILD_HEIGHTS);
         let Some(source) = HeightSource::open(inputs, &typed_raster(&model), &progress)? else {
-            bail!("--heights is for rasters of heights, and the inputs are none; omit it");
+            bail!("--as heights is for rasters of heights, and the inputs are none; omit it");
         };
         if source.drape.is_none() && model.colour_quality != ColourQuality::Auto {
             bail!("--color-quality is for an image over the heights; add one with --drape, or omit it");
@@ -54,6 +54,7 @@ pub fn build(args: &BuildArgs, inputs: &[PathBuf], output: &Path) -> Result<Exit
 /// Prints the summary.
 pub fn print(s: &HeightsSummary, output: &Path) -> Result<()> {
     say!("{}", output.display());
+    say!("  holds      heights on the grid of the raster; --as mesh makes triangles of it");
     say!("  input      {} samples, {} x {} cells", count(s.samples), count(s.cells[0]), count(s.cells[1]));
     say!("  tiles      {} in {} depths, {} triangles at the finest", count(s.tiles), s.depth + 1, count(s.triangles));
     let image = s.drape.as_ref();

@@ -27,7 +27,7 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     };
     if !is_on_wgs84(file.surface()) {
         bail!(
-            "{name} does not lie on the ellipsoid of WGS 84, on which terrain tiles lie; build it from a raster in degrees with --heights --surface wgs84"
+            "{name} does not lie on the ellipsoid of WGS 84, on which terrain tiles lie; build it from a raster in degrees with --as heights --surface wgs84"
         );
     }
     let tolerance = args.tolerance.map(|tolerance| tolerance_in_heights(&file, tolerance)).transpose()?;
