@@ -406,7 +406,7 @@ fn rasters_become_heights_unless_something_is_for_meshes() {
     assert!(refused("build a.tif -o no.lodpack --as heights --effort best").contains("--effort is for meshes"));
     assert!(refused("build a.tif -o no.lodpack --workers 2").contains("--as mesh"));
     assert!(ok("plan a.tif -o heights.job --parts 1 --json").contains("\"heights\": true"));
-    assert!(ok("plan a.tif -o mesh.job --as mesh --parts 1 --json").contains("\"heights\": false"));
+    assert!(!ok("plan a.tif -o mesh.job --as mesh --parts 1 --json").contains("\"heights\": true"));
 }
 
 /// The JSON of a GLB, and the bytes behind it.
