@@ -370,7 +370,7 @@ fn the_commands_work_with_files_of_heights() {
     std::fs::write(at("bad.lodpack"), bytes).expect("writable");
     run(&["verify", "bad.lodpack"]).failure();
     let failed = run(&["build", "a.ply", "-o", "d.lodpack", "--heights"]).failure();
-    assert!(String::from_utf8_lossy(&failed.get_output().stderr).contains("--heights"));
+    assert!(String::from_utf8_lossy(&failed.get_output().stderr).contains("--as heights"));
     assert!(!at("d.lodpack").exists());
 }
 
