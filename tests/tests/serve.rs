@@ -395,7 +395,7 @@ fn a_file_that_changes_between_requests_is_noticed() {
 fn the_page_shows_a_served_file_in_chromium() {
     if has_browser() {
         let desk = Desk::new();
-        let serving = Serving::start(&[&desk.file()]);
+        let serving = Serving::start(&[&desk.file(), "--cors"]);
         run_node(&["test/served.test.js"], &[("LODPACK_SERVED", serving.host())]);
     }
 }

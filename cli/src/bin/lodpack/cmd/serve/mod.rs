@@ -3,7 +3,7 @@
 mod browser;
 mod page;
 
-use super::open::open;
+use super::open::open_any;
 use super::print_json;
 use crate::args::ServeArgs;
 use crate::interrupt;
@@ -105,7 +105,7 @@ fn put(shelf: &mut Shelf, file: &Path) -> Result<String> {
         );
     }
     // Whoever serves a wrong file should hear of it here, not in a browser.
-    drop(open(file)?);
+    drop(open_any(file)?);
     // Relative to where the program was started, even if that is not where it stays.
     let file = std::path::absolute(file).with_context(|| format!("cannot find {}", file.display()))?;
     Ok(shelf.put_file(&file))
