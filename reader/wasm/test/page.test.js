@@ -355,6 +355,28 @@ describe('the viewer page', { skip }, () => {
     await site.close();
   });
 
+  test('an image over heights is drawn', async () => {
+    const colours = async (address) => {
+      await visit(`/?url=${address}`);
+      await isComplete();
+      const count = await page.evaluate(() => {
+        const { renderer, shown, camera } = globalThis.lodpackViewer;
+        const { gl, canvas } = renderer;
+        renderer.draw(shown.surfaces.map((surface) => surface.drawn(camera)), { colour: 'colours', tolerance: 1, wireframe: false });
+        const pixels = new Uint8Array(4 * canvas.width * canvas.height);
+        gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+        const seen = new Set();
+        for (let k = 0; k < pixels.length; k += 4) seen.add(pixels.subarray(k, k + 3).map((value) => value >> 5).join());
+        return seen.size;
+      });
+      await page.close();
+      await server.close();
+      return count;
+    };
+    const [plain, draped] = [await colours('/vectors/heights/hills.lodpack'), await colours('/vectors/heights/draped.lodpack')];
+    assert.ok(draped > 2 * plain && draped > 40, `${draped} and ${plain} colours`);
+  });
+
   test('two fingers pinch', async () => {
     await visit(`/?url=${SCAN}`);
     await isComplete();
