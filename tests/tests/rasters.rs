@@ -455,7 +455,16 @@ fn compressions_that_cannot_be_read_are_named_and_sound_files_are_not_called_dam
 /// An image over a raster, and what a build says.
 fn draped(folder: &Folder, grid: &Path, drape: &Path) -> std::process::Output {
     let mut command = crate::commands::lodpack();
-    command.current_dir(folder.0.path()).args(["build", "--force", "--as", "mesh", "--tolerance", "1", "-o", "a.lodpack"]);
+    command.current_dir(folder.0.path()).args([
+        "build",
+        "--force",
+        "--as",
+        "mesh",
+        "--tolerance",
+        "1",
+        "-o",
+        "a.lodpack",
+    ]);
     command.arg(grid).arg("--drape").arg(drape).output().expect("the program runs")
 }
 

@@ -111,7 +111,7 @@ fn ranges_are_the_bytes_that_are_asked_for() {
         let said = format!("bytes {}-{}/{size}", expected.start, expected.end - 1);
         assert_eq!(field(&head, "content-range"), Some(said.as_str()));
         assert_eq!(field(&head, "content-length"), Some(expected.len().to_string().as_str()));
-        assert_eq!(field(&head, "access-control-allow-origin"), Some("*"));
+        assert_eq!(field(&head, "access-control-allow-origin"), None);
     }
     let (head, body) = serving.ask("HEAD /a%20b.lodpack", "");
     assert!(head.starts_with("http/1.1 200 ") && body.is_empty(), "{head}");
@@ -159,10 +159,83 @@ fn nothing_but_the_files_is_served_and_nothing_but_reading_is_allowed() {
     for line in ["POST /a%20b.lodpack", "PUT /x", "DELETE /a%20b.lodpack"] {
         assert!(serving.ask(line, "").0.starts_with("http/1.1 405 "), "{line}");
     }
-    assert!(serving.ask("POST /", "Content-Length: 5\r\n").0.starts_with("http/1.1 400 "));
-    assert!(serving.send(b"\x16\x03\x01 is it TLS?\r\n\r\n").0.starts_with("http/1.1 400 "));
-    let (head, _) = serving.ask("OPTIONS /a%20b.lodpack", "Access-Control-Request-Headers: range\r\n");
+    let preflight = "Access-Control-Request-Headers: range\r\nAccess-Control-Request-Private-Network: true\r\n";
+    let (head, _) = serving.ask("OPTIONS /a%20b.lodpack", preflight);
+    assert!(head.starts_with("http/1.1 204 ") && !head.contains("access-control"), "{head}");
+    // Pages of other hosts may read it only if somebody wants that.
+    let serving = Serving::start(&[&desk.file(), "--cors"]);
+    let (head, _) = serving.ask("OPTIONS /a%20b.lodpack", preflight);
     assert!(head.starts_with("http/1.1 204 ") && field(&head, "access-control-allow-headers").is_some(), "{head}");
+    assert_eq!(field(&head, "access-control-allow-private-network"), Some("true"));
+    assert_eq!(field(&serving.ask("GET /a%20b.lodpack", "").0, "access-control-allow-origin"), Some("*"));
+}
+
+#[test]
+fn requests_that_make_no_sense_get_one_answer_and_no_file() {
+    let desk = Desk::new();
+    let serving = Serving::start(&[&desk.file()]);
+    let file = "GET /a%20b.lodpack HTTP/1.1\r\nConnection: close\r\n\r\n";
+    let long = format!("GET / HTTP/1.1\r\nX: {}\r\n\r\n", "x".repeat(40_000));
+    let many = format!("GET / HTTP/1.1\r\n{}\r\n", "A: b\r\n".repeat(5000));
+    for request in [
+        "\x16\x03\x01 is it TLS?\r\n\r\n",
+        "GET\r\n\r\n",
+        "GET / HTTP/9.9\r\n\r\n",
+        "GET / HTTP/1.1\r\n no name\r\n\r\n",
+        "GET / HTTP/1.1\r\nContent-Length: -1\r\n\r\n",
+        "GET / HTTP/1.1\r\nContent-Length: 1\r\nContent-Length: 2\r\n\r\n",
+        "GET /a%20b.lodpack HTTP/1.1\r\nHost: example.org\r\nConnection: close\r\n\r\n",
+        "GET http://example.org/a%20b.lodpack HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n",
+        &long,
+        &many,
+    ] {
+        let (head, body) = serving.send(request.as_bytes());
+        let start: String = request.chars().take(60).collect();
+        assert!(head.starts_with("http/1.1 4"), "{start}: {head}");
+        assert!(!body.starts_with(&desk.bytes[..8]), "{start}");
+    }
+    // What follows is the body of the first one, no request.
+    let body = format!("POST / HTTP/1.1\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{file}", file.len());
+    let (head, body) = serving.send(body.as_bytes());
+    assert!(head.starts_with("http/1.1 405 ") && !String::from_utf8_lossy(&body).contains("HTTP/1.1"), "{head}");
+    assert_eq!(serving.send(file.as_bytes()).1, desk.bytes);
+}
+
+#[test]
+fn slow_clients_do_not_lock_others_out() {
+    let desk = Desk::new();
+    let serving = Serving::start(&[&desk.file()]);
+    let slow: Vec<TcpStream> = (0..300)
+        .map(|number| {
+            let mut stream = TcpStream::connect(serving.host()).expect("it listens");
+            let start = ["", "GET / HTTP/1.1\r\nX: "][number % 2];
+            stream.write_all(start.as_bytes()).expect("it reads");
+            stream
+        })
+        .collect();
+    for _ in 0..20 {
+        assert_eq!(serving.ask("GET /a%20b.lodpack", "").1, desk.bytes);
+    }
+    // The oldest had to go.
+    let mut rest = vec![];
+    slow[0].set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout can be set");
+    let gone = (&slow[0]).read_to_end(&mut rest);
+    assert!(gone.is_err_and(|error| error.kind() == std::io::ErrorKind::ConnectionReset) || rest.is_empty());
+}
+
+#[test]
+fn one_file_that_is_wrong_does_not_stop_the_others() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("bad.lodpack"), &desk.bytes[..40]).expect("writable");
+    let heights = Path::new(env!("CARGO_MANIFEST_DIR")).join("../format-spec/vectors/heights/draped.lodpack");
+    let serving = Serving::start(&[&text(&desk.path("bad.lodpack")), &desk.file(), &text(&heights)]);
+    let (_, list) = serving.ask("GET /", "");
+    assert_eq!(String::from_utf8_lossy(&list).matches("<li>").count(), 2);
+    assert!(serving.ask("GET /bad.lodpack", "").0.starts_with("http/1.1 404 "));
+    assert_eq!(serving.ask("GET /draped.lodpack", "").1, std::fs::read(&heights).expect("readable"));
+    let bad = text(&desk.path("bad.lodpack"));
+    let out = lodpack().args(["serve", &bad, &bad]).timeout(Duration::from_secs(30)).assert().code(2);
+    assert!(String::from_utf8_lossy(&out.get_output().stderr).contains("none of the files"));
 }
 
 #[test]
@@ -250,7 +323,7 @@ fn check(url: &str) -> (Option<i32>, Vec<(String, String, String)>) {
 #[test]
 fn its_own_check_finds_nothing_wrong() {
     let desk = Desk::new();
-    let serving = Serving::start(&[&desk.file()]);
+    let serving = Serving::start(&[&desk.file(), "--cors"]);
     let (code, findings) = check(&format!("http://{}/a%20b.lodpack", serving.host()));
     assert_eq!((code, findings.len()), (Some(0), 5), "{findings:?}");
     assert!(findings.iter().all(|(_, verdict, _)| verdict == "ok"), "{findings:?}");
@@ -322,7 +395,7 @@ fn a_file_that_changes_between_requests_is_noticed() {
 fn the_page_shows_a_served_file_in_chromium() {
     if has_browser() {
         let desk = Desk::new();
-        let serving = Serving::start(&[&desk.file()]);
+        let serving = Serving::start(&[&desk.file(), "--cors"]);
         run_node(&["test/served.test.js"], &[("LODPACK_SERVED", serving.host())]);
     }
 }

@@ -43,10 +43,11 @@ pub const SERVE: &str = "\
 Examples:
   lodpack serve scan.lodpack --open                   shows it in a browser
   lodpack serve *.lodpack --bind 0.0.0.0 --port 80    for other machines, too
+  lodpack serve scan.lodpack --cors                   for pages of other hosts
   lodpack serve --check https://example.org/scan.lodpack
 
 It prints an address for each file, which shows it in the viewer page, and serves these files and the page alone. \
-Pages on any host may read the files. Ctrl-C stops it.
+With --cors, pages on any host may read the files. Ctrl-C stops it.
 
 Exit status: 0 the server was stopped, or --check found nothing; 1 --check found a problem; 2 the command could not run.";
 

@@ -16,6 +16,9 @@ pub struct ServeArgs {
     /// The address to listen at: 0.0.0.0 (or ::) is reachable from other machines.
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     pub bind: IpAddr,
+    /// Let pages of other hosts read the files, by headers of CORS and of private networks.
+    #[arg(long)]
+    pub cors: bool,
     /// Open the page in a browser.
     #[arg(long)]
     pub open: bool,
@@ -23,7 +26,7 @@ pub struct ServeArgs {
     #[arg(long, value_name = "DIR")]
     pub page: Option<PathBuf>,
     /// Serve nothing: tell whether another server ignores ranges, compresses, lacks CORS headers, or changes the file.
-    #[arg(long, value_name = "URL", conflicts_with_all = ["files", "port", "bind", "open", "page"])]
+    #[arg(long, value_name = "URL", conflicts_with_all = ["files", "port", "bind", "cors", "open", "page"])]
     pub check: Option<String>,
     /// Print the addresses, or what --check finds, as JSON.
     #[arg(long)]

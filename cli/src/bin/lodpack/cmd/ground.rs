@@ -86,10 +86,7 @@ fn open_any(
     }
     let progress = Terminal::new(run.progress, progress_bar::BUILD_HEIGHTS);
     let Some(source) = HeightSource::open(paths, &typed_raster(model), &progress)? else {
-        bail!(
-            "{}: the ground is a raster of heights, or a file that was built from one",
-            first.display()
-        );
+        bail!("{}: the ground is a raster of heights, or a file that was built from one", first.display());
     };
     let options = HeightsOptions {
         tolerance: model.tolerance,

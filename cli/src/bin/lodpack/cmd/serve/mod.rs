@@ -3,7 +3,7 @@
 mod browser;
 mod page;
 
-use super::open::open;
+use super::open::open_any;
 use super::print_json;
 use crate::args::ServeArgs;
 use crate::interrupt;
@@ -45,12 +45,29 @@ pub fn run(args: &ServeArgs) -> Result<ExitCode> {
     for (path, item) in page.items {
         shelf.put(path, item);
     }
-    let paths = args.files.iter().map(|file| put(&mut shelf, file)).collect::<Result<Vec<_>>>()?;
+    // One that is wrong does not stop the others.
+    let (mut files, mut paths, mut failed) = (vec![], vec![], None);
+    for file in &args.files {
+        match put(&mut shelf, file) {
+            Ok(path) => {
+                files.push(file);
+                paths.push(path);
+            }
+            Err(error) if args.files.len() == 1 => return Err(error),
+            Err(error) => {
+                messages::tell("warning", &format!("{error:#}; it is not served"));
+                failed = Some(error);
+            }
+        }
+    }
+    if let Some(error) = failed.filter(|_| files.is_empty()) {
+        return Err(error.context("none of the files can be served"));
+    }
     let server = listen(args)?;
     let here = server.address().context("cannot tell the server's address")?;
     let host = format!("http://{}", reachable(here));
     let mut served = vec![];
-    for (file, path) in args.files.iter().zip(&paths) {
+    for (file, path) in files.iter().zip(&paths) {
         let address = format!("{host}{}", escape(path));
         let view = format!("/?url={}", escape(path));
         if page.is_there {
@@ -75,7 +92,7 @@ pub fn run(args: &ServeArgs) -> Result<ExitCode> {
     {
         browser::open(if served.len() == 1 { page.as_ref().unwrap_or(address) } else { &host });
     }
-    server.run(&Arc::new(shelf));
+    server.run(&Arc::new(shelf)).context("cannot wait for connections")?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -88,7 +105,7 @@ fn put(shelf: &mut Shelf, file: &Path) -> Result<String> {
         );
     }
     // Whoever serves a wrong file should hear of it here, not in a browser.
-    drop(open(file)?);
+    drop(open_any(file)?);
     // Relative to where the program was started, even if that is not where it stays.
     let file = std::path::absolute(file).with_context(|| format!("cannot find {}", file.display()))?;
     Ok(shelf.put_file(&file))
@@ -96,7 +113,7 @@ fn put(shelf: &mut Shelf, file: &Path) -> Result<String> {
 
 /// Listens where it is asked to, or where it is free.
 fn listen(args: &ServeArgs) -> Result<Server> {
-    let bind = |port| Server::bind(SocketAddr::new(args.bind, port));
+    let bind = |port| Server::bind(SocketAddr::new(args.bind, port), args.cors);
     match (args.port, bind(args.port.unwrap_or(PORT))) {
         (None, Err(error)) if matches!(error.kind(), ErrorKind::AddrInUse | ErrorKind::PermissionDenied) => {
             bind(0).with_context(|| format!("cannot listen at {}", args.bind))
