@@ -125,7 +125,9 @@ fn what_was_changed_since_the_plan_is_named_and_not_used() {
     fs::copy(folder.path("other/parts/part-2.lodpart"), folder.path("job/parts/part-2.lodpart")).expect("writable");
     assert!(folder.refused("merge job -o out.lodpack --force").contains("another job"));
     // A mesh of the same raster is no continuation.
-    assert!(folder.refused("plan dem.tif --as mesh --tolerance 2 --ramp earth -o job --resume").contains("other options"));
+    assert!(
+        folder.refused("plan dem.tif --as mesh --tolerance 2 --ramp earth -o job --resume").contains("other options")
+    );
 }
 
 #[test]

@@ -133,7 +133,7 @@ fn what_does_not_lie_on_the_ellipsoid_is_refused() {
     assert!(refused(&file, &[]).contains("--surface wgs84"));
     assert!(refused(&file, &["--local"]).contains("--local"));
     let mesh = folder.0.path().join("mesh.lodpack");
-    lodpack().arg("build").arg(&raster).args(["--tolerance", "50", "-o"]).arg(&mesh).assert().success();
+    lodpack().arg("build").arg(&raster).args(["--as", "mesh", "--tolerance", "50", "-o"]).arg(&mesh).assert().success();
     assert!(refused(&mesh, &[]).contains("holds a mesh"));
     assert!(!tiles.exists());
 }

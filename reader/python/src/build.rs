@@ -6,7 +6,7 @@ use lodpack_cli::{
     mesh::{Mesh, tolerance::Tolerance},
     pipeline::{ModelOptions, summary::BuildSummary},
     progress::Progress,
-    storage::memory::machine_bytes,
+    storage::default_memory,
 };
 use pyo3::{
     Py, PyAny, PyErr, PyRef, PyResult, Python, exceptions::PyRuntimeError, pybacked::PyBackedBytes, pyclass, pyfunction,
@@ -92,7 +92,7 @@ fn options(request: &BuildRequest) -> Result<BuildOptions, String> {
     Ok(BuildOptions {
         inputs: request.inputs.clone(),
         model: ModelOptions { tolerance, unit, effort, levels, ..ModelOptions::default() },
-        memory: request.memory.unwrap_or_else(|| machine_bytes() / 2),
+        memory: request.memory.unwrap_or_else(default_memory),
         work: request.work.clone(),
         ..BuildOptions::default()
     })

@@ -1,4 +1,4 @@
-//! How much memory the machine has, how much a build takes, and who may take some now.
+//! How much memory a build takes, and who may take some now.
 
 use std::sync::{Condvar, Mutex, PoisonError};
 
@@ -67,18 +67,6 @@ pub fn least_for_decoding(bytes: u64) -> u64 {
 /// The least memory for building regions that are on disk, given what the largest of them takes.
 pub fn least_bytes(largest_region_bytes: u64) -> u64 {
     BASE_BYTES + largest_region_bytes
-}
-
-/// The memory of this machine, or the limit of this process if that is less; [`u64::MAX`] where the system reports
-/// neither.
-#[expect(unsafe_code, reason = "the standard library does not report memory")]
-pub fn machine_bytes() -> u64 {
-    // SAFETY: sysconf has no conditions; it returns -1 for what it does not know.
-    let (pages, page_bytes) = unsafe { (libc::sysconf(libc::_SC_PHYS_PAGES), libc::sysconf(libc::_SC_PAGESIZE)) };
-    let physical = if pages > 0 && page_bytes > 0 { pages as u64 * page_bytes as u64 } else { u64::MAX };
-    // The limit of a container.
-    let limit = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|text| text.trim().parse().ok());
-    limit.map_or(physical, |limit: u64| limit.min(physical))
 }
 
 /// Memory that threads share: who needs some waits until there is enough, and whoever has it gives it back.

@@ -5,12 +5,14 @@
 //! another file says that they are complete. A [`SealedWriter`] makes a file that exists completely or not at all,
 //! names the job that it belongs to, and is checked when it is read: a build can be resumed from such files.
 
+mod free;
 mod lock;
 mod lookup;
 pub mod memory;
 mod records;
 mod sealed;
 
+pub use free::{default_memory, free_bytes};
 pub use lock::Lock;
 pub use lookup::Lookup;
 pub use lookup::Windows;

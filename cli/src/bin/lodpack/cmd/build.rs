@@ -11,7 +11,7 @@ use crate::output::{PendingFile, bytes, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::job::{BuildOptions, BuiltPart, FILE_EXTENSION, PlannedJob, build};
-use lodpack_cli::storage::memory::machine_bytes;
+use lodpack_cli::storage::default_memory;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -82,7 +82,7 @@ fn run_parts(args: &BuildArgs, path: &Path, PartRange { first, last }: PartRange
         bail!("-o names one file, which cannot take several parts; omit -o, and they go to the job's directory");
     }
     interrupt::on_stop(path, "run the same command again; finished parts are kept");
-    let memory = args.run.memory.unwrap_or_else(|| machine_bytes() / 2);
+    let memory = args.run.memory.unwrap_or_else(default_memory);
     let job = PlannedJob::open(path)?;
     // Before the first part is built.
     job.check_part(last)?;
@@ -121,7 +121,7 @@ pub fn options(inputs: Vec<PathBuf>, model: &ModelArgs, run: &RunArgs) -> BuildO
     BuildOptions {
         inputs,
         model: model.options(),
-        memory: run.memory.unwrap_or_else(|| machine_bytes() / 2),
+        memory: run.memory.unwrap_or_else(default_memory),
         ..BuildOptions::default()
     }
 }

@@ -11,7 +11,7 @@ use lodpack_cli::heights::{HeightsOptions, build as build_heights};
 use lodpack_cli::import::raster::{HeightSource, RasterOptions};
 use lodpack_cli::job::{BuildOptions, FILE_EXTENSION, typed_raster};
 use lodpack_cli::pipeline::ModelOptions;
-use lodpack_cli::storage::memory::machine_bytes;
+use lodpack_cli::storage::default_memory;
 use serde::Serialize;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
@@ -90,7 +90,7 @@ fn open_any(
     };
     let options = HeightsOptions {
         tolerance: model.tolerance,
-        memory: run.memory.unwrap_or_else(|| machine_bytes() / 2),
+        memory: run.memory.unwrap_or_else(default_memory),
         folder: folder.to_owned(),
         colour_quality: model.colour_quality,
     };

@@ -17,7 +17,7 @@ use lodpack_cli::job::{
 };
 use lodpack_cli::pipeline::ColourQuality;
 use lodpack_cli::progress::Progress;
-use lodpack_cli::storage::memory::machine_bytes;
+use lodpack_cli::storage::default_memory;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -78,7 +78,7 @@ pub fn run_add(args: &AddArgs) -> Result<ExitCode> {
         );
     }
     begin(new, job)?;
-    let memory = job.run.memory.unwrap_or_else(|| machine_bytes() / 2);
+    let memory = job.run.memory.unwrap_or_else(default_memory);
     let options =
         BuildOptions { inputs: find_inputs(&args.inputs)?, memory, resume: job.resume, ..BuildOptions::default() };
     let added = {

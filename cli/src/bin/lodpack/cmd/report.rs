@@ -20,7 +20,7 @@ use lodpack_cli::mesh::tolerance::Tolerance;
 use lodpack_cli::pipeline::ModelOptions;
 use lodpack_cli::progress::Progress;
 use lodpack_cli::stage::repair::repair;
-use lodpack_cli::storage::memory::machine_bytes;
+use lodpack_cli::storage::default_memory;
 use std::fs;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -130,7 +130,7 @@ fn trial(input: &Path, args: &ReportArgs, trials: &Path, runs: u32) -> Result<Tr
         default_tolerance: vec!["--tolerance".into(), spelled(args.model.tolerance)],
         file,
         runs,
-        memory: args.run.memory.unwrap_or_else(|| machine_bytes() / 2),
+        memory: args.run.memory.unwrap_or_else(default_memory),
     })
 }
 

@@ -8,7 +8,7 @@ use crate::output::{bytes, say};
 use crate::progress_bar::Terminal;
 use anyhow::{Result, bail};
 use lodpack_cli::job::{Outcome, PartReport, Share, Stage, work};
-use lodpack_cli::storage::memory::machine_bytes;
+use lodpack_cli::storage::default_memory;
 use serde::Serialize;
 use std::io::Read;
 use std::process::ExitCode;
@@ -32,7 +32,7 @@ pub fn run(args: &WorkArgs) -> Result<ExitCode> {
         end_with_parent();
     }
     interrupt::on_stop(&args.job, "run the same command again; finished tasks are kept");
-    let memory = args.run.memory.unwrap_or_else(|| machine_bytes() / 2);
+    let memory = args.run.memory.unwrap_or_else(default_memory);
     let share =
         Share { stage: args.stage.map(Into::into), tasks: args.task.map(|PartRange { first, last }| [first, last]) };
     let (mut did, mut failure) = (vec![], None);

@@ -10,7 +10,7 @@ use lodpack_cli::heights::{HeightsOptions, HeightsSummary, build as build_height
 use lodpack_cli::import::raster::HeightSource;
 use lodpack_cli::job::typed_raster;
 use lodpack_cli::pipeline::ColourQuality;
-use lodpack_cli::storage::memory::machine_bytes;
+use lodpack_cli::storage::default_memory;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -22,7 +22,7 @@ pub fn build(args: &BuildArgs, inputs: &[PathBuf], output: &Path) -> Result<Exit
     let folder = if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder };
     let options = HeightsOptions {
         tolerance: model.tolerance,
-        memory: args.run.memory.unwrap_or_else(|| machine_bytes() / 2),
+        memory: args.run.memory.unwrap_or_else(default_memory),
         folder,
         colour_quality: model.colour_quality,
     };
