@@ -4,13 +4,10 @@
 use std::collections::HashMap;
 
 use lodpack::decode::texels::Image;
-use lodpack::heights::{DrapeImage, Grid, HeightsMesh};
+use lodpack::heights::{BARE, DrapeImage, Grid, HeightsMesh};
 
 use super::layers::Layer;
 use super::pages::PagedMesh;
-
-/// What is seen where an image is transparent, if nothing else is there.
-pub const BARE: [u8; 3] = [204; 3];
 
 /// A mesh whose vertices have places in one page.
 ///

@@ -3,8 +3,8 @@
 use super::{cut::HeightsCut, file::Heights, mesh::HeightsMesh};
 use crate::{error::Result, source::ReadAt};
 
-/// What is seen where an image is transparent, if the file has no ramp.
-pub(super) const BARE: [u8; 3] = [204; 3];
+/// What is seen where an image over heights is transparent and there is no ramp, as screens show it (sRGB).
+pub const BARE: [u8; 3] = [204; 3];
 
 impl<S: ReadAt> Heights<S> {
     /// The colour of each vertex of a mesh that [`Heights::mesh`] made of a cut, as screens show it: that of the image

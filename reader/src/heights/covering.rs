@@ -37,7 +37,7 @@ impl Covering {
     pub fn of(index: &HeightsIndex, tile: &TileRecord, most: u32) -> Option<Self> {
         let (drape, grid) = (index.drape()?, index.grid());
         let most = if tile.children == 0 { most.max(OF_LAST) } else { most };
-        let distance = (1_u64 << (grid.depth() - tile.id.depth.min(grid.depth()))) as f64;
+        let distance = grid.distance(tile.id) as f64;
         let there = (distance / drape.spacing[0].min(drape.spacing[1])).ceil().clamp(1.0, f64::from(most.max(1)));
         let per_sample = (there as u32).next_power_of_two();
         let [columns, rows] = grid.ends(tile.id);

@@ -185,6 +185,11 @@ impl Grid {
         self.depth
     }
 
+    /// How many lines of the grid lie between the samples of a tile, and one: a power of two.
+    pub fn distance(&self, id: TileId) -> u64 {
+        1 << self.depth.saturating_sub(id.depth)
+    }
+
     /// The tiles at depth 0, from the west or from the north.
     pub fn root_tiles(&self) -> impl Iterator<Item = TileId> + use<> {
         let [columns, rows] = self.roots;

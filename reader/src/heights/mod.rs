@@ -43,6 +43,7 @@ pub(crate) use codec::known_samples;
 #[cfg(feature = "write")]
 pub use codec::tile_symbols;
 pub(crate) use covering::{Covering, TileColours};
+pub use colours::BARE;
 pub use cut::{CutTile, HeightsCut, HeightsQuery};
 #[cfg(feature = "write")]
 pub use drape::DrapeWriter;

@@ -58,7 +58,7 @@ pub(crate) fn across(grid: &Grid, id: TileId, side: usize) -> Option<TileId> {
         return Some(across);
     }
     let wraps = axis_of(side) == 0 && grid.wraps();
-    let cells = (CELLS as u64) << (grid.depth() - id.depth.min(grid.depth()));
+    let cells = CELLS as u64 * grid.distance(id);
     let around = if is_first(side) { grid.cells()[0].div_ceil(cells) - 1 } else { 0 };
     wraps.then_some(TileId { column: around, ..id })
 }
@@ -193,7 +193,7 @@ impl<'a> Border<'a> {
         let lines = other.along(axis);
         let shared = lines.partition_point(|&other| other < line);
         let is_shared = lines.get(shared) == Some(&line);
-        let spacing = 1 << (grid.depth() - across.id.depth.min(grid.depth()));
+        let spacing = grid.distance(across.id);
         let is_coarser = across.id.depth < id.depth;
         is_shared.then_some(Self { across: other, shared, axis, is_first, spacing, is_coarser })
     }

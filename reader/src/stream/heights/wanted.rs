@@ -95,7 +95,7 @@ impl Ord for Candidate {
 /// How far apart the samples of a tile are at most, in units of space.
 fn spacing(index: &HeightsIndex, id: TileId) -> f64 {
     let (grid, surface) = (index.grid(), index.surface());
-    let lines = (1_u64 << (grid.depth() - id.depth.min(grid.depth()))) as f64;
+    let lines = grid.distance(id) as f64;
     let [column, row] = surface.spacing.map(f64::abs);
     match surface.base {
         Base::Plane => lines * column.max(row),

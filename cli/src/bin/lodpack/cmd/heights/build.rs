@@ -1,6 +1,7 @@
 //! Building files of heights.
 
 use super::super::print_json;
+use super::image_line;
 use crate::args::BuildArgs;
 use crate::interrupt;
 use crate::output::{PendingFile, bound, bytes, count, length, say};
@@ -61,10 +62,7 @@ pub fn print(s: &HeightsSummary, output: &Path) -> Result<()> {
     let of = if image.is_some() { " of the heights" } else { "" };
     say!("  size       {}, {:.2} bits per sample{of}", bytes(s.bytes), s.bits_per_sample);
     if let Some(image) = image {
-        let [width, height] = image.size.map(count);
-        let opacity = if image.components == 4 { " with opacity" } else { "" };
-        let bits = 8.0 * image.bytes as f64 / (image.size[0] as f64 * image.size[1] as f64);
-        say!("  image      {width} x {height} texels{opacity}, {}, {bits:.2} bits per texel", bytes(image.bytes));
+        say!("{}", image_line(image.size, image.components, image.bytes));
     }
     say!(
         "  error      samples {} at most, surface {} certified, tolerance {}",

@@ -8,7 +8,7 @@ use crate::output::count;
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Result, bail};
 use lodpack::Limiter;
-use lodpack::heights::{DrapeImage, Heights, HeightsCut, HeightsMesh, HeightsQuery};
+use lodpack::heights::{BARE, DrapeImage, Heights, HeightsCut, HeightsMesh, HeightsQuery};
 use lodpack_cli::heights::triangulate;
 use lodpack_cli::mesh::draped;
 use lodpack_cli::mesh::export::MeshFormat;
@@ -48,7 +48,7 @@ pub fn mesh_of(file: &Heights<Source>, tolerance: Option<f64>, args: &ExtractArg
                 draped = Some(draped::draped(&mesh, &normals, file.grid(), image));
             }
             MeshFormat::Ply => {
-                let below = colours.unwrap_or_else(|| vec![draped::BARE; mesh.positions.len()]);
+                let below = colours.unwrap_or_else(|| vec![BARE; mesh.positions.len()]);
                 let painted =
                     mesh.samples.iter().zip(below).map(|(&sample, below)| draped::colour_at(image, sample, below));
                 colours = Some(painted.collect());

@@ -3,6 +3,7 @@
 use super::super::info::PlacementInfo;
 use super::super::open::{Source, in_file};
 use super::super::print_json;
+use super::image_line;
 use crate::args::InfoArgs;
 use crate::output::{bound, bytes, count, length, say};
 use anyhow::Result;
@@ -185,13 +186,7 @@ fn print(info: &Info, file: &Heights<Source>, args: &InfoArgs) -> Result<()> {
         say!("  ramp       {}, {} colours", ramp.name, count(ramp.stops.len() as u64));
     }
     if let Some(drape) = &info.drape {
-        let [width, height] = drape.size.map(count);
-        let opacity = if drape.components == 4 { " with opacity" } else { "" };
-        say!(
-            "  image      {width} x {height} texels{opacity}, {} of the file, {:.2} bits per texel",
-            bytes(drape.bytes),
-            drape.bits_per_texel
-        );
+        say!("{}", image_line(drape.size, drape.components, drape.bytes));
     }
     say!("  error      samples {} at most", bound(info.sample_error));
     say!("  size       {}, {:.2} bits per sample", bytes(info.bytes), info.bits_per_sample);
