@@ -97,6 +97,7 @@ mod ground;
 #[cfg_attr(not(feature = "write"), expect(dead_code, unused_imports, reason = "only the writer calls encoders"))]
 pub mod heights;
 pub mod index;
+mod islands;
 mod lattice;
 mod limits;
 mod open;
@@ -125,6 +126,7 @@ pub use file::File;
 pub use ground::join_ground;
 pub use ground::{Ground, GroundFrame};
 pub use index::{Index, Opener};
+pub use islands::islands;
 pub use lattice::{Lattice, LatticePoint};
 pub use limits::Limits;
 pub use open::{Opened, OpenedIndex};

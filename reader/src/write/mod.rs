@@ -76,7 +76,7 @@ pub use assembly::{Arranged, Assembly};
 pub use elsewhere::{EncoderHead, EncoderShare};
 pub use encoder::{EncodedCluster, Encoder};
 pub use lists::ListSizes;
-pub use model::{ArcRecord, BlockRecord, LevelInfo, Model, OverviewRecord, RootRecord};
+pub use model::{ArcRecord, BlockRecord, LevelInfo, Model, ObjectNode, OverviewRecord, RootRecord};
 pub use output::{Output, WriteReport};
 pub use piece::{Piece, PieceIndex, PieceSymbols, Share, Shares};
 pub use sorting::ClusterSymbols;

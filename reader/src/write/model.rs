@@ -49,6 +49,9 @@ pub struct BlockRecord {
     /// Its texel streams: the map, then the image of each channel of the model, any of them perhaps empty. No entries
     /// are as good as only empty ones.
     pub texels: Vec<Vec<u8>>,
+    /// For each of the patch's [`crate::islands`] the number of its object among [`Model::nodes`]; empty for groups, and
+    /// in models without objects.
+    pub owners: Vec<u32>,
 }
 
 /// A root of a model.
@@ -68,6 +71,18 @@ pub struct RootRecord {
     /// One entry for each level, at least one of them a block. The coarsest block of a child follows its parent's
     /// finest one.
     pub blocks: Vec<Option<BlockRecord>>,
+}
+
+/// What the input named: an object, which leaves hold islands of, or an assembly of others.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ObjectNode {
+    /// Its name, if it has one; names may repeat.
+    pub name: Option<String>,
+    /// What other programs know it by, if anything; ids may repeat.
+    pub id: Option<String>,
+    /// The node that it is a part of, by number.
+    pub parent: Option<u32>,
 }
 
 /// One small mesh of the whole surface, for the first picture of a large file.
@@ -112,4 +127,7 @@ pub struct Model {
     pub channels: Vec<ChannelInfo>,
     /// The mesh to draw before the index has been read.
     pub overview: Option<OverviewRecord>,
+    /// Objects and assemblies, in any order; none in a file without objects. Those that own no island, and are above
+    /// none that does, are left out of the file.
+    pub nodes: Vec<ObjectNode>,
 }

@@ -242,7 +242,13 @@ impl Net {
             let mut symbols = SymbolBuffer::default();
             lodpack::write::encode_patch(&target, QUANTISATION, &Stay, &mut symbols)?;
             let border_deviation = error / 2.0;
-            blocks.push(Some(BlockRecord { error, border_deviation, triangle_count: count, symbols, texels: vec![] }));
+            blocks.push(Some(BlockRecord {
+                error,
+                border_deviation,
+                triangle_count: count,
+                symbols,
+                ..BlockRecord::default()
+            }));
         }
         let at = |pick: fn(f64, f64) -> f64| {
             let ends = half_arcs.iter().flat_map(|h| self.arcs[h.arc as usize].ends);

@@ -248,6 +248,7 @@ impl ChartWork<'_> {
                 triangle_count: coded_level.patch.triangles.len() as u32,
                 symbols: coded_level.symbols,
                 texels: vec![],
+                owners: vec![],
             }));
             finest = (level as u8, coded_level.patch);
         }
