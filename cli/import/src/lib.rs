@@ -339,6 +339,8 @@ mod fallback_tests;
 #[cfg(test)]
 mod material_tests;
 #[cfg(test)]
+mod object_tests;
+#[cfg(test)]
 mod ranged_tests;
 #[cfg(test)]
 mod tests;
