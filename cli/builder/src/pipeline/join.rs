@@ -112,6 +112,8 @@ fn summary(plan: &Plan, sums: Sums, report: &WriteReport, watch: Stopwatch, prog
         input_triangles: plan.input_triangles,
         input_vertices: vertices,
         triangles: plan.source.triangle_count,
+        objects: plan.nodes.objects,
+        assemblies: plan.nodes.assemblies(),
         mean_edge_length: scale.mean_edge_length,
         repairs: plan.repairs.clone(),
         charts: plan.charts,
@@ -250,7 +252,7 @@ pub(crate) fn arrange(plan: &Plan, products: &impl Products, times: Times) -> Re
         let (assembly, head) = match &mut assembly {
             Some(begun) => begun,
             None => {
-                let head = Model { levels, ..head(plan) };
+                let head = Model { levels, nodes: plan.nodes.list.clone(), ..head(plan) };
                 assembly.insert((Assembly::new(&head)?, head))
             }
         };

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::decompose::{Decomposition, Division};
 use super::gather::{Gathered, Gathering};
+use super::nodes::Nodes;
 use super::numbered::NumberedMesh;
 use super::runs::RunFile;
 use super::split::centroid;
@@ -170,6 +171,11 @@ impl DividedMesh {
     /// How the surface looks.
     pub fn appearance(&self) -> &Appearance {
         &self.counts.appearance
+    }
+
+    /// What the input names, as far as it is kept.
+    pub fn nodes(&self) -> Nodes {
+        Nodes::of(&self.counts.attributes)
     }
 
     /// Triangles before repair.

@@ -6,6 +6,7 @@ use super::values::{
 };
 use clap::Args;
 use lodpack::index::Placement;
+use lodpack_cli::import::Objects;
 use lodpack_cli::mesh::appearance::Channels;
 use lodpack_cli::mesh::tolerance::{Tolerance, Unit};
 use lodpack_cli::pipeline::{ColourQuality, Effort, Fillings, LevelChoice, ModelOptions};
@@ -64,6 +65,9 @@ pub struct ModelArgs {
     /// default each chart of the atlas becomes a root, where it is in one piece and not too large.
     #[arg(long)]
     pub new_charts: bool,
+    /// What becomes of the objects that inputs name: nodes of glTF, `o` and `g` of OBJ, and each of several files.
+    #[arg(long, default_value_t, value_parser = parse_choice(Objects::ALL))]
+    pub objects: Objects,
     /// Most triangles in a region, for tests.
     #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
     pub region_triangles: u64,
@@ -74,7 +78,9 @@ pub struct ModelArgs {
 impl ModelArgs {
     /// The options that the bytes of a file depend on.
     pub fn options(&self) -> ModelOptions {
-        let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles, new_charts, .. } = self;
+        let &Self {
+            tolerance, unit, effort, levels, fillings, extensible, region_triangles, new_charts, objects, ..
+        } = self;
         let channels = self.channels.clone();
         let (chart_triangles, placement) = (None, self.placement());
         ModelOptions {
@@ -90,6 +96,7 @@ impl ModelArgs {
             channels,
             colour_quality: self.color_quality,
             new_charts,
+            objects,
             raster: self.raster.options(),
         }
     }
@@ -142,7 +149,7 @@ pub struct BuildArgs {
     /// and its build many times faster. `extract`, `export`, `info`, `verify`, the viewers, JavaScript, Python and C
     /// read such files. The tolerance is how far a height may be off: 0 keeps integers as they are, and auto is half of
     /// what a sample is off the middle of its neighbours, on average.
-    #[arg(long, conflicts_with_all = ["job", "workers", "resume", "extensible", "channels", "effort", "levels", "fillings", "up"])]
+    #[arg(long, conflicts_with_all = ["job", "workers", "resume", "extensible", "channels", "effort", "levels", "fillings", "objects", "up"])]
     pub heights: bool,
     /// What a mesh stands on: a raster of heights, which may be given several times for a mosaic, or one file that was
     /// built with --heights. The file then holds both, and everything that reads it has both: a city and its ground.
@@ -157,7 +164,7 @@ pub struct BuildArgs {
     #[arg(long)]
     pub resume: bool,
     /// Build a part of this job, which `lodpack plan` has prepared, into the job's directory or to -o.
-    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "crs", "origin", "up", "effort", "levels", "extensible", "channels", "surface", "radius", "vertical_unit", "nodata", "spacing", "bounds", "height_code", "drape", "geoid", "ramp", "temp", "resume"])]
+    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "crs", "origin", "up", "effort", "levels", "extensible", "channels", "objects", "surface", "radius", "vertical_unit", "nodata", "spacing", "bounds", "height_code", "drape", "geoid", "ramp", "temp", "resume"])]
     pub job: Option<PathBuf>,
     /// Number of the part, from 0; or the first and the last of several, as 0-15, built one after the other.
     #[arg(long, value_name = "K", requires = "job")]
