@@ -123,7 +123,7 @@ pub(crate) mod tests;
 
 pub use decode::{Mesh, Overview};
 pub use error::{Error, Result};
-pub use file::File;
+pub use file::{File, FileObjects};
 #[cfg(feature = "write")]
 pub use ground::join_ground;
 pub use ground::{Ground, GroundFrame};

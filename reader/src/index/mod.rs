@@ -5,10 +5,11 @@
 //! ranges. So the same code serves blocking and asynchronous readers.
 
 mod contents;
-pub(crate) mod objects;
 pub(crate) mod lists;
 pub(crate) mod needs;
+pub(crate) mod objects;
 pub(crate) mod opener;
+mod pick;
 mod summary;
 pub(crate) mod texels;
 
@@ -18,7 +19,9 @@ pub use crate::format::placement::{Placement, UpAxis};
 pub use crate::format::records::{Filling, FillingCounts, HalfArc, SourceInfo};
 pub use contents::{BlockContents, RootContents};
 use lists::List;
+pub use objects::Objects;
 pub use opener::Opener;
+pub use pick::Ray;
 pub use summary::{ContextContents, FileSummary, LevelContents};
 use texels::Texels;
 pub use texels::{Scale, TexelBytes};

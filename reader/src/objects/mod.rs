@@ -10,7 +10,7 @@
 //! - `page`: names, ids and parents of nodes, and `text`: what foresees their letters,
 //! - `pairs`: pages of what is looked for and where it is,
 //! - `bits`: what codes them, in both directions,
-//! - `open`: what is known of the objects of an open file, and answers,
+//! - `open`: what is known of the objects of an open file, and answers; `verify` compares all lists,
 //! - `write`: both sections.
 
 mod bits;
@@ -21,6 +21,7 @@ mod page;
 mod pairs;
 mod section;
 mod text;
+mod verify;
 #[cfg(feature = "write")]
 mod write;
 

@@ -16,6 +16,7 @@ use crate::{
         levels::Levels,
         sections::Part,
     },
+    objects::ObjectNode,
     write::model::OverviewRecord,
 };
 
@@ -27,6 +28,8 @@ pub struct Encoder {
     pub(super) tables: Tables,
     pub(super) codes: Codes,
     pub(super) overview: Option<OverviewRecord>,
+    /// The output takes them.
+    pub(super) nodes: Vec<ObjectNode>,
 }
 
 /// A cluster as bytes.
@@ -49,8 +52,9 @@ impl Encoder {
         arrangement: Arrangement,
         tables: Tables,
         overview: Option<OverviewRecord>,
+        nodes: Vec<ObjectNode>,
     ) -> Self {
-        Self { head, arrangement, codes: tables.codes(), tables, overview }
+        Self { head, arrangement, codes: tables.codes(), tables, overview, nodes }
     }
 
     /// The number of clusters to encode.

@@ -72,12 +72,12 @@ pub use crate::format::{
     error_code::{storable_error, stored_error},
     records::MAX_LEVELS,
 };
+pub use crate::objects::ObjectNode;
 pub use above::Above;
 pub use assembly::{Arranged, Assembly};
 #[cfg(feature = "serde")]
 pub use elsewhere::{EncoderHead, EncoderShare};
 pub use encoder::{EncodedCluster, Encoder};
-pub use crate::objects::ObjectNode;
 pub use lists::ListSizes;
 pub use model::{ArcRecord, BlockRecord, LevelInfo, Model, OverviewRecord, RootRecord};
 pub use output::{Output, WriteReport};
@@ -106,8 +106,7 @@ pub fn write_listed(model: &Model, list_sizes: ListSizes, out: &mut impl Write) 
     assembly.count(&piece.index)?;
     let encoder = assembly.arrange()?.seal(model.overview.clone());
     let root_order = encoder.root_order().to_vec();
-    let output = Output::new(encoder, || Ok(Cursor::new(Vec::new())))?.with_list_sizes(list_sizes);
-    let mut output = output.with_nodes(model.nodes.clone())?;
+    let mut output = Output::new(encoder, || Ok(Cursor::new(Vec::new())))?.with_list_sizes(list_sizes);
     output.take(0, &piece)?;
     drop(piece);
     for cluster in 0..output.encoder().cluster_count() {
