@@ -11,7 +11,9 @@ use std::error::Error;
 
 const QUANTISATION: Quantisation = Quantisation { normal_shift: 0, tangent_shift: 0 };
 /// Boxes of a leaf.
-const OF_LEAF: u32 = 30;
+const OF_LEAF: u32 = 2;
+/// Assemblies above an object, beside that above all.
+const DEPTH: u32 = 18;
 
 /// Vertices go to the planes of these points.
 struct To<'p>(&'p [[f64; 3]]);
@@ -52,35 +54,37 @@ fn block(boxes: &[Cube], owners: &[u32], error: f64) -> Result<BlockRecord, Box<
     Ok(BlockRecord { error, triangle_count, symbols, owners: of_islands, ..BlockRecord::default() })
 }
 
-/// Boxes in leaves of thirty, below a group of each eight leaves: every node of `count` has one box, and each fifth one
-/// another in the next leaf. Names repeat, are empty, none, or of letters beyond ASCII; the last nodes are assemblies,
-/// and some objects lie in other ones.
+/// Boxes in leaves of two, below a group of each eight leaves: each of `count` objects has one box, and each fifth one
+/// another in a later leaf. Names repeat, are empty, none, or of letters beyond ASCII. Each object lies in assemblies of
+/// its own, one in another, and some lie in other objects; node `count` is above all.
 ///
 /// # Errors
 /// Any of the writer.
 pub fn boxes_of_objects(count: u32) -> Result<Vec<u8>, Box<dyn Error>> {
-    let assemblies = count / 20 + 1;
     let node = |number: u32| {
         let name = match (number < count, number % 11) {
-            (false, _) => Some(format!("LINE-{}", number - count)),
+            (false, kind) => Some(format!("AREA-{:02}/LINE-{}/SPOOL-{kind}", number % 7, number / DEPTH)),
             (true, 0) => None,
             (true, 1) => Some("BOLT".to_owned()),
             (true, 2) => Some("\u{87ba}\u{6813} \"M12\"".to_owned()),
             (true, 3) => Some(String::new()),
-            (true, kind) => Some(format!("AREA-{:02}/LINE-{}/FLANGE-{kind}", number / 400, number / 20)),
+            (true, kind) => Some(format!("FLANGE-{kind}")),
         };
         let id = (number % 3 > 0).then(|| format!("{:08x}-{}", number.wrapping_mul(0x9e37_79b1), number % 40));
+        let above = number.wrapping_sub(count + 1);
         let parent = match number {
             _ if number < count && number % 13 == 5 => Some(number - 1),
-            _ if number < count => Some(count + number / 20),
-            _ => (number > count).then_some(count),
+            _ if number < count => Some(count + DEPTH * (number + 1)),
+            _ if number == count => None,
+            _ if above % DEPTH == 0 => Some(count),
+            _ => Some(number - 1),
         };
         ObjectNode { name, id: if number % 100 == 7 { Some("twice".into()) } else { id }, parent }
     };
     let lattice = Lattice { origin: [-1.0, 2.0, 0.5], step_log2: -8 };
     let world = |point: [f64; 3]| [0, 1, 2].map(|k| lattice.origin[k] + point[k] / 256.0);
     let owners: Vec<u32> =
-        (0..count).flat_map(|node| [Some(node), (node % 5 == 4).then_some(node - 4)]).flatten().collect();
+        (0..count).flat_map(|node| [Some(node), (node % 5 == 4).then_some(node / 2)]).flatten().collect();
     let (mut roots, mut groups): (Vec<RootRecord>, Vec<[[f64; 3]; 2]>) = (vec![], vec![]);
     let leaf_count = owners.chunks(OF_LEAF as usize).count() as u32;
     for (leaf, owners) in (0..).zip(owners.chunks(OF_LEAF as usize)) {
@@ -113,7 +117,7 @@ pub fn boxes_of_objects(count: u32) -> Result<Vec<u8>, Box<dyn Error>> {
     }
     let level = |tolerance: f64| LevelInfo { tolerance, steps: QUANTISATION.into() };
     let levels = [1.0, 0.25, 0.0625].map(level).to_vec();
-    let nodes = (0..count + assemblies).map(node).collect();
+    let nodes = (0..count + 1 + DEPTH * count).map(node).collect();
     let mut bytes = vec![];
     write_file(&Model { lattice, levels, roots, nodes, ..Model::default() }, &mut bytes)?;
     Ok(bytes)

@@ -140,3 +140,80 @@ pub(super) fn fault(node: &ObjectNode) -> Option<String> {
     let bytes = [&node.name, &node.id].into_iter().flatten().map(String::len).max().unwrap_or(0);
     (bytes > MOST_BYTES).then(|| format!("a name or an id of an object has {bytes} bytes, more than {MOST_BYTES}"))
 }
+
+#[cfg(all(test, feature = "write"))]
+mod tests {
+    use super::*;
+
+    fn nodes(names: &[Option<&str>]) -> Vec<ObjectNode> {
+        let node = |(number, name): (usize, &Option<&str>)| ObjectNode {
+            name: name.map(Into::into),
+            id: (number % 2 == 0).then(|| format!("{number:x}-é")),
+            parent: (number % 3 > 0).then_some((number * 7 % names.len()) as u32),
+        };
+        names.iter().enumerate().map(node).collect()
+    }
+
+    #[test]
+    fn pages_come_back_and_short_ones_are_refused() {
+        let long = "-x/".repeat(1365);
+        let names = [Some(""), None, Some("BOLT"), Some("BOLT"), Some("螺栓"), Some(&long), Some("A-1"), Some("A-2")];
+        let nodes = nodes(&names);
+        let of = Nodes { objects: 5, all: nodes.len() as u32 };
+        let limits = Limits::default();
+        let bytes = of.write(&nodes).unwrap();
+        assert_eq!(of.parse(0, &bytes, &limits).unwrap(), nodes);
+        assert!(of.parse(0, &[&bytes[..], &[0]].concat(), &limits).is_err());
+        assert!(of.parse(0, &bytes[..bytes.len() / 2], &limits).is_err());
+        assert!(of.parse(0, &bytes, &Limits { part_bytes: 1000, ..limits }).is_err());
+    }
+
+    #[test]
+    fn texts_that_are_not_utf8_or_too_long_are_refused() {
+        let page = |text: &[u8]| {
+            let mut bits = BitEncoder::new();
+            let of = Nodes { objects: 1, all: 1 };
+            Parents::new(of).code(&mut bits, 0).unwrap();
+            Flag::default().code(&mut bits, true);
+            let coded = Texts::default().code(&mut bits, 0, &[], text);
+            Flag::default().code(&mut bits, false);
+            coded.and_then(|_| of.parse(0, &bits.finish(), &Limits::default()))
+        };
+        assert_eq!(page("é".as_bytes()).unwrap()[0].name.as_deref(), Some("é"));
+        assert!(page(&[0xc3]).unwrap_err().to_string().contains("UTF-8"));
+        assert!(page(&[b'x'; MOST_BYTES]).is_ok() && page(&[b'x'; MOST_BYTES + 1]).is_err());
+    }
+
+    /// Bytes of pages against `xz -9` of the list of names: see tests/RESULTS.md.
+    #[test]
+    #[ignore = "a measurement, of a list that LODPACK_NAMES names"]
+    fn bytes_of_names() {
+        let Ok(path) = std::env::var("LODPACK_NAMES") else { return };
+        let text = std::fs::read_to_string(path).unwrap();
+        let nodes: Vec<ObjectNode> = text
+            .lines()
+            .map(|line| {
+                let mut fields =
+                    line.split('\t').map(|field| Some(field.to_string()).filter(|field| !field.is_empty()));
+                let [name, id, parent] = [(); 3].map(|()| fields.next().flatten());
+                ObjectNode { name, id, parent: parent.map(|parent| parent.parse().unwrap()) }
+            })
+            .collect();
+        let objects = nodes.iter().filter_map(|node| node.parent).min().unwrap();
+        let of = Nodes { objects, all: nodes.len() as u32 };
+        let bytes = |nodes: &[ObjectNode]| -> usize {
+            nodes.chunks(PAGE as usize).map(|page| of.write(page).unwrap().len()).sum()
+        };
+        let without = |name: bool, id: bool| {
+            let keep = |node: &ObjectNode| ObjectNode {
+                name: node.name.clone().filter(|_| name),
+                id: node.id.clone().filter(|_| id),
+                parent: node.parent,
+            };
+            bytes(&nodes.iter().map(keep).collect::<Vec<_>>())
+        };
+        let (all, parents) = (bytes(&nodes), without(false, false));
+        let names = without(true, false) - parents;
+        eprintln!("{} nodes: {all} bytes, of them names {names}, parents {parents}", nodes.len());
+    }
+}

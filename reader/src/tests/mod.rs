@@ -9,7 +9,7 @@ mod heights;
 mod heights_dump;
 mod lists;
 mod mixed_cuts;
-mod objects;
+pub(crate) mod objects;
 pub(crate) mod painted;
 mod pieces;
 mod queries;

@@ -165,6 +165,11 @@ fn boxes(seed: u64, leaves: u32, of_leaf: u32) -> Boxes {
     Boxes { seed, leaves, boxes: of_leaf, nodes: nodes(seed, objects), objects }
 }
 
+/// A file of boxes.
+pub(crate) fn file_of(seed: u64, leaves: u32, of_leaf: u32) -> Vec<u8> {
+    bytes_of(&boxes(seed, leaves, of_leaf).model())
+}
+
 fn bytes_of(model: &Model) -> Vec<u8> {
     let mut bytes = vec![];
     write_file(model, &mut bytes).unwrap();

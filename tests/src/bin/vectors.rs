@@ -84,7 +84,7 @@ fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
         ("scales", scaled_cube()?),
         // As a builder of version 4.3 wrote it, which nobody does any more.
         ("one_scale", std::fs::read(spec.join("vectors/one_scale.lodpack"))?),
-        ("objects", boxes_of_objects(1100)?),
+        ("objects", boxes_of_objects(60)?),
         ("object_by_hand", HandmadeObjects::example().put_into(Handmade::example().container()).bytes()),
         ("many_clusters", cube_of_squares(3)?),
         ("lists", listed_cube()?),
