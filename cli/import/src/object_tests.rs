@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::gltf::tests::glb;
 use super::*;
 use lodpack_mesh::attributes::Attributes;
+use lodpack_runtime::storage::WorkDirectory;
 
 /// Reads files of a folder, in memory and through temporary files, which have to give the same.
 fn read(files: &[(&str, Vec<u8>)], objects: Objects) -> (Attributes, usize) {
@@ -14,9 +15,10 @@ fn read(files: &[(&str, Vec<u8>)], objects: Objects) -> (Attributes, usize) {
     let paths: Vec<PathBuf> = files.iter().map(|(name, _)| folder.path().join(name)).collect();
     files.iter().zip(&paths).for_each(|((_, bytes), path)| std::fs::write(path, bytes).unwrap());
     let options = ImportOptions { objects, ..ImportOptions::shape() };
-    let room = Room { memory: 0, overflow: Overflow::New(folder.path().join("work")) };
+    let directory = WorkDirectory::create(&folder.path().join("work")).unwrap();
+    let room = Room { memory: u64::MAX, overflow: Overflow::Into(directory) };
     let Ok(Imported::Spilled(mesh)) = import_large_meshes(&paths, &room, &options, &Silent) else {
-        panic!("there is no memory")
+        panic!("all is in files")
     };
     let Ok(Imported::Memory(surface)) = import_large_meshes(&paths, &Room::memory_alone(), &options, &Silent) else {
         panic!("there is enough memory")

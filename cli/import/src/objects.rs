@@ -57,6 +57,9 @@ impl FromStr for Objects {
     }
 }
 
+/// Bytes of the name and the id of a node, as long as they mostly are.
+const BYTES_OF_NAMES: usize = 96;
+
 /// Collects the objects of one file after the other.
 #[derive(Debug, Default)]
 pub struct ObjectSink {
@@ -86,6 +89,16 @@ impl ObjectSink {
     /// Whether objects may be kept. Parsers that need time for them need not read them otherwise.
     pub fn are_wanted(&self) -> bool {
         self.choice != Objects::Join
+    }
+
+    /// Bytes of memory that objects take of an input of some triangles.
+    pub fn bytes(&self, triangles: u64) -> u64 {
+        let nodes: usize = [size_of::<ObjectNode>() + BYTES_OF_NAMES, size_of::<ObjectRun>()]
+            .into_iter()
+            .zip([self.nodes.len(), self.runs.len()])
+            .map(|(bytes, count)| bytes * count)
+            .sum();
+        if self.runs.is_empty() { 0 } else { nodes as u64 + size_of::<u32>() as u64 * triangles }
     }
 
     /// Adds a node of the current file, and returns its number. Its parent was added before.

@@ -441,7 +441,8 @@ impl MeshSink {
     /// Bytes in memory beside the mesh.
     fn others(&self) -> u64 {
         let (_, triangles) = self.counts();
-        self.held.saturating_add(attribute_bytes(self.attributes.value_count(), triangles))
+        let objects = self.objects.bytes(triangles);
+        self.held.saturating_add(attribute_bytes(self.attributes.value_count(), triangles)).saturating_add(objects)
     }
 
     fn counts(&self) -> (u64, u64) {
