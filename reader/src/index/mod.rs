@@ -5,6 +5,7 @@
 //! ranges. So the same code serves blocking and asynchronous readers.
 
 mod contents;
+pub(crate) mod objects;
 pub(crate) mod lists;
 pub(crate) mod needs;
 pub(crate) mod opener;
@@ -37,6 +38,7 @@ use crate::{
     },
     lattice::Lattice,
     limits::Limits,
+    objects::OpenObjects,
     sorted::SortedMap,
     source::{
         Fetched,
@@ -85,6 +87,8 @@ pub struct Index {
     pages_offset: u64,
     /// The sections CHANNELS and TEXELS, if the file has them.
     texels: Option<Texels>,
+    /// The objects, if the file has them.
+    objects: Option<OpenObjects>,
     /// Why lists and index blocks that were supplied could not be parsed, by offset in INDEX. Each error is returned
     /// once; then the part may be supplied again.
     damaged: Mutex<SortedMap<u64, Error>>,

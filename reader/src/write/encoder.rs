@@ -3,6 +3,7 @@
 use super::{
     arrangement::{Arrangement, ClusterContent},
     assembly::{FileHead, corner_symbols},
+    owners::{self, BlockOwners},
     sorting::ClusterSymbols,
     texels::EncodedTexels,
 };
@@ -38,6 +39,8 @@ pub struct EncodedCluster {
     /// For each level the arc pages and the block pages.
     pub(super) pages: Vec<[Vec<u8>; 2]>,
     pub(super) texels: EncodedTexels,
+    /// Of each block of each leaf.
+    pub(super) owners: Vec<Vec<BlockOwners>>,
 }
 
 impl Encoder {
@@ -124,13 +127,14 @@ pub(super) fn encode_cluster(
     }
     let blocks: Vec<(usize, u8)> = blocks.iter().map(|&(number, block)| (number, block.level)).collect();
     let texels = EncodedTexels::new(symbols, &blocks, &StreamOrder::new(&head.channels));
+    let owners = owners::of_leaves(&index.roots, symbols)?;
     let records = encode(codes, [index.records(&cluster, &head.levels.fillings, &head.tolerances)?.iter()])?;
     let corners = corner_symbols(corners, cluster.bounds[0]);
     let coarse = (0..in_index).flat_map(|level| symbols.arcs(0..cluster.arc_count, level, level_count));
     let arc_stream = encode(codes, [corners.iter()].into_iter().chain(coarse))?;
     let mut block = Vec::new();
     cluster.index = append(&mut block, &index.write(&records, &arc_stream, &arc_parts));
-    Ok(EncodedCluster { cluster, index: block, pages, texels })
+    Ok(EncodedCluster { cluster, index: block, pages, texels, owners })
 }
 
 /// Appends a stream.

@@ -32,6 +32,7 @@
 //! - `encoder`: clusters as bytes,
 //! - `elsewhere`: clusters that other processes encode,
 //! - `texels`: the values of channels, which are bytes to all of these,
+//! - `owners`: the objects that islands belong to,
 //! - `lists`: the lists of clusters,
 //! - `output`: the sections of the file.
 
@@ -47,6 +48,7 @@ mod lists;
 mod model;
 mod order;
 mod output;
+mod owners;
 mod piece;
 mod relevel;
 mod sorting;
@@ -75,8 +77,9 @@ pub use assembly::{Arranged, Assembly};
 #[cfg(feature = "serde")]
 pub use elsewhere::{EncoderHead, EncoderShare};
 pub use encoder::{EncodedCluster, Encoder};
+pub use crate::objects::ObjectNode;
 pub use lists::ListSizes;
-pub use model::{ArcRecord, BlockRecord, LevelInfo, Model, ObjectNode, OverviewRecord, RootRecord};
+pub use model::{ArcRecord, BlockRecord, LevelInfo, Model, OverviewRecord, RootRecord};
 pub use output::{Output, WriteReport};
 pub use piece::{Piece, PieceIndex, PieceSymbols, Share, Shares};
 pub use sorting::ClusterSymbols;
@@ -103,7 +106,8 @@ pub fn write_listed(model: &Model, list_sizes: ListSizes, out: &mut impl Write) 
     assembly.count(&piece.index)?;
     let encoder = assembly.arrange()?.seal(model.overview.clone());
     let root_order = encoder.root_order().to_vec();
-    let mut output = Output::new(encoder, || Ok(Cursor::new(Vec::new())))?.with_list_sizes(list_sizes);
+    let output = Output::new(encoder, || Ok(Cursor::new(Vec::new())))?.with_list_sizes(list_sizes);
+    let mut output = output.with_nodes(model.nodes.clone())?;
     output.take(0, &piece)?;
     drop(piece);
     for cluster in 0..output.encoder().cluster_count() {

@@ -12,6 +12,7 @@ use crate::{
         records::{Filling, HalfArc, SourceInfo},
     },
     lattice::{Lattice, LatticePoint},
+    objects::ObjectNode,
 };
 
 /// A level of detail, coarse to fine.
@@ -71,18 +72,6 @@ pub struct RootRecord {
     /// One entry for each level, at least one of them a block. The coarsest block of a child follows its parent's
     /// finest one.
     pub blocks: Vec<Option<BlockRecord>>,
-}
-
-/// What the input named: an object, which leaves hold islands of, or an assembly of others.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct ObjectNode {
-    /// Its name, if it has one; names may repeat.
-    pub name: Option<String>,
-    /// What other programs know it by, if anything; ids may repeat.
-    pub id: Option<String>,
-    /// The node that it is a part of, by number.
-    pub parent: Option<u32>,
 }
 
 /// One small mesh of the whole surface, for the first picture of a large file.
