@@ -332,6 +332,11 @@ impl MeshSink {
         self.attributes.set_chart(chart, triangles);
     }
 
+    /// Sentences about objects that are not kept as they are.
+    pub(super) fn about_objects(&self) -> Vec<String> {
+        self.objects.about()
+    }
+
     /// Whether the objects that the input names may be kept.
     pub(super) fn wants_objects(&self) -> bool {
         self.objects.are_wanted()

@@ -5,9 +5,9 @@
 //! ranges. So the same code serves blocking and asynchronous readers.
 
 mod contents;
-pub(crate) mod objects;
 pub(crate) mod lists;
 pub(crate) mod needs;
+pub(crate) mod objects;
 pub(crate) mod opener;
 mod summary;
 pub(crate) mod texels;

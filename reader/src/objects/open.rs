@@ -261,18 +261,14 @@ impl OpenObjects {
     }
 
     /// Nodes of some pages that are as somebody wants them, ascending.
-    fn in_pages(
-        &self,
-        pages: Vec<u32>,
-        fetched: &Fetched,
-        wanted: impl Fn(&ObjectNode) -> bool,
-    ) -> Result<Vec<u32>> {
+    fn in_pages(&self, pages: Vec<u32>, fetched: &Fetched, wanted: impl Fn(&ObjectNode) -> bool) -> Result<Vec<u32>> {
         let (mut found, mut missing) = (vec![], vec![]);
         for page in pages {
             match self.nodes(page, fetched) {
                 Ok(nodes) => {
                     let first = page << PAGE_LOG2;
-                    found.extend((first..).zip(nodes.iter()).filter(|(_, node)| wanted(node)).map(|(number, _)| number));
+                    found
+                        .extend((first..).zip(nodes.iter()).filter(|(_, node)| wanted(node)).map(|(number, _)| number));
                 }
                 Err(Error::Missing { ranges }) => missing.extend(ranges),
                 Err(error) => return Err(error),

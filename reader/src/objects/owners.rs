@@ -128,7 +128,8 @@ fn code(
         });
         let step = bits.signed(&mut chances.islands[usize::from(block > 0)], found.wrapping_sub(before) as i32)?;
         let found = u32::try_from(i64::from(before) + i64::from(step)).ok().filter(|&found| found <= triangles);
-        let found = found.ok_or_else(|| Error::format("a block has more islands than triangles, or fewer than none"))?;
+        let found =
+            found.ok_or_else(|| Error::format("a block has more islands than triangles, or fewer than none"))?;
         if count == 0 && found > 0 {
             return Err(Error::format("an island has no owner"));
         }

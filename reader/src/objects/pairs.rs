@@ -1,9 +1,9 @@
 //! Pages of pairs: what is looked for, and where it is (SPEC.md, "Pages of pairs").
 
 use super::PAGE;
+use super::bits::Bits;
 #[cfg(feature = "write")]
 use crate::codec::texels::binary::BitEncoder;
-use super::bits::Bits;
 use crate::{
     codec::texels::binary::{BitDecoder, NumberChances},
     error::{Error, Result},

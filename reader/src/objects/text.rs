@@ -19,8 +19,8 @@ const END: u8 = 0xff;
 const MOST_MATCHING: u32 = 7;
 /// The probability in 1/4096 at each 128th place of the logistic curve.
 const CURVE: [i32; 33] = [
-    1, 2, 3, 6, 10, 16, 27, 45, 73, 120, 194, 310, 488, 747, 1101, 1546, 2047, 2549, 2994, 3348, 3607, 3785, 3901, 3975,
-    4022, 4050, 4068, 4079, 4085, 4089, 4092, 4093, 4094,
+    1, 2, 3, 6, 10, 16, 27, 45, 73, 120, 194, 310, 488, 747, 1101, 1546, 2047, 2549, 2994, 3348, 3607, 3785, 3901,
+    3975, 4022, 4050, 4068, 4079, 4085, 4089, 4092, 4093, 4094,
 ];
 
 /// What has been learned from the texts of a page.
@@ -73,15 +73,8 @@ impl Default for Texts {
 
 impl Texts {
     /// Codes a text; `field` tells names from ids, and `reference` is a text that is probably similar.
-    pub(super) fn code(
-        &mut self,
-        bits: &mut impl Bits,
-        field: u32,
-        reference: &[u8],
-        text: &[u8],
-    ) -> Result<Vec<u8>> {
-        let mut before =
-            Before { reference, at: 0, matching: 0, has_missed: false, letters: 0, word: 0, count: 0 };
+    pub(super) fn code(&mut self, bits: &mut impl Bits, field: u32, reference: &[u8], text: &[u8]) -> Result<Vec<u8>> {
+        let mut before = Before { reference, at: 0, matching: 0, has_missed: false, letters: 0, word: 0, count: 0 };
         let mut coded = Vec::new();
         loop {
             let letter = self.letter(bits, field, &before, text.get(coded.len()).copied().unwrap_or(END));

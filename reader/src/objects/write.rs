@@ -65,7 +65,8 @@ impl ObjectsWriter {
             let mut at = Some(node);
             let mut depth = 0;
             while let Some(node) = at {
-                let known = *depths.get(node as usize).ok_or_else(|| Error::model("the parent of an object is missing"))?;
+                let known =
+                    *depths.get(node as usize).ok_or_else(|| Error::model("the parent of an object is missing"))?;
                 if known != NONE {
                     depth = known + 1;
                     break;

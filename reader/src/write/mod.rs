@@ -72,12 +72,12 @@ pub use crate::format::{
     error_code::{storable_error, stored_error},
     records::MAX_LEVELS,
 };
+pub use crate::objects::ObjectNode;
 pub use above::Above;
 pub use assembly::{Arranged, Assembly};
 #[cfg(feature = "serde")]
 pub use elsewhere::{EncoderHead, EncoderShare};
 pub use encoder::{EncodedCluster, Encoder};
-pub use crate::objects::ObjectNode;
 pub use lists::ListSizes;
 pub use model::{ArcRecord, BlockRecord, LevelInfo, Model, OverviewRecord, RootRecord};
 pub use output::{Output, WriteReport};

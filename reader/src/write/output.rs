@@ -219,9 +219,9 @@ impl<S: Read + Write + Seek> Output<S> {
         if let Some(length) = texel_bytes {
             in_parts.insert(1, ("texels", kind::TEXELS, false, length));
         }
-        let object_pages = objects.iter().flat_map(|(objects, owners)| {
-            [&objects.before_owners[..], &owners[..], &objects.after_owners[..]]
-        });
+        let object_pages = objects
+            .iter()
+            .flat_map(|(objects, owners)| [&objects.before_owners[..], &owners[..], &objects.after_owners[..]]);
         if objects.is_some() {
             let length = object_pages.clone().map(|bytes| bytes.len() as u64).sum();
             in_parts.insert(in_parts.len() - 1, ("object pages", kind::OBJECT_PAGES, false, length));

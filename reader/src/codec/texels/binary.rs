@@ -140,7 +140,11 @@ impl<'a> BitDecoder<'a> {
     /// Checks that all bytes have been read.
     pub(crate) fn finish(self) -> Result<()> {
         self.check()?;
-        if self.bytes.as_slice().is_empty() { Ok(()) } else { Err(Error::format("a string of bits has bytes left over")) }
+        if self.bytes.as_slice().is_empty() {
+            Ok(())
+        } else {
+            Err(Error::format("a string of bits has bytes left over"))
+        }
     }
 }
 
