@@ -113,7 +113,8 @@ impl ObjectSink {
     /// Adds a node of the current file, and returns its number. Its parent was added before.
     pub fn add(&mut self, mut node: ObjectNode) -> u32 {
         for text in [&mut node.name, &mut node.id].into_iter().flatten().filter(|text| text.len() > MOST_BYTES) {
-            text.truncate(text.floor_char_boundary(MOST_BYTES));
+            let end = (0..=MOST_BYTES).rev().find(|&end| text.is_char_boundary(end));
+            text.truncate(end.unwrap_or(0));
             self.cut += 1;
         }
         let depth = |node: u32| self.depths[node as usize];
