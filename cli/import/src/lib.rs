@@ -187,7 +187,8 @@ pub fn import_with(
 fn finish(mut sink: MeshSink, progress: &dyn Progress) -> Result<Imported, ImportError> {
     let notes = [sink.channels(), sink.left_out()].into_iter().flatten();
     let of_files = std::mem::take(&mut sink.notes);
-    for note in of_files.into_iter().chain(notes).chain(sink.attributes.about_numbers()) {
+    let of_values = sink.attributes.about_numbers().into_iter().chain(sink.about_objects());
+    for note in of_files.into_iter().chain(notes).chain(of_values) {
         progress.note(&note);
     }
     let room = sink.room();

@@ -57,12 +57,24 @@ impl FromStr for Objects {
     }
 }
 
+/// The most bytes of a name or an id, as in files.
+const MOST_BYTES: usize = 4096;
+/// The most nodes above a node of an input; files allow some more.
+const MOST_ABOVE: u16 = 4000;
+/// Bytes of the name and the id of a node, as long as they mostly are.
+const BYTES_OF_NAMES: usize = 96;
+
 /// Collects the objects of one file after the other.
 #[derive(Debug, Default)]
 pub struct ObjectSink {
     choice: Objects,
     /// Of all files so far. Parents are nodes of the same file, and come first.
     nodes: Vec<ObjectNode>,
+    /// How many nodes are above each.
+    depths: Vec<u16>,
+    /// How many names and ids were cut, and how many nodes got others above them.
+    cut: u64,
+    raised: u64,
     /// Of all files so far. Triangles without an object have [`NONE`].
     runs: Vec<ObjectRun>,
     files: Vec<File>,
@@ -88,10 +100,46 @@ impl ObjectSink {
         self.choice != Objects::Join
     }
 
+    /// Bytes of memory that objects take of an input of some triangles.
+    pub fn bytes(&self, triangles: u64) -> u64 {
+        let nodes: usize = [size_of::<ObjectNode>() + BYTES_OF_NAMES, size_of::<ObjectRun>()]
+            .into_iter()
+            .zip([self.nodes.len(), self.runs.len()])
+            .map(|(bytes, count)| bytes * count)
+            .sum();
+        if self.runs.is_empty() { 0 } else { nodes as u64 + size_of::<u32>() as u64 * triangles }
+    }
+
     /// Adds a node of the current file, and returns its number. Its parent was added before.
-    pub fn add(&mut self, node: ObjectNode) -> u32 {
+    pub fn add(&mut self, mut node: ObjectNode) -> u32 {
+        for text in [&mut node.name, &mut node.id].into_iter().flatten().filter(|text| text.len() > MOST_BYTES) {
+            let end = (0..=MOST_BYTES).rev().find(|&end| text.is_char_boundary(end));
+            text.truncate(end.unwrap_or(0));
+            self.cut += 1;
+        }
+        let depth = |node: u32| self.depths[node as usize];
+        if let Some(parent) = node.parent.filter(|&parent| depth(parent) == MOST_ABOVE) {
+            node.parent = self.nodes[parent as usize].parent;
+            self.raised += 1;
+        }
+        self.depths.push(node.parent.map_or(0, |parent| depth(parent) + 1));
         self.nodes.push(node);
         self.nodes.len() as u32 - 1
+    }
+
+    /// Sentences about what is not kept as it is.
+    pub fn about(&self) -> Vec<String> {
+        let cut =
+            format!("{} names and ids of objects are longer than {MOST_BYTES} bytes: the rest was cut off", self.cut);
+        let raised = format!(
+            "{} objects and assemblies lie more than {MOST_ABOVE} deep in others: they were put into those {MOST_ABOVE} deep",
+            self.raised
+        );
+        [(self.cut, cut), (self.raised, raised)]
+            .into_iter()
+            .filter(|(count, _)| *count > 0)
+            .map(|(_, text)| text)
+            .collect()
     }
 
     /// Sets the object of the triangles from a number on: a node, or [`NONE`].
@@ -253,6 +301,22 @@ mod tests {
         ];
         assert_eq!(paths(&attributes, 8), expected);
         assert_eq!((attributes.nodes.len(), attributes.node_counts()), (7, [5, 2]));
+    }
+
+    #[test]
+    fn names_are_cut_between_letters_and_no_tree_is_too_deep() {
+        let mut sink = ObjectSink::new(Objects::Keep);
+        let mut parent = None;
+        for _ in 0..=2 * MOST_ABOVE {
+            parent = Some(sink.add(named(&"\u{20ac}".repeat(1400), parent)));
+        }
+        sink.set(parent.unwrap(), 0);
+        sink.end_file(Path::new("a.obj"), 0..1);
+        assert!(sink.about()[0].starts_with("8001 names") && sink.about()[1].starts_with("4000 objects"));
+        let mut attributes = Attributes::default();
+        sink.finish(&mut attributes);
+        assert_eq!((attributes.nodes.len(), attributes.nodes[0].name.as_ref().unwrap().len()), (4001, 4095));
+        assert_eq!(paths(&attributes, 1)[0].split('/').count(), 4001);
     }
 
     #[test]

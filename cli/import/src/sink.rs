@@ -332,6 +332,11 @@ impl MeshSink {
         self.attributes.set_chart(chart, triangles);
     }
 
+    /// Sentences about objects that are not kept as they are.
+    pub(super) fn about_objects(&self) -> Vec<String> {
+        self.objects.about()
+    }
+
     /// Whether the objects that the input names may be kept.
     pub(super) fn wants_objects(&self) -> bool {
         self.objects.are_wanted()
@@ -441,7 +446,8 @@ impl MeshSink {
     /// Bytes in memory beside the mesh.
     fn others(&self) -> u64 {
         let (_, triangles) = self.counts();
-        self.held.saturating_add(attribute_bytes(self.attributes.value_count(), triangles))
+        let objects = self.objects.bytes(triangles);
+        self.held.saturating_add(attribute_bytes(self.attributes.value_count(), triangles)).saturating_add(objects)
     }
 
     fn counts(&self) -> (u64, u64) {

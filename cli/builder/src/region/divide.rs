@@ -204,8 +204,11 @@ impl DividedMesh {
         let all_triangles: u64 = self.counts.triangles.iter().sum();
         // Its share of the vertices is estimated from its triangles.
         let share = |count: u64| (count as f64 * triangles as f64 / all_triangles.max(1) as f64) as u64;
+        let of_objects =
+            if self.counts.attributes.objects.is_empty() { 0 } else { size_of::<u32>() as u64 * triangles };
         region_bytes(share(self.input.vertex_count()), triangles)
             + attribute_bytes(share(self.values.count()), triangles)
+            + of_objects
     }
 
     /// The mesh of a region: its triangles in the order of the input, its vertices in the order in which these first
