@@ -23,7 +23,7 @@ import sys
 # rooms from the top down; a room alone is the crate as a whole.
 HOUSES = {
     "reader": [
-        ("lodpack", "reader/src", "open verify ground file stream heights decode select index write format codec lattice source limits sorted error".split())
+        ("lodpack", "reader/src", "open verify ground file stream heights decode select index write objects format codec lattice source limits sorted islands error".split())
     ],
     "cli": [
         ("lodpack_cli", "cli/src", "bin/lodpack serve tileset measure".split()),

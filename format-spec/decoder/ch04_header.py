@@ -34,9 +34,9 @@ class Header:
 # ---- 5 Section
 # directory -------------------------------------------------------------------------------------------------
 
-SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS, PLACEMENT, HEIGHTS, HEIGHT_INDEX, RAMP, GROUND, SCALES, DRAPE = range(1, 17)
+SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS, PLACEMENT, HEIGHTS, HEIGHT_INDEX, RAMP, GROUND, SCALES, DRAPE, OBJECTS, OBJECT_PAGES = range(1, 19)
 SECTION_FLAGS = {SOURCE: 0, LEVELS: 1, TABLES: 1, CLUSTERS: 1, INDEX: 3, PAGES: 3, OVERVIEW: 0, CHANNELS: 0, TEXELS: 2, PLACEMENT: 0}
-SECTION_FLAGS |= {HEIGHTS: 1, HEIGHT_INDEX: 3, RAMP: 0, GROUND: 2, SCALES: 1, DRAPE: 2}
+SECTION_FLAGS |= {HEIGHTS: 1, HEIGHT_INDEX: 3, RAMP: 0, GROUND: 2, SCALES: 1, DRAPE: 2, OBJECTS: 0, OBJECT_PAGES: 2}
 FIRST_PRIVATE_KIND = 0x80000000
 
 
@@ -77,6 +77,9 @@ def read_sections(file, header):
     must(CHANNELS not in sections or header.minor >= 1, "a file of version 4.0 has channels")
     must(SCALES not in sections or CHANNELS in sections, "SCALES is there without CHANNELS")
     must(SCALES not in sections or header.minor >= 4, "a file of a version before 4.4 has images in scales")
+    must((OBJECTS in sections) == (OBJECT_PAGES in sections), "OBJECTS is there without OBJECT_PAGES, or OBJECT_PAGES without OBJECTS")
+    must(OBJECTS not in sections or not has_heights, "a file of heights has objects")
+    must(OBJECTS not in sections or header.minor >= 6, "a file of a version before 4.6 has objects")
     must(last_kind == PAGES, "PAGES is not the last section")
     must(end == len(file), "there are bytes after the last section")
     return sections

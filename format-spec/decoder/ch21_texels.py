@@ -72,8 +72,8 @@ class BitStream:
         return unzigzag(self.number(chances))
 
     def end(self):
-        must(self.at <= len(self.data) + 5, "texels end early")
-        must(self.at >= len(self.data), "texels have bytes left over")
+        must(self.at <= len(self.data) + 5, "a string of bits ends early")
+        must(self.at >= len(self.data), "a string of bits has bytes left over")
 
 
 # ---- 21.2

@@ -1,4 +1,4 @@
-"""A whole file with a mesh: chapters 4 to 13, 20, 21 and 23 together."""
+"""A whole file with a mesh: chapters 4 to 13, 20, 21, 23 and 24 together."""
 
 from .ch02_conventions import must
 from .ch04_header import (
@@ -8,6 +8,8 @@ from .ch04_header import (
     Header,
     INDEX,
     LEVELS,
+    OBJECT_PAGES,
+    OBJECTS,
     OVERVIEW,
     PAGES,
     PLACEMENT,
@@ -27,6 +29,7 @@ from .ch12_irregular import IrregularBlock
 from .ch13_grid import GridBlock
 from .ch20_channels import Channels, read_texels
 from .ch23_ground import Ground
+from .ch24_objects import Objects
 
 FILLINGS.update({0: IrregularBlock, 1: GridBlock})
 
@@ -76,6 +79,9 @@ class File:
         if SCALES in sections:
             self.channels.read_scales(sections[SCALES])
         self.texels = read_texels(sections[TEXELS], self.channels, self.index) if self.channels else None
+        self.objects = None
+        if OBJECTS in sections:
+            self.objects = Objects(sections[OBJECTS], sections[OBJECT_PAGES], self.clusters, self.index, self.patches)
         self.ground = Ground(sections[GROUND], self.placement) if GROUND in sections else None
 
     def decode_arcs(self, l, numbers, stream):

@@ -55,6 +55,11 @@ def bits_of(x):
     return struct.pack(">d", x).hex()
 
 
+def ascii_of(text):
+    """Every character that could be written in two ways is written as UTF-16."""
+    return "".join(c if "!" <= c <= "~" and c not in '"\\' else utf16(c) for c in text)
+
+
 def print_json(file, out):
     step_log2 = file.header.step_log2
 
@@ -107,10 +112,18 @@ def print_json(file, out):
         members.append(array("channels", [line(channel(*x)) for x in zip(file.channels.channels, file.channels.scales)]))
     if file.placement is not None:
         up, unit, origin, crs = file.placement
-        # Every character that could be written in two ways is written as UTF-16.
-        text = "".join(c if "!" <= c <= "~" and c not in '"\\' else utf16(c) for c in crs)
+        text = ascii_of(crs)
         head = line({"up": up, "unit": bits_of(unit or 0.0), "origin": [bits_of(x) for x in origin]})
         members.append(f'"placement":{head[:-1]},"crs":"{text}"}}')
+    if file.objects is not None:
+        def text_of(x):
+            return "null" if x is None else f'"{ascii_of(x)}"'
+
+        objects = file.objects
+        members.append(f'"object_count":{objects.count}')
+        nodes = [f"[{text_of(node.name)},{text_of(node.id)},{line(node.parent)}]" for node in objects.nodes]
+        members.append(array("nodes", nodes))
+        members.append(array("owners", [line([k, leaf.objects, leaf.blocks]) for k, leaf in objects.leaves.items()]))
     if file.ground is not None:
         heights = file.ground.heights
         places = [Drawn(heights, tile).places[SIDE**2 // 2] for tile in heights.tiles if tile[0] == 0]

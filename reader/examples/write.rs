@@ -89,6 +89,7 @@ fn model() -> Result<Model, Box<dyn Error>> {
                 triangle_count: triangles.len() as u32,
                 symbols,
                 texels: vec![],
+                owners: vec![],
             }));
         }
         let bounds = [[0.0; 3], [1.0, 1.0, 0.1]];

@@ -1,6 +1,10 @@
 //! An open file: an index, and a source from which it reads what an answer needs.
 
+mod objects;
+
 use std::{ops::Range, sync::Arc};
+
+pub use objects::FileObjects;
 
 #[cfg(feature = "threads")]
 use crate::stream::{Streamer, StreamerOptions, Walk};

@@ -97,8 +97,11 @@ mod ground;
 #[cfg_attr(not(feature = "write"), expect(dead_code, unused_imports, reason = "only the writer calls encoders"))]
 pub mod heights;
 pub mod index;
+mod islands;
 mod lattice;
 mod limits;
+#[cfg_attr(not(feature = "write"), expect(dead_code, reason = "only the writer calls what writes records"))]
+pub mod objects;
 mod open;
 pub mod select;
 mod sorted;
@@ -120,11 +123,12 @@ pub(crate) mod tests;
 
 pub use decode::{Mesh, Overview};
 pub use error::{Error, Result};
-pub use file::File;
+pub use file::{File, FileObjects};
 #[cfg(feature = "write")]
 pub use ground::join_ground;
 pub use ground::{Ground, GroundFrame};
 pub use index::{Index, Opener};
+pub use islands::islands;
 pub use lattice::{Lattice, LatticePoint};
 pub use limits::Limits;
 pub use open::{Opened, OpenedIndex};

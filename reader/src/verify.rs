@@ -1,5 +1,7 @@
 //! Verifying a whole file: all checksums, then every rule that opening and extracting check only for the parts in use.
 
+mod objects;
+
 use std::{collections::BTreeMap, ops::Range};
 
 use crate::{
@@ -94,6 +96,7 @@ impl<S: ReadAt> File<S> {
                 })?;
             }
         }
+        self.verify_object_lists()?;
         self.verify_texels()
     }
 
@@ -145,6 +148,7 @@ impl<S: ReadAt> File<S> {
         self.verify_arc_uses()?;
         self.verify_corners()?;
         self.verify_summaries()?;
+        self.verify_owners()?;
         self.overview()?;
         for (number, cluster) in (0..).zip(self.index().clusters()?) {
             for level in 0..self.level_count() as u8 {

@@ -2,10 +2,11 @@
 //! `format-spec/vectors/README.md` describes the layout.
 
 use lodpack::{
-    File, Ground, LatticePoint, Overview, ReadAt, Result,
+    File, FileObjects, Ground, LatticePoint, Overview, ReadAt, Result,
     decode::Patch,
     heights::SIDE,
     index::{BlockContents, ChannelInfo, Placement, RootContents, Scale, TexelBytes},
+    objects::ObjectNode,
 };
 use std::fmt::{Display, Write};
 
@@ -49,12 +50,11 @@ pub fn dump<R: ReadAt>(file: &File<R>) -> Result<String> {
     }
     if let Some(Placement { up, unit, origin, crs }) = file.placement() {
         let (up, unit, origin) = (*up as u8, bits(unit.unwrap_or(0.0)), list(origin.map(bits)));
-        // ASCII, as Python writes it.
-        let crs: String = crs
-            .chars()
-            .map(|c| if c.is_ascii_graphic() && c != '"' && c != '\\' { c.to_string() } else { escaped(c) })
-            .collect();
+        let crs = ascii(crs);
         members.push(format!(r#""placement":{{"up":{up},"unit":{unit},"origin":{origin},"crs":"{crs}"}}"#));
+    }
+    if let Some(objects) = file.objects() {
+        members.extend(objects_text(file, &objects)?);
     }
     if let Some(ground) = file.ground()? {
         members.push(format!(r#""ground":{}"#, ground_text(&ground)?));
@@ -74,6 +74,33 @@ fn ground_text<R: ReadAt>(Ground { heights, frame }: &Ground<R>) -> Result<Strin
     }
     let (scale, middles) = (bits(frame.scale()), list(middles));
     Ok(format!(r#"{{"columns":{columns},"rows":{rows},"scale":{scale},"middles":{middles}}}"#))
+}
+
+/// All nodes, and of each leaf its objects and those of the islands of each block.
+fn objects_text<R: ReadAt>(file: &File<R>, objects: &FileObjects<'_, R>) -> Result<[String; 3]> {
+    let mut nodes = vec![];
+    for number in 0..objects.node_count() {
+        let ObjectNode { name, id, parent } = objects.node(number)?;
+        let text = |text: &Option<String>| text.as_ref().map_or("null".into(), |text| format!("\"{}\"", ascii(text)));
+        let parent = parent.map_or("null".into(), |parent| parent.to_string());
+        nodes.push(format!("[{},{},{parent}]", text(&name), text(&id)));
+    }
+    let mut leaves = vec![];
+    for root in 0..file.root_count() {
+        if file.children(root)?.is_empty() {
+            let blocks = file.root_contents(root)?.blocks;
+            let owners = blocks.iter().map(|block| objects.owners(root, block.level).map(list));
+            let owners = list(owners.collect::<Result<Vec<_>>>()?);
+            leaves.push(format!("[{root},{},{owners}]", list(objects.of_leaf(root)?)));
+        }
+    }
+    Ok([format!(r#""object_count":{}"#, objects.count()), lines("nodes", nodes), lines("owners", leaves)])
+}
+
+/// A text in ASCII, as Python writes it.
+fn ascii(text: &str) -> String {
+    let one = |c: char| if c.is_ascii_graphic() && c != '"' && c != '\\' { c.to_string() } else { escaped(c) };
+    text.chars().map(one).collect()
 }
 
 /// A character of a text as UTF-16 in ASCII.

@@ -1,6 +1,7 @@
 //! Integration tests, benchmark and peer drivers of lodpack.
 #![allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter")]
 
+pub mod boxes;
 pub mod city;
 pub mod corpus;
 pub mod dump;

@@ -18,6 +18,7 @@ mod inputs;
 mod lines;
 mod lodpack_file;
 mod obj;
+mod objects;
 mod off;
 mod one_colour;
 mod place;
@@ -49,6 +50,7 @@ use error::Parsed;
 pub use error::{ImportError, Location};
 pub use gltf::decode_percent;
 pub use inputs::find_inputs;
+pub use objects::Objects;
 pub use place::survey_meshes;
 pub use ranged::RangedMesh;
 use raster::RasterOptions;
@@ -73,6 +75,16 @@ pub struct ImportOptions {
     pub raster: RasterOptions,
     /// Whether the charts of an input that has some, an atlas, are forgotten.
     pub new_charts: bool,
+    /// What becomes of the objects that inputs name. Whether they meet, which matters to [`Objects::Auto`], is not
+    /// looked at here.
+    pub objects: Objects,
+}
+
+impl ImportOptions {
+    /// The shape alone.
+    pub(crate) fn shape() -> Self {
+        Self { channels: Channels::None, objects: Objects::Join, ..Self::default() }
+    }
 }
 
 /// Reads mesh files (OBJ, OFF, PLY, STL, glTF, GLB, lodpack) into one mesh, in the given order.
@@ -94,7 +106,7 @@ pub fn import_meshes(paths: &[PathBuf], progress: &dyn Progress) -> Result<Mesh,
 ///
 /// Those of [`import_meshes`].
 pub fn import_shape(paths: &[PathBuf], raster: &RasterOptions, progress: &dyn Progress) -> Result<Mesh, ImportError> {
-    let options = ImportOptions { channels: Channels::None, raster: raster.clone(), new_charts: false };
+    let options = ImportOptions { raster: raster.clone(), ..ImportOptions::shape() };
     match import_large_meshes(paths, &Room::memory_alone(), &options, progress)? {
         Imported::Memory(surface) => Ok(surface.mesh),
         // Unlimited memory never spills.
@@ -120,12 +132,14 @@ pub fn import_large_meshes(
     let sizes: Vec<u64> = paths.iter().map(|p| std::fs::metadata(p).map_or(0, |m| m.len())).collect();
     progress.begin("import", sizes.iter().fold(0, |sum: u64, &size| sum.saturating_add(size)));
     let progress = &FewNotes::new(progress);
-    let mut sink = MeshSink::new(room.clone(), &options.channels);
     if raster::are_rasters(paths)? {
+        // They are one ground.
+        let mut sink = MeshSink::new(room.clone(), &ImportOptions { objects: Objects::Join, ..options.clone() });
         raster::read_rasters(paths, &options.raster, &mut sink, progress)?;
         progress.advance(sizes.iter().fold(0, |sum: u64, &size| sum.saturating_add(size)));
         return finish(sink, progress);
     }
+    let mut sink = MeshSink::new(room.clone(), options);
     for (path, size) in paths.iter().zip(sizes) {
         let bytes = FileBytes::open(path)?;
         read_mesh(&Source::of_file(path, &bytes, progress), &mut sink)?;
@@ -141,7 +155,7 @@ pub fn import_large_meshes(
 ///
 /// Those of [`import_meshes`].
 pub fn import_bytes(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Mesh, ImportError> {
-    let mut sink = MeshSink::new(Room::memory_alone(), &Channels::None);
+    let mut sink = MeshSink::new(Room::memory_alone(), &ImportOptions::shape());
     read_mesh(&Source::new(path, bytes, progress), &mut sink)?;
     match sink.finish()? {
         Imported::Memory(surface) => Ok(surface.mesh),
@@ -163,7 +177,7 @@ pub fn import_with(
     progress: &dyn Progress,
     push: impl FnOnce(&mut MeshSink) -> Parsed<()>,
 ) -> Result<Imported, ImportError> {
-    let mut sink = MeshSink::new(room.clone(), &options.channels);
+    let mut sink = MeshSink::new(room.clone(), options);
     push(&mut sink)?;
     sink.end_file(path)?;
     finish(sink, progress)
@@ -173,7 +187,8 @@ pub fn import_with(
 fn finish(mut sink: MeshSink, progress: &dyn Progress) -> Result<Imported, ImportError> {
     let notes = [sink.channels(), sink.left_out()].into_iter().flatten();
     let of_files = std::mem::take(&mut sink.notes);
-    for note in of_files.into_iter().chain(notes).chain(sink.attributes.about_numbers()) {
+    let of_values = sink.attributes.about_numbers().into_iter().chain(sink.about_objects());
+    for note in of_files.into_iter().chain(notes).chain(of_values) {
         progress.note(&note);
     }
     let room = sink.room();
@@ -324,6 +339,8 @@ mod exporter_tests;
 mod fallback_tests;
 #[cfg(test)]
 mod material_tests;
+#[cfg(test)]
+mod object_tests;
 #[cfg(test)]
 mod ranged_tests;
 #[cfg(test)]

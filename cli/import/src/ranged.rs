@@ -11,12 +11,14 @@ use glam::DVec3;
 
 use super::attributes::AttributeSink;
 use super::error::{ImportError, Parsed};
+use super::objects::{ObjectSink, Objects};
 use super::ply::PlyPlaces;
 use super::source::{FileBytes, Source};
 use super::text_files::{TextFiles, TextPlaces};
 use super::{Format, check_size, detect_format, raster, stl};
 use lodpack_mesh::Mesh;
 use lodpack_mesh::appearance::Channels;
+use lodpack_mesh::attributes::Attributes;
 use lodpack_runtime::progress::Silent;
 use lodpack_runtime::storage::Windows;
 
@@ -104,6 +106,19 @@ impl RangedMesh {
     /// The number of triangles.
     pub fn triangle_count(&self) -> u64 {
         self.files.last().map_or(0, |file| file.first_triangle + file.content.counts()[1])
+    }
+
+    /// What the inputs name: puts the objects of all triangles into their attributes.
+    pub fn find_objects(&self, choice: Objects, attributes: &mut Attributes) {
+        let mut sink = ObjectSink::new(choice);
+        for file in &self.files {
+            if let Content::Read(places) = &file.content {
+                places.add_objects(file.first_triangle, &mut sink);
+            }
+            let [_, triangles] = file.content.counts();
+            sink.end_file(&file.path, file.first_triangle..file.first_triangle + triangles);
+        }
+        sink.finish(attributes);
     }
 
     /// The position of a vertex; [`DVec3::NAN`] where there is none.

@@ -7,12 +7,15 @@ use glam::DVec3;
 
 use super::attributes::AttributeSink;
 use super::error::Parsed;
+use super::objects::ObjectSink;
 use super::polygon::Triangulator;
 use super::source::Source;
-use super::{ImportError, check_size};
+use super::{ImportError, ImportOptions, check_size};
 use lodpack_mesh::Mesh;
-use lodpack_mesh::appearance::{Appearance, Channels};
-use lodpack_mesh::attributes::{AttributeLayout, Attributes, Surface};
+#[cfg(doc)]
+use lodpack_mesh::NONE;
+use lodpack_mesh::appearance::Appearance;
+use lodpack_mesh::attributes::{AttributeLayout, Attributes, ObjectNode, Surface};
 use lodpack_runtime::storage::memory::{attribute_bytes, mesh_bytes, texel_bytes};
 use lodpack_runtime::storage::{Lookup, RecordWriter, WorkDirectory, WorkError};
 
@@ -206,6 +209,7 @@ pub struct MeshSink {
     polygon: Vec<[u32; 3]>,
     /// What the surface carries.
     pub attributes: AttributeSink,
+    objects: ObjectSink,
     /// What the files contain beside their surface.
     left_out: BTreeSet<&'static str>,
     /// What a user should know of the files that have ended.
@@ -213,7 +217,7 @@ pub struct MeshSink {
 }
 
 impl MeshSink {
-    pub(super) fn new(room: Room, channels: &Channels) -> Self {
+    pub(super) fn new(room: Room, options: &ImportOptions) -> Self {
         Self {
             room,
             mesh: Mesh::default(),
@@ -224,7 +228,8 @@ impl MeshSink {
             first_triangle: 0,
             held: 0,
             polygon: vec![],
-            attributes: AttributeSink::new(channels),
+            attributes: AttributeSink::new(&options.channels),
+            objects: ObjectSink::new(options.objects),
             left_out: BTreeSet::new(),
             notes: vec![],
         }
@@ -327,6 +332,27 @@ impl MeshSink {
         self.attributes.set_chart(chart, triangles);
     }
 
+    /// Sentences about objects that are not kept as they are.
+    pub(super) fn about_objects(&self) -> Vec<String> {
+        self.objects.about()
+    }
+
+    /// Whether the objects that the input names may be kept.
+    pub(super) fn wants_objects(&self) -> bool {
+        self.objects.are_wanted()
+    }
+
+    /// Adds an object or an assembly that the file names; its parent was added before. Returns its number.
+    pub fn add_node(&mut self, node: ObjectNode) -> u32 {
+        self.objects.add(node)
+    }
+
+    /// Sets the object of the triangles that follow: the number of a node of the file, or [`NONE`].
+    pub fn set_object(&mut self, node: u32) {
+        let (_, triangles) = self.counts();
+        self.objects.set(node, triangles);
+    }
+
     /// Declares the record of every vertex of the file; those that are already there get a blank one.
     pub(super) fn set_vertex_layout(&mut self, layout: AttributeLayout) {
         let vertices = self.vertex_count();
@@ -390,6 +416,7 @@ impl MeshSink {
         let own = [vertices - self.first_vertex, triangles - self.first_triangle];
         let notes = self.attributes.end_file(own, [vertices, triangles], self.room.memory / 2);
         self.notes.extend(notes.into_iter().map(|note| format!("{}: {note}", path.display())));
+        self.objects.end_file(path, self.first_triangle..triangles);
         (self.first_vertex, self.first_triangle) = (vertices, triangles);
         self.lookup = None;
         self.held = 0;
@@ -408,7 +435,8 @@ impl MeshSink {
         }
         self.attributes.check_names()?;
         self.attributes.check_count()?;
-        let (attributes, appearance) = self.attributes.finish();
+        let (mut attributes, appearance) = self.attributes.finish();
+        self.objects.finish(&mut attributes);
         match self.spill {
             Some(spill) => Ok(spill.finish(attributes, appearance).map_err(ImportError::from)?),
             None => Ok(Imported::Memory(Surface { mesh: self.mesh, attributes, appearance })),
@@ -418,7 +446,8 @@ impl MeshSink {
     /// Bytes in memory beside the mesh.
     fn others(&self) -> u64 {
         let (_, triangles) = self.counts();
-        self.held.saturating_add(attribute_bytes(self.attributes.value_count(), triangles))
+        let objects = self.objects.bytes(triangles);
+        self.held.saturating_add(attribute_bytes(self.attributes.value_count(), triangles)).saturating_add(objects)
     }
 
     fn counts(&self) -> (u64, u64) {

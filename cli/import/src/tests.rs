@@ -25,7 +25,7 @@ impl Progress for Notes {
 /// Reads bytes as if they were a file of this name, and returns the mesh and the notes.
 pub(super) fn import_noting(name: &str, bytes: &[u8]) -> (Result<Mesh, ImportError>, String) {
     let notes = Notes::default();
-    let mut sink = MeshSink::new(Room::memory_alone(), &Channels::None);
+    let mut sink = MeshSink::new(Room::memory_alone(), &ImportOptions::shape());
     let read = read_mesh(&Source::new(Path::new(name), bytes, &notes), &mut sink);
     if let Some(left_out) = sink.left_out() {
         notes.note(&left_out);
@@ -60,7 +60,7 @@ const TRIANGLE: &[u8] = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
 /// Nothing but the shape.
 fn shape() -> ImportOptions {
-    ImportOptions { channels: Channels::None, ..ImportOptions::default() }
+    ImportOptions { objects: Objects::Auto, ..ImportOptions::shape() }
 }
 
 #[test]

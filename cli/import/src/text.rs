@@ -16,8 +16,8 @@ use super::ply::PlyLines;
 use super::polygon::{THIN, distinct_corners};
 use super::ranged::{Places, files_of};
 use super::source::{FileBytes, Source};
-use super::text_files::{TextPiece, file_names};
-use super::{Format, detect_format, obj};
+use super::text_files::{TextName, TextPiece, file_names};
+use super::{Format, Objects, detect_format, obj};
 use lodpack_mesh::appearance::Channels;
 use lodpack_mesh::{Mesh, NONE};
 use lodpack_runtime::progress::Silent;
@@ -199,6 +199,9 @@ pub struct TextSink {
     polygon_words: u64,
     /// Corners of polygons that precede a vertex of theirs, each list behind its length.
     late: Vec<u32>,
+    /// Their triangles.
+    late_triangles: u64,
+    objects: Objects,
     piece: TextPiece,
     pieces: Vec<TextPiece>,
     polygon: Vec<u32>,
@@ -206,11 +209,11 @@ pub struct TextSink {
 }
 
 impl TextSink {
-    /// Begins the files of a task.
+    /// Begins the files of a task. `objects` says what becomes of the objects that texts name.
     ///
     /// # Errors
     /// If they cannot be made.
-    pub fn create(directory: &WorkDirectory, task: u32) -> Result<Self, WorkError> {
+    pub fn create(directory: &WorkDirectory, task: u32, objects: Objects) -> Result<Self, WorkError> {
         let [vertices, triangles, polygons] = file_names(task);
         Ok(Self {
             vertices: RecordWriter::create(directory, &vertices)?,
@@ -218,6 +221,8 @@ impl TextSink {
             polygons: RecordWriter::create(directory, &polygons)?,
             polygon_words: 0,
             late: vec![],
+            late_triangles: 0,
+            objects,
             piece: TextPiece::of(0),
             pieces: vec![],
             polygon: vec![],
@@ -236,6 +241,7 @@ impl TextSink {
     /// If a disk is full.
     pub fn end(&mut self) -> Result<(), ImportError> {
         let late = std::mem::take(&mut self.late);
+        self.late_triangles = 0;
         let mut rest = &late[..];
         while let Some((&length, following)) = rest.split_first() {
             let (corners, next) = following.split_at(length as usize);
@@ -284,6 +290,7 @@ impl TextSink {
         if corners.len() < 3 {
             self.skip_thin();
         } else if is_late {
+            self.late_triangles += corners.len() as u64 - 2;
             self.late.push(corners.len() as u32);
             self.late.extend_from_slice(&corners);
         } else {
@@ -309,6 +316,15 @@ impl TextSink {
         };
         written.map_err(ImportError::from)?;
         Ok(corners.len() as u64 - 2)
+    }
+
+    /// Remembers an object or a group of an OBJ file that begins.
+    pub(super) fn name(&mut self, is_object: bool, rest: &[u8]) {
+        if self.objects == Objects::Join {
+            return self.leave_out("groups");
+        }
+        let at = [self.piece.triangles[0], self.late_triangles];
+        self.piece.names.push(TextName { is_object, rest: rest.trim_ascii().to_vec(), at });
     }
 
     /// Counts something that is skipped.

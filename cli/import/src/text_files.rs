@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::obj::ObjObjects;
+use super::objects::ObjectSink;
 use super::polygon::Triangulator;
 use lodpack_mesh::{Mesh, NONE};
 use lodpack_runtime::storage::{DAMAGED, Lookup, Record, RecordReader, Windows, WorkDirectory, WorkError};
@@ -26,13 +28,26 @@ pub struct TextPiece {
     pub skipped: BTreeMap<String, u64>,
     /// What there is beside the surface.
     pub left_out: BTreeSet<String>,
+    /// The objects and groups that begin.
+    pub names: Vec<TextName>,
+}
+
+/// An object or a group of an OBJ file that begins.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TextName {
+    /// Whether it is an object.
+    pub is_object: bool,
+    /// Its name.
+    pub rest: Vec<u8>,
+    /// How many triangles precede it, in the order of the file, and of those behind them.
+    pub at: [u64; 2],
 }
 
 impl TextPiece {
     /// Nothing of a file yet.
     pub(super) fn of(file: u32) -> Self {
-        let (skipped, left_out) = Default::default();
-        Self { file, vertices: 0, triangles: [0; 2], bounds: Mesh::default().bounds(), skipped, left_out }
+        let (skipped, left_out, names) = Default::default();
+        Self { file, vertices: 0, triangles: [0; 2], bounds: Mesh::default().bounds(), skipped, left_out, names }
     }
 }
 
@@ -62,6 +77,10 @@ pub(super) struct TextPlaces {
     vertices: Vec<Run>,
     /// Triangles in order.
     triangles: Vec<Run>,
+    /// The objects and groups that begin, each behind how many triangles of the file.
+    names: Vec<TextName>,
+    /// How many triangles are not behind all others.
+    triangles_in_order: u64,
     windows: Windows,
 }
 
@@ -118,6 +137,7 @@ impl TextPlaces {
     /// What tasks have read of a file.
     pub fn open(texts: TextFiles, file: u32) -> Result<Self, WorkError> {
         let (mut tasks, mut vertices, mut triangles, mut late) = (vec![], vec![], vec![], vec![]);
+        let (mut names, mut passed) = (vec![], [0; 2]);
         for (task, pieces) in (0..).zip(texts.pieces) {
             let all = |count: fn(&TextPiece) -> u64, pieces: &[TextPiece]| pieces.iter().map(count).sum::<u64>();
             let of_vertices: fn(&TextPiece) -> u64 = |piece| piece.vertices;
@@ -130,10 +150,27 @@ impl TextPlaces {
             let at = all(of_triangles, before);
             Run::push(&mut triangles, piece.triangles[0], files, at);
             late.push((piece.triangles[1], files, at + piece.triangles[0]));
+            let behind = |at: [u64; 2]| [0, 1].map(|k| passed[k] + at[k]);
+            names.extend(piece.names.iter().map(|name| TextName { at: behind(name.at), ..name.clone() }));
+            passed = behind(piece.triangles);
         }
+        let triangles_in_order = passed[0];
         late.into_iter().for_each(|(count, files, at)| Run::push(&mut triangles, count, files, at));
         let bytes = vertices.last().map_or(0, |run: &Run| run.end() as usize * DVec3::BYTES);
-        Ok(Self { tasks, vertices, triangles, windows: Windows::new(bytes) })
+        Ok(Self { tasks, vertices, triangles, names, triangles_in_order, windows: Windows::new(bytes) })
+    }
+
+    /// Adds the objects of the file, whose first triangle is given, as reading all of it would.
+    pub fn add_objects(&self, first_triangle: u64, sink: &mut ObjectSink) {
+        let mut objects = ObjObjects::new();
+        let start = objects.place();
+        for (k, first) in [first_triangle, first_triangle + self.triangles_in_order].into_iter().enumerate() {
+            sink.set(objects.go_back(start), first);
+            for name in &self.names {
+                let node = objects.begin(name.is_object, &name.rest, |node| sink.add(node));
+                sink.set(node, first + name.at[k]);
+            }
+        }
     }
 
     /// The number of vertices and that of triangles.

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::Mesh;
 use super::appearance::Appearance;
 pub use super::layout::AttributeLayout;
+pub use lodpack::write::ObjectNode;
 
 /// A mesh with what it carries beside its shape.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -38,6 +39,10 @@ pub struct Attributes {
     /// The charts that the input itself cuts its triangles into, as runs like those of materials; empty if it is not
     /// cut.
     pub charts: Vec<ChartRun>,
+    /// What the input names: objects, and assemblies of them; empty if nothing of it is kept. Parents come first.
+    pub nodes: Vec<ObjectNode>,
+    /// The objects of triangles, as runs like those of materials: each triangle has one, unless there are no nodes.
+    pub objects: Vec<ObjectRun>,
     /// The values of all vertices of all files.
     pub vertex_values: Vec<f32>,
     /// The values of all corners of all triangles of all files.
@@ -47,7 +52,27 @@ pub struct Attributes {
 impl Attributes {
     /// Whether triangles carry nothing, so that regions do not have to know their numbers.
     pub fn are_empty(&self, appearance: &Appearance) -> bool {
-        appearance.is_empty() && self.charts.is_empty()
+        appearance.is_empty() && self.charts.is_empty() && self.objects.is_empty()
+    }
+
+    /// Forgets what the input names.
+    pub fn join_objects(&mut self) {
+        (self.nodes, self.objects) = (vec![], vec![]);
+    }
+
+    /// The object of a triangle.
+    #[inline]
+    pub fn object(&self, triangle: u32) -> u32 {
+        let run = self.objects.partition_point(|run| run.first_triangle <= triangle);
+        run.checked_sub(1).map_or(0, |run| self.objects[run].node)
+    }
+
+    /// How many nodes are objects, and how many are assemblies.
+    pub fn node_counts(&self) -> [u64; 2] {
+        let mut is_object = vec![false; self.nodes.len()];
+        self.objects.iter().for_each(|run| is_object[run.node as usize] = true);
+        let objects = is_object.iter().filter(|&&is_object| is_object).count();
+        [objects as u64, (self.nodes.len() - objects) as u64]
     }
 }
 
@@ -101,6 +126,15 @@ pub struct ChartRun {
     pub chart: u32,
 }
 
+/// Consecutive triangles of one object, up to the next run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ObjectRun {
+    /// The first triangle.
+    pub first_triangle: u32,
+    /// The number of the object among the nodes.
+    pub node: u32,
+}
+
 /// Where the values of an input are.
 pub trait AttributeValues {
     /// Copies values of vertices, beginning with a place.
@@ -130,6 +164,8 @@ pub struct RegionAttributes {
     pub materials: Vec<u16>,
     /// The chart of each triangle; empty if the input is not cut into charts.
     pub charts: Vec<u32>,
+    /// The object of each triangle, as a number of a node of the input; empty if it has none.
+    pub objects: Vec<u32>,
 }
 
 impl PartialEq for RegionAttributes {
@@ -137,7 +173,7 @@ impl PartialEq for RegionAttributes {
     fn eq(&self, other: &Self) -> bool {
         let bits = |of: &Self| -> Vec<u32> { of.records.iter().map(|value| value.to_bits()).collect() };
         let is_same = self.corners == other.corners && self.materials == other.materials && self.charts == other.charts;
-        is_same && bits(self) == bits(other)
+        is_same && self.objects == other.objects && bits(self) == bits(other)
     }
 }
 
@@ -167,6 +203,9 @@ impl RegionAttributes {
             if !attributes.charts.is_empty() {
                 let run = attributes.charts.partition_point(|run| run.first_triangle <= number);
                 all.charts.push(run.checked_sub(1).map_or(0, |run| attributes.charts[run].chart));
+            }
+            if !attributes.objects.is_empty() {
+                all.objects.push(attributes.object(number));
             }
             if layout.stride == 0 {
                 continue;
@@ -200,7 +239,7 @@ impl RegionAttributes {
     /// Keeps some triangles: their numbers before repair, and whether repair has reversed them.
     pub fn keep(&mut self, kept: impl ExactSizeIterator<Item = (u32, bool)>) {
         let (corners, materials) = (std::mem::take(&mut self.corners), std::mem::take(&mut self.materials));
-        let charts = std::mem::take(&mut self.charts);
+        let (charts, objects) = (std::mem::take(&mut self.charts), std::mem::take(&mut self.objects));
         if !corners.is_empty() {
             self.corners.reserve_exact(kept.len());
         }
@@ -213,6 +252,7 @@ impl RegionAttributes {
             }
             self.materials.extend(materials.get(number as usize));
             self.charts.extend(charts.get(number as usize));
+            self.objects.extend(objects.get(number as usize));
         }
     }
 
@@ -233,14 +273,15 @@ impl RegionAttributes {
 
     /// Bytes of memory that it takes.
     pub fn bytes(&self) -> u64 {
-        let numbers = self.records.len() + self.charts.len();
+        let numbers = self.records.len() + self.charts.len() + self.objects.len();
         (12 * self.corners.len() + 4 * numbers + 2 * self.materials.len()) as u64
     }
 
     /// Whether a region with this number of triangles can have these attributes.
     pub fn fits(&self, triangles: usize) -> bool {
         let of_all = |count: usize| count == 0 || count == triangles;
-        [self.corners.len(), self.materials.len(), self.charts.len()].into_iter().all(of_all)
+        let counts = [self.corners.len(), self.materials.len(), self.charts.len(), self.objects.len()];
+        counts.into_iter().all(of_all)
     }
 }
 
@@ -330,6 +371,8 @@ mod tests {
             ],
             materials: vec![MaterialRun { first_triangle: 1, material: 7 }],
             charts: vec![],
+            nodes: vec![ObjectNode::default(); 4],
+            objects: [(0, 3), (1, 2)].map(|(first_triangle, node)| ObjectRun { first_triangle, node }).to_vec(),
             vertex_values: [&[10.0, 11.0, 11.0][..], &[0.25; 12]].concat(),
             corner_values: vec![0.5, 0.5, 0.5, 0.5, 0.75, 0.5],
         };
@@ -337,7 +380,8 @@ mod tests {
         let triangles = [(0, [0, 1, 2]), (1, [3, 4, 5])];
         let mut region = RegionAttributes::gather(&attributes, &appearance, &attributes, triangles.into_iter());
         assert_eq!(region.corners, [[0, 1, 1], [2, 2, 3]]);
-        assert_eq!(region.materials, [0, 7]);
+        assert_eq!((&region.materials[..], &region.objects[..]), (&[0, 7][..], &[3, 2][..]));
+        assert_eq!(attributes.node_counts(), [2, 2]);
         let [a, b, _] = region.records_of(0, 7);
         assert_eq!((a[0], b[0], &a[1..5]), (10.0, 11.0, &[1.0; 4][..]));
         assert!(a[5].is_nan() && a[6].is_nan());
@@ -347,6 +391,7 @@ mod tests {
         assert!(region == region.clone() && region.fits(2) && !region.fits(3));
         region.keep([(1, true)].into_iter());
         assert_eq!((&region.corners[..], &region.materials[..]), (&[[2, 3, 2]][..], &[7][..]));
+        assert_eq!(region.objects, [2]);
     }
 
     #[test]

@@ -33,7 +33,7 @@ pub struct GlbLevel {
 
 /// What meshes of one file consist of.
 #[derive(Default)]
-struct Scene {
+pub(super) struct Scene {
     binary: Binary,
     accessors: Vec<Value>,
     meshes: Vec<Value>,
@@ -121,7 +121,7 @@ pub fn screen_coverages(levels: &[GlbLevel]) -> Vec<f64> {
 
 impl Scene {
     /// Adds a mesh, relative to an origin.
-    fn add(&mut self, mesh: &PagedMesh, origin: [f64; 3], formats: Formats) -> io::Result<()> {
+    pub(super) fn add(&mut self, mesh: &PagedMesh, origin: [f64; 3], formats: Formats) -> io::Result<()> {
         let [low, high] = if mesh.positions.is_empty() { [origin; 2] } else { super::export::bounds(&mesh.positions) };
         let local = |p: &[f64; 3]| [0, 1, 2].map(|k| (p[k] - origin[k]) as f32);
         let count = mesh.positions.len();
@@ -208,7 +208,7 @@ impl Scene {
     }
 
     /// Writes everything; the first node is the one that the scene shows.
-    fn write(self, out: impl Write, nodes: &[Value], extension: Option<&str>) -> io::Result<Written> {
+    pub(super) fn write(self, out: impl Write, nodes: &[Value], extension: Option<&str>) -> io::Result<Written> {
         let mut document = json!({
             "asset": {"version": "2.0", "generator": "lodpack"},
             "scene": 0, "scenes": [{"nodes": [0]}],

@@ -13,6 +13,7 @@ pub mod images;
 pub mod layers;
 mod layout;
 pub mod material;
+pub mod objects;
 pub mod pages;
 pub mod shaded;
 pub mod smooth;

@@ -185,9 +185,10 @@ impl Refined<'_> {
             others[first] = mean;
             self.attributes.corners.push(others);
         }
-        let RegionAttributes { materials, charts, .. } = &mut *self.attributes;
+        let RegionAttributes { materials, charts, objects, .. } = &mut *self.attributes;
         materials.extend(materials.get(triangle).copied());
         charts.extend(charts.get(triangle).copied());
+        objects.extend(objects.get(triangle).copied());
         self.texels[triangle] *= 0.5;
         self.texels.push(self.texels[triangle]);
 
@@ -250,7 +251,7 @@ mod tests {
             corners: triangles.clone(),
             records: corners.iter().flatten().map(|&x| x as f32).collect(),
             materials: vec![1, 1, 0],
-            charts: vec![],
+            ..RegionAttributes::default()
         };
         (Mesh { positions, triangles }, adjacency, attributes, appearance)
     }

@@ -9,7 +9,7 @@ use std::{io, sync::Arc, time::Duration};
 use lodpack::{
     Cut, Error, File, Limits, Node, Outside, Query, ReadAt, Result, View,
     heights::{Heights, HeightsQuery, TileId},
-    index::Scale,
+    index::{Ray, Scale},
     select::{Adapter, Coherence},
     source::Request,
     stream::{HeightsSession, Job, Lit, Options, Picture, Simulation},
@@ -129,10 +129,46 @@ pub fn index(bytes: &[u8]) {
     for root in (0..file.root_count()).take(64) {
         let _ = (file.root_contents(root), file.root_bounds(root));
     }
+    objects(&file, bytes);
     for query in queries(&file, bytes) {
         if let Ok(cut) = file.select(&query) {
             check_cut(&cut, &query);
             let _ = file.own_bytes(&cut);
+        }
+    }
+}
+
+/// Asks for objects, and for what a ray meets.
+fn objects(file: &File<&[u8]>, bytes: &[u8]) {
+    let share = |k: u32| (dice(bytes) >> (8 * k) & 0xff) as f64 / 255.0;
+    if let Some([low, high]) = file.bounds() {
+        let at = |from: u32| [0, 1, 2].map(|k| low[k] + (high[k] - low[k]) * share((k as u32 + from) % 8));
+        let (origin, to) = (at(0), at(3));
+        let ray = Ray { origin, direction: [0, 1, 2].map(|k| to[k] - origin[k]) };
+        if let Ok(Some(pick)) = file.pick(ray) {
+            assert!(pick.distance >= 0.0 && pick.object.is_some() == file.objects().is_some());
+        }
+    }
+    let Some(objects) = file.objects() else { return };
+    for number in (0..objects.node_count()).take(8) {
+        let Ok(node) = objects.node(number) else { continue };
+        assert!(node.parent.is_none_or(|parent| parent < objects.node_count()));
+        let _ = (objects.above(number), objects.children(Some(number)), objects.children(node.parent));
+        if let Some(found) = node.name.as_ref().and_then(|name| objects.find_name(name).ok()) {
+            assert!(found.is_sorted() && found.iter().all(|&other| objects.node(other).unwrap().name == node.name));
+        }
+        let _ = node.id.as_ref().map(|id| objects.find_id(id));
+    }
+    for object in (0..objects.count()).take(8) {
+        for root in objects.leaves(object).unwrap_or_default() {
+            assert!(objects.of_leaf(root).unwrap().contains(&object));
+        }
+    }
+    for root in (0..file.root_count()).take(16) {
+        let Ok(blocks) = file.root_contents(root).map(|contents| contents.blocks) else { continue };
+        for block in blocks {
+            let owners = objects.owners(root, block.level).unwrap_or_default();
+            assert!(owners.iter().all(|&owner| owner < objects.count()));
         }
     }
 }

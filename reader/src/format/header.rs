@@ -14,7 +14,8 @@
 //! 60  header CRC-32    u32, of bytes 0..60
 //! ```
 //! The directory follows the header, and the sections follow the directory and each other without gaps, so a checksum
-//! covers every byte of a file. PAGES is the last section. A file has both CHANNELS and TEXELS or neither.
+//! covers every byte of a file. PAGES is the last section. A file has both CHANNELS and TEXELS or neither, and both
+//! OBJECTS and OBJECT_PAGES or neither.
 
 use crate::{
     codec::bytes::{Cursor, has_checksum},
@@ -38,6 +39,8 @@ pub(crate) const VERSION_WITH_GROUND: (u16, u16) = (4, 3);
 pub(crate) const VERSION_WITH_SCALES: (u16, u16) = (4, 4);
 /// The version of files of heights with an image over them.
 pub(crate) const VERSION_WITH_DRAPE: (u16, u16) = (4, 5);
+/// The version of files with objects.
+pub(crate) const VERSION_WITH_OBJECTS: (u16, u16) = (4, 6);
 /// Size of the header.
 pub(crate) const HEADER_BYTES: usize = 64;
 /// Size of a directory entry.
@@ -84,6 +87,10 @@ pub(crate) mod kind {
     pub(crate) const SCALES: u32 = 15;
     /// An image over a grid of heights (optional, with HEIGHTS).
     pub(crate) const DRAPE: u32 = 16;
+    /// How many objects there are, and where lists of them are (optional, with OBJECT_PAGES).
+    pub(crate) const OBJECTS: u32 = 17;
+    /// Lists of objects (with OBJECTS).
+    pub(crate) const OBJECT_PAGES: u32 = 18;
 
     /// The name of a kind of section.
     pub(crate) fn name(kind: u32) -> &'static str {
@@ -104,6 +111,8 @@ pub(crate) mod kind {
             GROUND => "ground",
             SCALES => "scales",
             DRAPE => "drape",
+            OBJECTS => "objects",
+            OBJECT_PAGES => "object pages",
             _ => "unknown",
         }
     }
@@ -112,10 +121,10 @@ pub(crate) mod kind {
     pub(crate) fn flags(kind: u32) -> Option<u32> {
         use super::{FLAG_CHECKED_BY_PARTS, FLAG_REQUIRED};
         match kind {
-            SOURCE | OVERVIEW | CHANNELS | PLACEMENT | RAMP => Some(0),
+            SOURCE | OVERVIEW | CHANNELS | PLACEMENT | RAMP | OBJECTS => Some(0),
             LEVELS | TABLES | CLUSTERS | HEIGHTS | SCALES => Some(FLAG_REQUIRED),
             INDEX | PAGES | HEIGHT_INDEX => Some(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS),
-            TEXELS | GROUND | DRAPE => Some(FLAG_CHECKED_BY_PARTS),
+            TEXELS | GROUND | DRAPE | OBJECT_PAGES => Some(FLAG_CHECKED_BY_PARTS),
             _ => None,
         }
     }
@@ -358,6 +367,16 @@ fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Header> {
     }
     if has(kind::DRAPE) && span.version < VERSION_WITH_DRAPE {
         return Err(Error::format("a file of a version before 4.5 has an image over heights"));
+    }
+    let [has_objects, has_object_pages] = [kind::OBJECTS, kind::OBJECT_PAGES].map(has);
+    if has_objects != has_object_pages {
+        return Err(Error::format("objects come without their pages, or pages of objects without these"));
+    }
+    if has_objects && has_heights {
+        return Err(Error::format("a file of heights has objects"));
+    }
+    if has_objects && span.version < VERSION_WITH_OBJECTS {
+        return Err(Error::format("a file of a version before 4.6 has objects"));
     }
     if has_heights && span.lattice != Lattice::default() {
         return Err(Error::format("a file of heights has another lattice than that of origin 0 and step 1"));

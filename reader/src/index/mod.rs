@@ -7,7 +7,9 @@
 mod contents;
 pub(crate) mod lists;
 pub(crate) mod needs;
+pub(crate) mod objects;
 pub(crate) mod opener;
+mod pick;
 mod summary;
 pub(crate) mod texels;
 
@@ -17,7 +19,9 @@ pub use crate::format::placement::{Placement, UpAxis};
 pub use crate::format::records::{Filling, FillingCounts, HalfArc, SourceInfo};
 pub use contents::{BlockContents, RootContents};
 use lists::List;
+pub use objects::Objects;
 pub use opener::Opener;
+pub use pick::Ray;
 pub use summary::{ContextContents, FileSummary, LevelContents};
 use texels::Texels;
 pub use texels::{Scale, TexelBytes};
@@ -37,6 +41,7 @@ use crate::{
     },
     lattice::Lattice,
     limits::Limits,
+    objects::OpenObjects,
     sorted::SortedMap,
     source::{
         Fetched,
@@ -85,6 +90,8 @@ pub struct Index {
     pages_offset: u64,
     /// The sections CHANNELS and TEXELS, if the file has them.
     texels: Option<Texels>,
+    /// The objects, if the file has them.
+    objects: Option<OpenObjects>,
     /// Why lists and index blocks that were supplied could not be parsed, by offset in INDEX. Each error is returned
     /// once; then the part may be supplied again.
     damaged: Mutex<SortedMap<u64, Error>>,

@@ -19,6 +19,7 @@ use crate::{
     index::{Index, lists::List, texels::Texels},
     lattice::Lattice,
     limits::{Limits, within},
+    objects::OpenObjects,
     sorted::SortedMap,
     source::{Fetched, requests::plan},
 };
@@ -109,6 +110,7 @@ impl Opener {
             kind::OVERVIEW,
             kind::CHANNELS,
             kind::SCALES,
+            kind::OBJECTS,
             kind::CLUSTERS,
         ];
         self.need(resident.into_iter().filter_map(|kind| header.section(kind)))?;
@@ -134,6 +136,14 @@ impl Opener {
                 }
                 let location = || format!("section {}", kind::name(kind::TEXELS));
                 Some(Texels::new(channels, section, top.cluster_count()).map_err(|error| error.at(location))?)
+            }
+            _ => None,
+        };
+        let objects = match (header.section(kind::OBJECTS), header.section(kind::OBJECT_PAGES)) {
+            (Some(_), Some(&pages)) => {
+                let clusters = top.cluster_count();
+                let parse = |bytes: &[u8]| OpenObjects::parse(bytes, pages, clusters, &self.limits);
+                Some(self.parse(&header, kind::OBJECTS, parse)?)
             }
             _ => None,
         };
@@ -168,6 +178,7 @@ impl Opener {
             damaged: Mutex::new(SortedMap::new()),
             top,
             texels,
+            objects,
             head: self.fetched.clone(),
         })
     }

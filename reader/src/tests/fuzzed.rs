@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::{
     damage::reseal,
+    objects,
     painted::painted_file,
     synthetic::{Options, Random, cube, file_of, file_with_channels, listed_file_of},
     terrain::Terrain,
@@ -74,7 +75,9 @@ fn changed_files_of_several_clusters_are_refused_or_keep_every_promise() {
     let channels = |n, heights| file_with_channels(&cube(n), Options { heights, ..options });
     let painted = |n, heights| painted_file(&cube(n), Options { heights, ..options });
     let with_channels = [channels(4, 0), channels(2, 2), painted(2, 0), painted(2, 2)];
-    check_changed([of(1, 0), of(2, 0), of(1, 2), of(3, 2), listed].into_iter().chain(with_channels).collect());
+    let named = [objects::file_of(1, 3, 4), objects::file_of(2, 40, 3)];
+    let files = [of(1, 0), of(2, 0), of(1, 2), of(3, 2), listed];
+    check_changed(files.into_iter().chain(with_channels).chain(named).collect());
 }
 
 fn check_changed(seeds: Vec<Vec<u8>>) {

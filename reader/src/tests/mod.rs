@@ -9,6 +9,7 @@ mod heights;
 mod heights_dump;
 mod lists;
 mod mixed_cuts;
+pub(crate) mod objects;
 pub(crate) mod painted;
 mod pieces;
 mod queries;

@@ -255,6 +255,7 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
         roots,
         channels: Vec::new(),
         overview: None,
+        nodes: Vec::new(),
     };
     for height in 0..options.heights {
         add_groups(&mut model, options.heights - 1 - height, quantisation, &mut patches, &mut random);
@@ -287,6 +288,7 @@ fn block(level: u8, patch: &Patch, symbols: SymbolBuffer, random: &mut Random) -
         triangle_count: patch.triangles.len() as u32,
         symbols,
         texels: Vec::new(),
+        owners: Vec::new(),
     }
 }
 

@@ -3,6 +3,7 @@
 use super::{
     arrangement::{Arrangement, ClusterContent},
     assembly::{FileHead, corner_symbols},
+    owners::{self, BlockOwners},
     sorting::ClusterSymbols,
     texels::EncodedTexels,
 };
@@ -15,6 +16,7 @@ use crate::{
         levels::Levels,
         sections::Part,
     },
+    objects::ObjectNode,
     write::model::OverviewRecord,
 };
 
@@ -26,6 +28,8 @@ pub struct Encoder {
     pub(super) tables: Tables,
     pub(super) codes: Codes,
     pub(super) overview: Option<OverviewRecord>,
+    /// The output takes them.
+    pub(super) nodes: Vec<ObjectNode>,
 }
 
 /// A cluster as bytes.
@@ -38,6 +42,8 @@ pub struct EncodedCluster {
     /// For each level the arc pages and the block pages.
     pub(super) pages: Vec<[Vec<u8>; 2]>,
     pub(super) texels: EncodedTexels,
+    /// Of each block of each leaf.
+    pub(super) owners: Vec<Vec<BlockOwners>>,
 }
 
 impl Encoder {
@@ -46,8 +52,9 @@ impl Encoder {
         arrangement: Arrangement,
         tables: Tables,
         overview: Option<OverviewRecord>,
+        nodes: Vec<ObjectNode>,
     ) -> Self {
-        Self { head, arrangement, codes: tables.codes(), tables, overview }
+        Self { head, arrangement, codes: tables.codes(), tables, overview, nodes }
     }
 
     /// The number of clusters to encode.
@@ -124,13 +131,14 @@ pub(super) fn encode_cluster(
     }
     let blocks: Vec<(usize, u8)> = blocks.iter().map(|&(number, block)| (number, block.level)).collect();
     let texels = EncodedTexels::new(symbols, &blocks, &StreamOrder::new(&head.channels));
+    let owners = owners::of_leaves(&index.roots, symbols)?;
     let records = encode(codes, [index.records(&cluster, &head.levels.fillings, &head.tolerances)?.iter()])?;
     let corners = corner_symbols(corners, cluster.bounds[0]);
     let coarse = (0..in_index).flat_map(|level| symbols.arcs(0..cluster.arc_count, level, level_count));
     let arc_stream = encode(codes, [corners.iter()].into_iter().chain(coarse))?;
     let mut block = Vec::new();
     cluster.index = append(&mut block, &index.write(&records, &arc_stream, &arc_parts));
-    Ok(EncodedCluster { cluster, index: block, pages, texels })
+    Ok(EncodedCluster { cluster, index: block, pages, texels, owners })
 }
 
 /// Appends a stream.

@@ -32,6 +32,7 @@
 //! - `encoder`: clusters as bytes,
 //! - `elsewhere`: clusters that other processes encode,
 //! - `texels`: the values of channels, which are bytes to all of these,
+//! - `owners`: the objects that islands belong to,
 //! - `lists`: the lists of clusters,
 //! - `output`: the sections of the file.
 
@@ -47,6 +48,7 @@ mod lists;
 mod model;
 mod order;
 mod output;
+mod owners;
 mod piece;
 mod relevel;
 mod sorting;
@@ -70,6 +72,7 @@ pub use crate::format::{
     error_code::{storable_error, stored_error},
     records::MAX_LEVELS,
 };
+pub use crate::objects::ObjectNode;
 pub use above::Above;
 pub use assembly::{Arranged, Assembly};
 #[cfg(feature = "serde")]

@@ -12,6 +12,7 @@ use crate::{
         records::{Filling, HalfArc, SourceInfo},
     },
     lattice::{Lattice, LatticePoint},
+    objects::ObjectNode,
 };
 
 /// A level of detail, coarse to fine.
@@ -49,6 +50,9 @@ pub struct BlockRecord {
     /// Its texel streams: the map, then the image of each channel of the model, any of them perhaps empty. No entries
     /// are as good as only empty ones.
     pub texels: Vec<Vec<u8>>,
+    /// For each of the patch's [`crate::islands`] the number of its object among [`Model::nodes`]; empty for groups, and
+    /// in models without objects.
+    pub owners: Vec<u32>,
 }
 
 /// A root of a model.
@@ -112,4 +116,7 @@ pub struct Model {
     pub channels: Vec<ChannelInfo>,
     /// The mesh to draw before the index has been read.
     pub overview: Option<OverviewRecord>,
+    /// Objects and assemblies, in any order; none in a file without objects. Those that own no island, and are above
+    /// none that does, are left out of the file.
+    pub nodes: Vec<ObjectNode>,
 }

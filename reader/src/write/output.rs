@@ -6,6 +6,7 @@ use super::{
     assembly::FileHead,
     encoder::{EncodedCluster, Encoder},
     lists::{ListSizes, Lists},
+    owners::{self, BlockOwners},
     piece::Piece,
     sorting::{ClusterSymbols, Sorting},
     texels::{EncodedTexels, TexelTable},
@@ -18,10 +19,11 @@ use crate::{
         cluster_lists::write_clusters,
         clusters::Cluster,
         error_code::ErrorCode,
-        header::{Header, Section, VERSION, VERSION_WITH_CHANNELS, VERSION_WITH_SCALES, kind},
+        header::{Header, Section, VERSION, VERSION_WITH_CHANNELS, VERSION_WITH_OBJECTS, VERSION_WITH_SCALES, kind},
         overview::OverviewSection,
         sections::write_source,
     },
+    objects::ObjectsWriter,
 };
 
 /// A report on a written file.
@@ -51,6 +53,8 @@ pub struct Output<S> {
     texel_table: TexelTable,
     /// Directories and streams; none without channels.
     texels: Option<Waiting<S>>,
+    /// Objects and their pages of owners; none in a file without objects.
+    objects: Option<(ObjectsWriter, Vec<u8>)>,
 }
 
 /// Bytes that wait to be written.
@@ -64,8 +68,8 @@ impl<S: Read + Write + Seek> Output<S> {
     /// A file without pieces yet. `scratch` makes an empty store for bytes that wait.
     ///
     /// # Errors
-    /// [`Error::Write`] if `scratch` fails.
-    pub fn new(encoder: Encoder, mut scratch: impl FnMut() -> io::Result<S>) -> Result<Self> {
+    /// [`Error::Write`] if `scratch` fails, [`Error::Model`] if a file cannot have the model's objects.
+    pub fn new(mut encoder: Encoder, mut scratch: impl FnMut() -> io::Result<S>) -> Result<Self> {
         let mut waiting = || match scratch() {
             Ok(bytes) => Ok(Waiting { bytes, length: 0 }),
             Err(source) => Err(Error::Write { source }),
@@ -77,7 +81,9 @@ impl<S: Read + Write + Seek> Output<S> {
         let texels = (encoder.stream_count() > 0).then(waiting).transpose()?;
         let texel_table = TexelTable::new(encoder.cluster_count(), &encoder.stream_order());
         let (clusters, list_sizes) = (Vec::new(), ListSizes::default());
-        Ok(Self { encoder, symbols, clusters, list_sizes, index, pages, texel_table, texels })
+        let nodes = std::mem::take(&mut encoder.nodes);
+        let objects = if nodes.is_empty() { None } else { Some((ObjectsWriter::new(nodes)?, vec![])) };
+        Ok(Self { encoder, symbols, clusters, list_sizes, index, pages, texel_table, texels, objects })
     }
 
     /// Divides the clusters among lists of other sizes than the default ones.
@@ -112,7 +118,7 @@ impl<S: Read + Write + Seek> Output<S> {
     /// # Errors
     /// [`Error::Model`] if the cluster is not the next one, [`Error::Write`].
     pub fn add(&mut self, encoded: EncodedCluster) -> Result<()> {
-        let EncodedCluster { cluster, index, pages, texels } = encoded;
+        let EncodedCluster { cluster, index, pages, texels, owners } = encoded;
         let next = self.encoder.arrangement.clusters.get(self.clusters.len());
         if next.is_none_or(|next| next.first_root != cluster.first_root) {
             return Err(Error::model("clusters do not come in the order of the file"));
@@ -128,7 +134,18 @@ impl<S: Read + Write + Seek> Output<S> {
             waiting.push(&directory)?;
             waiting.push(&streams)?;
         }
-        Ok(())
+        match &mut self.objects {
+            Some((objects, pages)) => {
+                owners::check(&owners)?;
+                let of_leaf = |blocks: Vec<BlockOwners>| blocks.into_iter().map(|block| block.owners).collect();
+                pages.extend(objects.add(&owners.into_iter().map(of_leaf).collect::<Vec<_>>())?);
+                Ok(())
+            }
+            None if owners.iter().flatten().any(|block| !block.owners.is_empty()) => {
+                Err(Error::model("blocks have owners, and the file has no objects"))
+            }
+            None => Ok(()),
+        }
     }
 
     /// Writes the file.
@@ -175,6 +192,12 @@ impl<S: Read + Write + Seek> Output<S> {
                 sections.insert(sections.len() - 1, ("scales", kind::SCALES, true, scales));
             }
         }
+        let objects = self.objects.take().filter(|(objects, _)| !objects.is_empty());
+        let objects = objects.map(|(objects, owners)| Ok::<_, Error>((objects.finish()?, owners))).transpose()?;
+        if let Some((objects, _)) = &objects {
+            version = VERSION_WITH_OBJECTS;
+            sections.insert(sections.len() - 1, ("objects", kind::OBJECTS, false, objects.head.clone()));
+        }
         if let Some(placement) = placement {
             sections.insert(0, ("placement", kind::PLACEMENT, false, placement.write()?));
         }
@@ -188,6 +211,13 @@ impl<S: Read + Write + Seek> Output<S> {
         let mut in_parts = vec![("index", kind::INDEX, true, index_bytes), ("pages", kind::PAGES, true, page_bytes)];
         if let Some(length) = texel_bytes {
             in_parts.insert(1, ("texels", kind::TEXELS, false, length));
+        }
+        let object_pages = objects
+            .iter()
+            .flat_map(|(objects, owners)| [&objects.before_owners[..], &owners[..], &objects.after_owners[..]]);
+        if objects.is_some() {
+            let length = object_pages.clone().map(|bytes| bytes.len() as u64).sum();
+            in_parts.insert(in_parts.len() - 1, ("object pages", kind::OBJECT_PAGES, false, length));
         }
         let by_parts = in_parts.iter().map(|&(_, kind, required, length)| Section {
             kind,
@@ -209,6 +239,8 @@ impl<S: Read + Write + Seek> Output<S> {
             written.and_then(|()| lists.write_index(out, &mut |length, out| copy_exactly(index, length, out)));
         let written = written.and_then(|()| out.write_all(&texel_table));
         let written = written.and_then(|()| self.texels.iter_mut().try_for_each(|waiting| waiting.copy_to(out)));
+        let mut object_pages = object_pages;
+        let written = written.and_then(|()| object_pages.try_for_each(|bytes| out.write_all(bytes)));
         let mut pages = self.pages.iter_mut().flatten();
         let written = written.and_then(|()| pages.try_for_each(|waiting| waiting.copy_to(out)));
         written.map_err(|source| Error::Write { source })?;

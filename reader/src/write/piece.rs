@@ -18,6 +18,7 @@ use crate::{
     lattice::LatticePoint,
     write::{
         model::{Model, RootRecord},
+        owners,
         texels::TexelRuns,
     },
 };
@@ -115,6 +116,8 @@ pub struct PieceSymbols {
     pub(super) arcs: Runs,
     /// The texel streams of each block, root after root.
     pub(super) texels: TexelRuns,
+    /// Who owns the islands of each block, likewise.
+    pub(super) owners: TexelRuns,
 }
 
 /// Runs of symbols one after the other.
@@ -197,7 +200,8 @@ impl Piece {
         let blocks: usize = index.roots.iter().map(|root| root.blocks.len()).sum();
         let is_sound = symbols.blocks.count() == blocks
             && symbols.arcs.count() == index.arc_ends.len() * level_count
-            && symbols.texels.is_sound(blocks * stream_count);
+            && symbols.texels.is_sound(blocks * stream_count)
+            && symbols.owners.is_sound(blocks);
         if is_sound { Ok(()) } else { Err(Error::model("a piece is not the one that was counted")) }
     }
 
@@ -225,6 +229,7 @@ impl Piece {
             index.block_symbols.push(u32::try_from(block.symbols.len()).unwrap_or(u32::MAX));
             symbols.blocks.push(&block.symbols)?;
             symbols.texels.push(&block.texels, stream_count(&index.channels))?;
+            symbols.owners.push(&[owners::to_bytes(&block.owners)], 1)?;
         }
         Ok(())
     }

@@ -47,6 +47,8 @@ pub struct ClusterSymbols {
     arcs: Vec<[Range<usize>; 2]>,
     /// The texel streams of each block, root after root.
     texels: Vec<Range<usize>>,
+    /// The owners of each block's islands, likewise.
+    owners: Vec<Range<usize>>,
 }
 
 impl<S: Read + Write + Seek> Sorting<S> {
@@ -68,7 +70,8 @@ impl<S: Read + Write + Seek> Sorting<S> {
         let Piece { index, symbols } = piece;
         let found = [index.roots.len(), symbols.blocks.count(), index.arc_ends.len(), symbols.arcs.count()];
         let expected = [roots.len(), block_count, arcs.len(), arcs.len() * level_count];
-        if found != expected || !symbols.texels.is_sound(block_count * self.stream_count) {
+        let is_sound = symbols.texels.is_sound(block_count * self.stream_count) && symbols.owners.is_sound(block_count);
+        if found != expected || !is_sound {
             return Err(other());
         }
         let first_blocks = first_blocks(entries);
@@ -88,6 +91,7 @@ impl<S: Read + Write + Seek> Sorting<S> {
                 for block in first..first + entries[own].blocks.len() {
                     append(&mut chunk, &symbols.blocks, block..block + 1);
                     append_texels(&mut chunk, &symbols.texels, block, self.stream_count);
+                    append_texels(&mut chunk, &symbols.owners, block, 1);
                 }
             }
             while let Some((_, own)) = arcs.next_if(|&(arc, _)| arc - first_arc < arc_count) {
@@ -128,6 +132,8 @@ impl<S: Read + Write + Seek> Sorting<S> {
                     let [stream] = next(bytes, chunk)?;
                     symbols.texels.push(stream);
                 }
+                let [owners] = next(bytes, chunk)?;
+                symbols.owners.push(owners);
             }
         }
         for &arc in arrangement.arcs_of(cluster) {
@@ -152,6 +158,7 @@ impl ClusterSymbols {
         self.blocks.resize(blocks, [const { 0..0 }; 2]);
         self.arcs.resize(arcs, [const { 0..0 }; 2]);
         self.texels.resize(texels, 0..0);
+        self.owners.resize(blocks, 0..0);
     }
 
     /// Puts the symbols and texels of a piece's block in the place of a block here.
@@ -163,6 +170,9 @@ impl ClusterSymbols {
             self.bytes.extend(piece.symbols.texels.get(block * stream_count + stream));
             self.texels[place * stream_count + stream] = start..self.bytes.len();
         }
+        let start = self.bytes.len();
+        self.bytes.extend(piece.symbols.owners.get(block));
+        self.owners[place] = start..self.bytes.len();
     }
 
     /// Puts a run of a piece's arcs in the place of one here.
@@ -188,6 +198,11 @@ impl ClusterSymbols {
     /// A texel stream, counted over the blocks of all roots.
     pub(super) fn texels(&self, stream: usize) -> &[u8] {
         self.texels.get(stream).and_then(|range| self.bytes.get(range.clone())).unwrap_or_default()
+    }
+
+    /// The owners of a block's islands, likewise.
+    pub(super) fn owners(&self, block: usize) -> &[u8] {
+        self.owners.get(block).and_then(|range| self.bytes.get(range.clone())).unwrap_or_default()
     }
 
     /// The symbols of some arcs at a level.

@@ -26,8 +26,11 @@ use lodpack_cli::mesh::Mesh;
 use lodpack_cli::mesh::tolerance::Tolerance;
 use lodpack_cli::pipeline::{Fillings, ModelOptions};
 use lodpack_cli::progress::Silent;
+use lodpack_tests::boxes::boxes_of_objects;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, torus};
-use lodpack_tests::handmade::{Handmade, HandmadeTexels, Section, TABLES, faults, flat_tables, grounded, placement};
+use lodpack_tests::handmade::{
+    Handmade, HandmadeObjects, HandmadeTexels, Section, TABLES, faults, flat_tables, grounded, placement,
+};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -81,6 +84,8 @@ fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
         ("scales", scaled_cube()?),
         // As a builder of version 4.3 wrote it, which nobody does any more.
         ("one_scale", std::fs::read(spec.join("vectors/one_scale.lodpack"))?),
+        ("objects", boxes_of_objects(60)?),
+        ("object_by_hand", HandmadeObjects::example().put_into(Handmade::example().container()).bytes()),
         ("many_clusters", cube_of_squares(3)?),
         ("lists", listed_cube()?),
         ("tree", tree()?),
@@ -242,7 +247,13 @@ impl Net {
             let mut symbols = SymbolBuffer::default();
             lodpack::write::encode_patch(&target, QUANTISATION, &Stay, &mut symbols)?;
             let border_deviation = error / 2.0;
-            blocks.push(Some(BlockRecord { error, border_deviation, triangle_count: count, symbols, texels: vec![] }));
+            blocks.push(Some(BlockRecord {
+                error,
+                border_deviation,
+                triangle_count: count,
+                symbols,
+                ..BlockRecord::default()
+            }));
         }
         let at = |pick: fn(f64, f64) -> f64| {
             let ends = half_arcs.iter().flat_map(|h| self.arcs[h.arc as usize].ends);

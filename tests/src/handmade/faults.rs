@@ -1,11 +1,12 @@
 //! One broken rule each.
 
+use super::Symbol::{self, Bit, Number, Signed};
 use super::symbols::{CONTEXT_COUNT, contexts, flat_table_numbers};
 use super::{
     BOX_SIZE, CHANNELS, CHILD_CHILDREN, CHILD_HALF_ARCS, CHILD_TRIANGLES, CHILDREN, CLUSTERS, COARSE_ERROR, Container,
     DRAPE, FINE_BEGINS, FIRST_ARC, FIRST_ARC_SAMPLES, FIRST_CORNER_LEVEL, GROUND, HALF_ARC_COUNT, HALF_ARCS, Handmade,
-    HandmadeChannel, HandmadeTexels, INDEX, LAST_ARC, LEVEL_SET, LEVELS, PAGES, PLACEMENT, ROOT, SCALES,
-    SECOND_CORNER_LEVEL, Section, TABLES, TEXELS, ground, pack_bits,
+    HandmadeChannel, HandmadeObjects, HandmadeTexels, INDEX, LAST_ARC, LEVEL_SET, LEVELS, OBJECT_PAGES, OBJECTS, PAGES,
+    PLACEMENT, ROOT, SCALES, SECOND_CORNER_LEVEL, Section, TABLES, TEXELS, coded, ground, pack_bits,
 };
 
 /// A file that must be refused.
@@ -88,7 +89,18 @@ pub fn faults() -> Vec<Fault> {
         edit(&mut container);
         Fault { name, what, bytes: container.bytes() }
     });
-    geometry.chain(with_channels).chain(channels).chain(drawn).chain(scaled).chain(grounded).chain(draped).collect()
+    let named = object_faults().into_iter().map(|(name, what, edit)| {
+        let mut objects = HandmadeObjects::example();
+        edit(&mut objects);
+        Fault { name, what, bytes: objects.put_into(Handmade::example().container()).bytes() }
+    });
+    let object_sections = object_section_faults().into_iter().map(|(name, what, edit)| {
+        let mut container = HandmadeObjects::example().put_into(Handmade::example().container());
+        edit(&mut container);
+        Fault { name, what, bytes: container.bytes() }
+    });
+    let all = geometry.chain(with_channels).chain(channels).chain(drawn).chain(scaled).chain(grounded).chain(draped);
+    all.chain(object_sections).chain(named).collect()
 }
 
 type Edit<T> = (&'static str, &'static str, fn(&mut T));
@@ -558,6 +570,184 @@ fn drape_faults() -> Vec<Edit<Container>> {
             }
         }),
         ("drape_longer", "a byte follows the last image (22.10)", |c| c.section(DRAPE).content.push(0)),
+    ]
+}
+
+fn object_section_faults() -> Vec<Edit<Container>> {
+    vec![
+        ("objects_of_version_4_5", "a file of version 4.5 has objects (4)", |c| c.version[1] = 5),
+        ("objects_flags", "OBJECTS is marked as required (5)", |c| c.section(OBJECTS).flags = 1),
+        ("object_pages_flags", "OBJECT_PAGES has a checksum of its own (5)", |c| c.section(OBJECT_PAGES).flags = 0),
+        ("objects_alone", "OBJECTS is there without OBJECT_PAGES (5)", |c| {
+            c.sections.retain(|section| section.kind != OBJECT_PAGES);
+        }),
+        ("object_pages_alone", "OBJECT_PAGES is there without OBJECTS (5)", |c| {
+            c.sections.retain(|section| section.kind != OBJECTS);
+        }),
+        ("objects_short", "OBJECTS ends within the root of a list (24.2)", |c| {
+            c.section(OBJECTS).content.truncate(10);
+        }),
+        ("object_pages_short", "OBJECT_PAGES ends within a page (24.3)", |c| {
+            let _ = c.section(OBJECT_PAGES).content.pop();
+        }),
+        ("objects_of_nothing", "a file without roots has objects (24.2)", |c| {
+            *c = HandmadeObjects::example().put_into(Handmade::nothing().container());
+        }),
+    ]
+}
+
+/// A page of owners that begins as that of the example.
+fn owners(objects: &mut HandmadeObjects, symbols: &[Symbol]) {
+    objects.lists[0].pages[0].1 = coded(symbols);
+}
+
+/// A page of three nodes without names.
+fn nodes(objects: &mut HandmadeObjects, parents: &[Symbol]) {
+    let none = ["name", "id"].iter().flat_map(|name| [Bit(name, false); 3]);
+    objects.lists[1].pages[0].1 = coded(&parents.iter().copied().chain(none).collect::<Vec<_>>());
+}
+
+/// The page of children.
+fn children(objects: &mut HandmadeObjects, steps: &[u32], place: i32) {
+    let mut symbols = vec![Signed("place", place)];
+    symbols.extend(steps.iter().flat_map(|&step| [Number("step", step), Signed("place", 0)]));
+    objects.lists[4].pages[0].1 = coded(&symbols);
+    objects.pairs[2] = steps.len() as u64 + 1;
+}
+
+fn object_faults() -> Vec<Edit<HandmadeObjects>> {
+    vec![
+        ("objects_none", "OBJECTS says that there are none (24.2)", |o| o.counts = [0, 3]),
+        ("objects_too_many", "there are 2^31 objects and assemblies (24.2)", |o| o.counts = [1 << 31, 0]),
+        ("objects_longer", "a byte follows the last root in OBJECTS (24.2)", |o| o.excess[0] = vec![0]),
+        ("objects_pairs", "a list of pairs has more of them than there are nodes (24.2)", |o| o.pairs[2] = 4),
+        ("objects_root_missing", "the list of nodes has no root (24.2)", |o| o.lists[1].pages.clear()),
+        ("objects_root_idle", "a list without pairs has a root (24.2)", |o| {
+            o.lists[2] = o.lists[4].clone();
+        }),
+        ("objects_root_checksum", "the checksum of a root is wrong (24.3)", |o| o.checksum_excess = 1),
+        ("object_directory_short", "a directory of objects has no entry for a page (24.3)", |o| {
+            o.counts[1] = 1024;
+            nodes(o, &[]);
+        }),
+        ("object_directory_longer", "a byte follows the last entry of a directory of objects (24.3)", |o| {
+            o.lists[0].excess = vec![0];
+        }),
+        ("object_pages_gap", "a page does not lie where its directory says (24.3)", |o| {
+            o.lists[1].offset_excess = 1;
+        }),
+        ("object_pages_longer", "a byte follows the last page of objects (24.3)", |o| o.excess[1] = vec![0]),
+        ("object_key", "the page of owners says that it begins with object 1 (24.3)", |o| o.lists[0].pages[0].0 = 1),
+        ("owners_missing", "a cluster with a leaf has no owners (24.4)", |o| o.lists[0].pages[0].1.clear()),
+        ("owner_beyond_count", "a leaf has two objects of a file with one (24.4)", |o| {
+            owners(
+                o,
+                &[
+                    Number("count", 2),
+                    Bit("new", true),
+                    Bit("new", true),
+                    Signed("first", -1),
+                    Bit("next", true),
+                    Signed("later", 0),
+                    Bit("next", true),
+                ],
+            );
+        }),
+        ("owner_before_first", "a leaf has an object before the first one (24.4)", |o| {
+            owners(
+                o,
+                &[Number("count", 1), Bit("new", false), Number("back", 0), Signed("first", 0), Signed("later", 0)],
+            );
+        }),
+        ("owner_twice", "a leaf has an object twice (24.4)", |o| {
+            owners(
+                o,
+                &[
+                    Number("count", 2),
+                    Bit("new", true),
+                    Bit("new", false),
+                    Number("back", 0),
+                    Signed("first", -1),
+                    Bit("next", true),
+                    Signed("later", 0),
+                    Bit("next", true),
+                ],
+            );
+        }),
+        ("owners_none", "a leaf has no object, and an island (24.4)", |o| {
+            owners(o, &[Number("count", 0), Signed("first", 1), Signed("later", 0)]);
+        }),
+        ("owners_of_more", "a block of one triangle has two islands (24.4)", |o| {
+            owners(o, &[Number("count", 1), Bit("new", true), Signed("first", 1), Signed("later", 0)]);
+        }),
+        ("owners_of_others", "a block has no island, and triangles (24.4)", |o| {
+            owners(o, &[Number("count", 1), Bit("new", true), Signed("first", -1), Signed("later", 1)]);
+        }),
+        ("owner_beyond_leaf", "an island belongs to the second of one object (24.4)", |o| {
+            o.counts[0] = 2;
+            owners(
+                o,
+                &[
+                    Number("count", 2),
+                    Bit("new", true),
+                    Bit("new", true),
+                    Signed("first", -1),
+                    Bit("next", false),
+                    Bit("same", false),
+                    Signed("other", 3),
+                    Signed("later", 0),
+                    Bit("next", true),
+                ],
+            );
+        }),
+        ("object_of_no_leaf", "no leaf has the second object (24.4)", |o| o.counts = [2, 1]),
+        ("object_of_no_island", "the second object of a leaf has no island (24.4)", |o| {
+            o.counts = [2, 1];
+            owners(
+                o,
+                &[
+                    Number("count", 2),
+                    Bit("new", true),
+                    Bit("new", true),
+                    Signed("first", -1),
+                    Bit("next", true),
+                    Signed("later", 0),
+                    Bit("next", true),
+                ],
+            );
+        }),
+        ("owners_longer", "a byte follows the last bit of a page of owners (24.4)", |o| {
+            o.lists[0].pages[0].1.push(0);
+        }),
+        ("parent_beyond_count", "the parent of an object is node 3 of three (24.5)", |o| {
+            nodes(o, &[Number("rank", 1), Signed("parent", 3), Number("rank", 1), Number("rank", 1)]);
+        }),
+        ("parent_rank", "a parent is one of two before, the fourth (24.5)", |o| {
+            nodes(o, &[Number("rank", 1), Signed("parent", 2), Number("rank", 3), Number("rank", 0)]);
+        }),
+        ("parents_in_a_circle", "two assemblies lie in each other (24.5)", |o| {
+            // Object 0 lies in node 2, node 1 in node 2, and node 2 in node 1.
+            nodes(
+                o,
+                &[Number("rank", 1), Signed("parent", 2), Number("rank", 0), Number("first", 2), Signed("parent", -1)],
+            );
+            o.lists[4].pages[0].0 = 2;
+            children(o, &[1], 0);
+        }),
+        ("assembly_without_parts", "nothing lies in an assembly (24.5)", |o| {
+            // Object 0 lies in node 2, and both assemblies in nothing.
+            nodes(o, &[Number("rank", 1), Signed("parent", 2), Number("rank", 1), Number("rank", 0)]);
+            children(o, &[3], 0);
+        }),
+        ("children_missing", "what lies in node 1 is not found (24.6)", |o| children(o, &[3], 0)),
+        ("children_elsewhere", "what lies in node 1 is looked for in a page that is not there (24.6)", |o| {
+            children(o, &[2, 1], 1);
+        }),
+        ("name_without_node", "a name is found that no node has (24.6)", |o| {
+            o.pairs[0] = 1;
+            o.lists[2] = o.lists[4].clone();
+            o.lists[2].pages[0].1 = coded(&[]);
+        }),
     ]
 }
 

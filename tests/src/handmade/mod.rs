@@ -8,12 +8,14 @@ mod channels;
 mod container;
 mod faults;
 mod ground;
+mod objects;
 mod symbols;
 
 pub use channels::{HandmadeChannel, HandmadeTexels};
 pub use container::{Container, Section};
 pub use faults::{Fault, faults};
 pub use ground::grounded;
+pub use objects::{HandmadeObjects, Symbol, coded};
 pub use symbols::{CONTEXT_COUNT, encode, flat_tables, pack_bits};
 
 /// LEVELS, TABLES, CLUSTERS, INDEX and PAGES.
@@ -42,6 +44,11 @@ pub const GROUND: u32 = 14;
 pub const SCALES: u32 = 15;
 /// The section DRAPE.
 pub const DRAPE: u32 = 16;
+
+/// The section OBJECTS.
+pub const OBJECTS: u32 = 17;
+/// The section OBJECT_PAGES.
+pub const OBJECT_PAGES: u32 = 18;
 
 /// Codes of fillings.
 pub const IRREGULAR: u16 = 0;

@@ -107,7 +107,7 @@ fn repaired(input: Surface) -> (Mesh, Adjacency, RepairReport, Looks) {
     }
     let triangles = (0..mesh.triangles.len() as u32).zip(mesh.triangles.iter().copied());
     let mut kept = RegionAttributes::gather(&attributes, &appearance, &attributes, triangles);
-    let (mesh, adjacency, repairs, origins) = repair_with_origins(mesh);
+    let (mesh, adjacency, repairs, origins) = repair_with_origins(mesh, &[]);
     kept.keep(origins.into_iter());
     (mesh, adjacency, repairs, Looks { appearance, attributes: kept })
 }

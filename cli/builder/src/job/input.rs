@@ -20,7 +20,7 @@ pub(super) fn read_input(
     progress: &dyn Progress,
 ) -> Result<Imported, BuildError> {
     let (channels, raster) = (model.channels.clone(), model.raster.clone());
-    let options = ImportOptions { channels, raster, new_charts: model.new_charts };
+    let options = ImportOptions { channels, raster, new_charts: model.new_charts, objects: model.kept_objects() };
     match inputs {
         [dir] if dir.is_dir() => Ok(import_atlas(dir, room, &options, progress)?),
         _ => Ok(import_large_meshes(inputs, room, &options, progress)?),

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use super::encoded::BuiltJob;
 use super::file_name::job_of;
 use super::heights::HeightsPart;
-use super::part::{PART_EXTENSION, PartReader};
+use super::part::{PART_EXTENSION, PartHead, PartReader};
 use super::plan::read_plan;
 use super::planned::{PARTS_NAME, chain};
 use super::{BuildError, JobError, Manifest};
@@ -97,7 +97,14 @@ impl Parts {
         let (plan, files) = match is_heights {
             true => (None, checked(files, expected, of, progress, HeightsPart::check)?.1),
             false => {
-                let (plan, files) = checked(files, expected, of, progress, PartReader::check)?;
+                let (mut plan, files) = checked(files, expected, of, progress, PartReader::check)?;
+                for file in &files {
+                    let PartHead { regions, nodes, .. } = PartReader::open(file)?.head;
+                    if regions.contains(&0) {
+                        plan.nodes = nodes;
+                        break;
+                    }
+                }
                 (Some(plan), files)
             }
         };

@@ -8,7 +8,7 @@ use lodpack::index::{Placement, UpAxis};
 
 use crate::pipeline::{ModelOptions, PipelineError};
 use lodpack_import::raster::{RasterOptions, RasterPlace, survey};
-use lodpack_import::{Overflow, Room, survey_meshes};
+use lodpack_import::{Objects, Overflow, Room, survey_meshes};
 use lodpack_mesh::tolerance::{Tolerance, Unit};
 use lodpack_runtime::progress::{Progress, Silent};
 
@@ -90,6 +90,10 @@ impl BuildOptions {
         if extensible && !is_length {
             let what =
                 "a job to which more can be added needs a tolerance that stays the same: pass --tolerance as a length";
+            return Err(PipelineError::Tolerance { what: what.into() }.into());
+        }
+        if extensible && self.model.objects == Objects::Keep {
+            let what = "a job to which more can be added joins its objects to one surface: omit --objects keep";
             return Err(PipelineError::Tolerance { what: what.into() }.into());
         }
         match self.inputs.iter().find(|input| extensible && input.is_dir()) {

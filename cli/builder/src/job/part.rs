@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::merge::FoundPart;
 use crate::pipeline::{Plan, ProductStats, RegionProduct};
+use crate::region::Nodes;
 use lodpack_runtime::storage::{DAMAGED, JobId, SealedReader, SealedWriter, WorkError};
 
 const KIND: [u8; 4] = *b"part";
@@ -21,8 +22,20 @@ pub(crate) struct PartHead {
     pub parts: u32,
     /// Its regions.
     pub regions: Range<u32>,
-    /// The plan of the whole job, so that parts can be merged without the job's directory.
+    /// The plan of the whole job without what the input names, so that parts can be merged without the job's directory.
     pub plan: Plan,
+    /// What the input names, in the part of the first region alone: there may be a million objects, and many parts.
+    pub nodes: Nodes,
+}
+
+impl PartHead {
+    /// The beginning of a part, given its number and the number of parts.
+    pub fn new([part, parts]: [u32; 2], regions: Range<u32>, plan: &Plan) -> Self {
+        let mut plan = plan.clone();
+        let nodes = std::mem::take(&mut plan.nodes);
+        let nodes = if regions.contains(&0) { nodes } else { Nodes::default() };
+        Self { part, parts, regions, plan, nodes }
+    }
 }
 
 /// The file name of a part.
@@ -79,7 +92,7 @@ impl PartReader {
     /// What checking all of a file says about it.
     pub(super) fn check(path: &Path) -> Result<FoundPart<Plan>, WorkError> {
         let part = Self::open(path)?;
-        let (job, PartHead { part: number, parts, regions, plan }) = (part.job, part.head.clone());
+        let (job, PartHead { part: number, parts, regions, plan, .. }) = (part.job, part.head.clone());
         part.finish()?;
         Ok(FoundPart { job, part: number, parts, regions: regions.len() as u32, all_regions: Some(plan.regions), plan })
     }

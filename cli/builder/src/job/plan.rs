@@ -14,11 +14,11 @@ use super::stage::even_runs;
 use super::{BuildError, BuildOptions, JobError, Manifest, PartEntry, heights};
 use crate::pipeline::summary::{BuildSummary, Stopwatch, Times};
 use crate::pipeline::{PipelineError, Plan, Prepared, RegionSize, Scale, join, prepare};
-use crate::region::{DividedMesh, RegionDirectory, RegionError, RegionStore, Regions};
+use crate::region::{DividedMesh, RegionDirectory, RegionError, RegionStore, Regions, settle_objects};
 use lodpack_import::{Imported, Overflow, Room, SpilledMesh};
 use lodpack_runtime::progress::Progress;
 use lodpack_runtime::storage::memory::least_bytes;
-use lodpack_runtime::storage::{JobId, PLAN_NAME, SealedReader, SealedWriter, WorkDirectory, WorkError};
+use lodpack_runtime::storage::{JobId, PLAN_NAME, RecordReader, SealedReader, SealedWriter, WorkDirectory, WorkError};
 
 /// The option that limits the memory of each part.
 const PART_MEMORY_OPTION: &str = "--part-memory";
@@ -176,7 +176,7 @@ impl Job {
                 progress.skip(sizes[region as usize].charts);
                 continue;
             }
-            let head = PartHead { part: region, parts: count, regions: region..region + 1, plan: plan.clone() };
+            let head = PartHead::new([region, count], region..region + 1, &plan);
             let (bytes, took) = write_part(&regions, job, &head, &path, false, options.memory, progress)?;
             times.add(&took);
             self.directory.count(bytes);
@@ -241,8 +241,20 @@ impl Job {
             }
         };
         let division = options.model.division(mesh.triangle_count, &mesh.appearance);
+        let mesh = settled(mesh, options, progress)?;
         Ok(DividedMesh::new(mesh, division, job)?)
     }
+}
+
+/// Keeps the objects of a mesh in files, or joins them.
+fn settled(mut mesh: SpilledMesh, options: &BuildOptions, progress: &dyn Progress) -> Result<SpilledMesh, WorkError> {
+    let SpilledMesh { vertices, triangle_file, triangle_count, attributes, .. } = &mut mesh;
+    let choice = options.model.kept_objects();
+    settle_objects(choice, attributes, *triangle_count, options.memory, progress, &mut |visit| {
+        RecordReader::<[u32; 3]>::open(triangle_file)?
+            .for_each(|triangle| visit(triangle.map(|vertex| vertices.position(vertex))))
+    })?;
+    Ok(mesh)
 }
 
 pub(super) fn write_plan(

@@ -166,7 +166,7 @@ impl PlannedJob {
     ) -> Result<Option<u64>, BuildError> {
         let (id, of_part) = (self.manifest.id(), self.manifest.part_id());
         let regions = entry.first_region..entry.first_region + entry.regions;
-        let head = PartHead { part, parts: self.parts(), regions: regions.clone(), plan: plan.clone() };
+        let head = PartHead::new([part, self.parts()], regions.clone(), plan);
         let sizes = all_sizes.get(regions.start as usize..regions.end as usize).unwrap_or_default();
         let charts = sizes.iter().map(|size| size.charts).sum();
         progress.begin("roots", charts);

@@ -21,12 +21,13 @@ use super::stage::{TaskFiles, even_runs, run_file};
 use super::{BuildError, JobError, Manifest, Stage, Stages};
 use crate::pipeline::{ChartCount, Found, Scale, Whole, seams_of};
 use crate::region::{
-    Agreement, BoundarySketch, CellCounts, Counts, Decomposition, DividedMesh, Division, Matching, NumberedMesh,
+    Agreement, BoundarySketch, CellCounts, Counts, Decomposition, DividedMesh, Division, Matching, Nodes, NumberedMesh,
     RegionDirectory, RegionStats, Reversed, RunFile, RunList, at_once, centroid, remove_shared, repair_regions,
+    settle_objects,
 };
 use lodpack_import::{
-    Imported, Overflow, RangedMesh, Room, TRIANGLES_NAME, TextCounts, TextFile, TextFiles, TextPiece, TextSink,
-    VALUE_NAMES, VERTICES_NAME, Ways, remove_text_files,
+    Imported, Objects, Overflow, RangedMesh, Room, TRIANGLES_NAME, TextCounts, TextFile, TextFiles, TextPiece,
+    TextSink, VALUE_NAMES, VERTICES_NAME, Ways, remove_text_files,
 };
 use lodpack_mesh::Mesh;
 use lodpack_mesh::appearance::Appearance;
@@ -89,6 +90,8 @@ struct CutProduct {
     tree: Decomposition,
     /// Of all inputs.
     content: u64,
+    /// Whether the objects of the input were joined.
+    are_joined: bool,
 }
 
 /// What the regions are as a whole.
@@ -186,7 +189,7 @@ impl Task<'_> {
         let contents = self.contents();
         let hashes = contents.hashes(self.task)?;
         let mut bounds = Mesh::default().bounds();
-        let mut sink = TextSink::create(self.directory, self.task)?;
+        let mut sink = TextSink::create(self.directory, self.task, self.manifest.options.kept_objects())?;
         for (number, bytes) in contents.pieces(self.task) {
             let input = TextFile::open(&self.manifest.inputs[number].path, &self.manifest.options.channels)?;
             if !input.is_text() {
@@ -256,7 +259,21 @@ impl Task<'_> {
                 cutting.finish(&mut |visit| for_each_centroid(&input, 0..count, visit))?
             }
         };
-        self.hand_on(Stage::Cut, &CutProduct { bounds, tree, content: content::root(hashes) })
+        let are_joined = self.are_joined(&input, progress)?;
+        self.hand_on(Stage::Cut, &CutProduct { bounds, tree, content: content::root(hashes), are_joined })
+    }
+
+    /// Whether the objects of the input are joined, although they may be kept.
+    fn are_joined(&self, input: &NumberedMesh, progress: &dyn Progress) -> Result<bool, BuildError> {
+        let (mut attributes, count) = (self.named()?, input.triangle_count());
+        if attributes.nodes.is_empty() {
+            return Ok(false);
+        }
+        let choice = self.manifest.options.kept_objects();
+        settle_objects(choice, &mut attributes, count, self.memory, progress, &mut |visit| {
+            input.for_each_triangle(0..count, |triangle| visit(triangle.map(|vertex| input.position(vertex))))
+        })?;
+        Ok(attributes.nodes.is_empty())
     }
 
     /// Says what was odd about texts.
@@ -280,8 +297,8 @@ impl Task<'_> {
 
     fn divide(&self) -> Result<u64, BuildError> {
         let input = self.input()?;
-        let CutProduct { tree, .. } = self.product(Stage::Cut, 0)?;
-        let ImportProduct { attributes, appearance, .. } = self.imported()?;
+        let CutProduct { tree, are_joined, .. } = self.product(Stage::Cut, 0)?;
+        let (attributes, appearance) = (self.attributes(are_joined)?, self.imported()?.appearance);
         let is_numbered = !attributes.are_empty(&appearance);
         let range = self.stages.range(self.task, input.triangle_count());
         let path = run_file(self.directory.folder(), self.task);
@@ -290,8 +307,8 @@ impl Task<'_> {
     }
 
     fn repair(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
-        let CutProduct { tree, bounds, .. } = self.product(Stage::Cut, 0)?;
-        let ImportProduct { attributes, appearance, .. } = self.imported()?;
+        let CutProduct { tree, bounds, are_joined, .. } = self.product(Stage::Cut, 0)?;
+        let (attributes, appearance) = (self.attributes(are_joined)?, self.imported()?.appearance);
         let AllRuns { runs, triangles } = self.all_runs(tree.region_count())?.clone();
         let shares = even_runs(triangles.iter().copied(), self.stages.parts);
         let counts = Counts { triangles, bounds, attributes, appearance };
@@ -337,8 +354,9 @@ impl Task<'_> {
     }
 
     fn find_pairs(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
-        let CutProduct { tree, .. } = self.product(Stage::Cut, 0)?;
+        let CutProduct { tree, are_joined, .. } = self.product(Stage::Cut, 0)?;
         let regions = tree.region_count();
+        let nodes = Nodes::of(&self.attributes(are_joined)?);
         let store = self.regions(regions, 1);
         let mut stats = store.stats_of(0..regions as usize)?;
         let Agreement { matching, doubled_vertices, repairs, reversed } = Agreement::of(&mut stats);
@@ -346,9 +364,9 @@ impl Task<'_> {
         let input_triangles = self.input_triangles()?;
         let appearance = self.imported()?.appearance;
         let whole = Whole::of(&stats, input_triangles, &appearance, &self.manifest.options);
-        let whole = whole.map_err(|error| self.named(error))?;
+        let whole = whole.map_err(|error| self.of_inputs(error))?;
         whole.note_repeats(progress);
-        let found = Found { input_triangles, doubled_vertices, repairs, appearance };
+        let found = Found { input_triangles, doubled_vertices, repairs, appearance, nodes };
         let pairs = SealedWriter::within(self.directory, PAIRS_NAME, PAIRS_KIND, self.manifest.id());
         let bytes = pairs.and_then(|mut writer| writer.put(&Pairs { matching, found }).and(writer.finish(true)))?;
         let shares = even_runs(stats.iter().map(|stats| stats.extent.triangles), self.stages.parts);
@@ -422,7 +440,7 @@ impl Task<'_> {
         Contents::new(&self.manifest.inputs, self.stages)
     }
 
-    fn named(&self, error: crate::pipeline::PipelineError) -> BuildError {
+    fn of_inputs(&self, error: crate::pipeline::PipelineError) -> BuildError {
         let inputs: Vec<_> = self.manifest.inputs.iter().map(|file| file.path.clone()).collect();
         BuildError::of_inputs(error, &inputs)
     }
@@ -481,6 +499,30 @@ impl Task<'_> {
         match self.stages.ways {
             Ways::Whole => self.product(Stage::Import, 0),
             Ways::Places | Ways::Lines => Ok(ImportProduct::default()),
+        }
+    }
+
+    /// What triangles carry.
+    fn attributes(&self, are_joined: bool) -> Result<Attributes, BuildError> {
+        let mut attributes = self.named()?;
+        if are_joined {
+            attributes.join_objects();
+        }
+        Ok(attributes)
+    }
+
+    /// What triangles carry, with all objects that the input names unless they are joined in any case.
+    fn named(&self) -> Result<Attributes, BuildError> {
+        match self.stages.ways {
+            Ways::Whole => Ok(self.imported()?.attributes),
+            Ways::Places | Ways::Lines => {
+                let mut attributes = Attributes::default();
+                let choice = self.manifest.options.kept_objects();
+                if choice != Objects::Join {
+                    self.ranged()?.find_objects(choice, &mut attributes);
+                }
+                Ok(attributes)
+            }
         }
     }
 

@@ -4,6 +4,7 @@ use super::divided::{self, Edge, border_vertices};
 use super::drawn::{DrawnBlocks, DrawnPatch};
 use super::groups::top::{Few, reduce_top};
 use super::overview::OVERVIEW_TRIANGLES;
+use super::owners::ChartObjects;
 use super::shared_arcs::{CutChart, SampleWish, SharedArcs};
 use super::summary::Times;
 use super::{ChartedMesh, Scale};
@@ -197,6 +198,7 @@ impl ChartWork<'_> {
             && !filling.is_nested();
         let crowded = coded.last().and_then(Option::as_ref).filter(|_| is_top);
         let crowded = crowded.filter(|finest| finest.patch.triangles.len() > OVERVIEW_TRIANGLES).cloned();
+        let objects = ChartObjects::of(self.charted, self.chart, cut, original);
         let mut blocks: Vec<Option<BlockRecord>> = Vec::with_capacity(coded.len());
         let mut drawn: DrawnBlocks = if self.charted.has_channels { vec![None; coded.len()] } else { vec![] };
         let (mut best, mut vertices, mut coarser) = (f64::INFINITY, 0, 0);
@@ -230,6 +232,10 @@ impl ChartWork<'_> {
             if best.is_infinite() && self.charted.coarsest > 0 {
                 coarsest = coded_level.patch.clone();
             }
+            let owners = objects.as_ref().map_or(vec![], |objects| {
+                let CodedLevel { patch, positions, was, .. } = &coded_level;
+                objects.owners(level as u8, &patch.triangles, positions, was)
+            });
             if let Some(drawn) = drawn.get_mut(level) {
                 let Patch { interior, triangles, .. } = &coded_level.patch;
                 let border = border_loops(cut, level as u8);
@@ -248,6 +254,7 @@ impl ChartWork<'_> {
                 triangle_count: coded_level.patch.triangles.len() as u32,
                 symbols: coded_level.symbols,
                 texels: vec![],
+                owners,
             }));
             finest = (level as u8, coded_level.patch);
         }
@@ -255,7 +262,18 @@ impl ChartWork<'_> {
         if let Some(CodedLevel { patch, positions, .. }) = crowded {
             let whole = CoarseSurface { positions, triangles: patch.triangles, error: finest_error };
             let few = if self.charted.jumps_inside(self.chart) { Few::Lines } else { Few::Surface };
-            reduce_top(&whole, &mut blocks[..last], self.charted.scale, few, &mut drawn, &mut bounds, false);
+            let before = objects.is_some().then(|| (blocks.clone(), drawn.clone(), bounds));
+            let reduced =
+                reduce_top(&whole, &mut blocks[..last], self.charted.scale, few, &mut drawn, &mut bounds, false);
+            if let (Some(objects), Some((level, surface))) = (&objects, &reduced.replaced) {
+                let owners = objects.owners_of(&surface.positions, &surface.triangles);
+                match (owners, before, &mut blocks[usize::from(*level)]) {
+                    (Some(owners), _, Some(block)) => block.owners = owners,
+                    // Objects must not grow together.
+                    (_, Some(before), _) => (blocks, drawn, bounds) = before,
+                    _ => {}
+                }
+            }
         }
         raise_coarser(&mut blocks, None, self.charted.scale.step());
         let origin = DVec3::from_array(self.charted.scale.lattice.origin);

@@ -74,7 +74,12 @@ fn coarsest_levels(model: &Model) -> Model {
     let half_arc = |half_arc: &HalfArc| HalfArc { arc: place(&arcs, half_arc.arc), ..*half_arc };
     let coarse = |(root, levels): (&u32, &BTreeSet<usize>)| {
         let root = &model.roots[*root as usize];
-        let bare = |block: &BlockRecord| BlockRecord { symbols: block.symbols.clone(), texels: vec![], ..*block };
+        let bare = |block: &BlockRecord| BlockRecord {
+            symbols: block.symbols.clone(),
+            texels: vec![],
+            owners: vec![],
+            ..*block
+        };
         let keep = |(level, block): (usize, &Option<BlockRecord>)| {
             block.as_ref().filter(|_| levels.contains(&level)).map(bare)
         };
@@ -96,6 +101,7 @@ fn coarsest_levels(model: &Model) -> Model {
         roots: blocks.iter().map(coarse).collect(),
         channels: vec![],
         overview: None,
+        nodes: vec![],
         ..*model
     }
 }

@@ -69,7 +69,7 @@ pub(crate) fn join(
     let Arranged { encoder, sums, above } = arrange(plan, products, times)?;
     watch.lap("roots");
     watch.stages.extend(sums.times.stages());
-    let report = encode(encoder, products, above, scratch, out, progress)?;
+    let report = encode(plan, encoder, products, above, scratch, out, progress)?;
     watch.lap("pack");
     Ok(summary(plan, sums, &report, watch, progress))
 }
@@ -87,7 +87,7 @@ pub(crate) fn join_encoded(
     let mut watch = Stopwatch::default();
     progress.begin("pack", head.cluster_count() as u64);
     let waiting = || Ok(tempfile::spooled_tempfile_in(WAITING_BYTES, scratch));
-    let mut output = Output::new(head.encoder()?, waiting)?;
+    let mut output = Output::new(head.encoder()?, waiting)?.with_nodes(plan.nodes.list.clone())?;
     for cluster in clusters {
         output.add(cluster?)?;
         progress.advance(1);
@@ -112,6 +112,8 @@ fn summary(plan: &Plan, sums: Sums, report: &WriteReport, watch: Stopwatch, prog
         input_triangles: plan.input_triangles,
         input_vertices: vertices,
         triangles: plan.source.triangle_count,
+        objects: plan.nodes.objects,
+        assemblies: plan.nodes.assemblies(),
         mean_edge_length: scale.mean_edge_length,
         repairs: plan.repairs.clone(),
         charts: plan.charts,
@@ -282,6 +284,7 @@ pub(crate) fn arrange(plan: &Plan, products: &impl Products, times: Times) -> Re
 
 /// The second pass brings the symbols of all regions into the order of the file and encodes them.
 fn encode(
+    plan: &Plan,
     encoder: Encoder,
     products: &impl Products,
     above: Option<Piece>,
@@ -290,7 +293,7 @@ fn encode(
     progress: &dyn Progress,
 ) -> Result<WriteReport, PipelineError> {
     let waiting = || Ok(tempfile::spooled_tempfile_in(WAITING_BYTES, scratch));
-    let mut output = Output::new(encoder, waiting)?;
+    let mut output = Output::new(encoder, waiting)?.with_nodes(plan.nodes.list.clone())?;
     let mut count = 0;
     for piece in products.pieces() {
         output.take(count, piece?.as_ref())?;

@@ -15,6 +15,7 @@
 //! | `groups` | groups of charts above them, up to one for the region |
 //! | `paint`, `texels` | blocks get images of what the input shows |
 //! | `redundant_levels` | levels that add nothing are removed |
+//! | `owners` | the object of each island of a block |
 //! | `drawn` | what is drawn of a root, and where all that is drawn is of one level |
 //! | `product` | what a region contributes to the file |
 //! | `coarse`, `overview` | the coarsest levels as one surface, which becomes the overview |
@@ -34,6 +35,7 @@ mod irregular;
 mod join;
 mod options;
 mod overview;
+mod owners;
 mod paint;
 mod plan;
 mod product;
@@ -54,10 +56,11 @@ pub(crate) use plan::{ChartCount, Found, Plan, Prepared, RegionSize, Whole, prep
 pub(crate) use product::{ProductStats, RegionProduct};
 pub use scale::{LevelPlan, Scale};
 
+use std::convert::Infallible;
 use std::io::Write;
 use std::path::Path;
 
-use crate::region::{Region, RegionStore, Regions};
+use crate::region::{Region, RegionStore, Regions, settle_objects};
 use groups::above_regions::tops;
 use groups::net::Net;
 use groups::{Forest, node_of_chart};
@@ -78,7 +81,7 @@ use summary::{BuildSummary, Fallbacks, Stopwatch, Times};
 /// Builds a file from a mesh in memory. The bytes depend on the mesh and the options alone; its images take a share of
 /// the memory.
 pub(crate) fn build_in_memory(
-    surface: Surface,
+    mut surface: Surface,
     options: &ModelOptions,
     memory: u64,
     scratch: &Path,
@@ -88,6 +91,12 @@ pub(crate) fn build_in_memory(
 ) -> Result<BuildSummary, PipelineError> {
     let input_triangles = surface.mesh.triangles.len() as u64;
     Scale::check_size(surface.mesh.bounds())?;
+    let Surface { mesh, attributes, .. } = &mut surface;
+    let settled = settle_objects(options.kept_objects(), attributes, input_triangles, memory, progress, &mut |visit| {
+        (0..mesh.triangles.len() as u32).for_each(|triangle| visit(mesh.corners(triangle)));
+        Ok(())
+    });
+    settled.unwrap_or_else(|never: Infallible| match never {});
 
     progress.begin("repair", 0);
     let division = options.division(input_triangles, &surface.appearance);
@@ -140,7 +149,8 @@ pub(crate) fn build_region(
     };
     let areas_time = thread_cpu_time() - start_of_areas;
     let areas = areas.as_ref();
-    let charted = ChartedMesh { mesh, adjacency, labels, atlas: &atlas, scale, coarsest, has_channels, areas };
+    let objects = &attributes.objects;
+    let charted = ChartedMesh { mesh, adjacency, labels, objects, atlas: &atlas, scale, coarsest, has_channels, areas };
     let mut arcs = SharedArcs::new(&charted)?;
     let arcs_time = thread_cpu_time() - start - areas_time;
     // Both sides of an arc see the same samples from here on, whatever is added to them.
@@ -211,6 +221,8 @@ pub(crate) struct ChartedMesh<'a> {
     pub adjacency: &'a Adjacency,
     /// The chart of each triangle.
     pub labels: &'a [u32],
+    /// The object of each triangle; empty if there are none.
+    pub objects: &'a [u32],
     pub atlas: &'a Atlas,
     pub scale: &'a Scale,
     /// The coarsest level of its charts; groups have the levels above.

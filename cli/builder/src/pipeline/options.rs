@@ -4,6 +4,7 @@ use lodpack::index::Placement;
 use serde::{Deserialize, Serialize};
 
 use crate::region::{Division, REGION_TEXELS, REGION_TRIANGLES, RegionError};
+use lodpack_import::Objects;
 use lodpack_import::raster::RasterOptions;
 use lodpack_mesh::appearance::{Appearance, Channels};
 use lodpack_mesh::tolerance::{Tolerance, Unit};
@@ -258,6 +259,9 @@ pub struct ModelOptions {
     /// Whether the surface is cut into charts where the input, an atlas, is cut into charts already.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub new_charts: bool,
+    /// What becomes of the objects that inputs name; [`Self::kept_objects`] says what is done.
+    #[serde(default, skip_serializing_if = "Objects::is_default")]
+    pub objects: Objects,
     /// How rasters become surfaces.
     #[serde(default, skip_serializing_if = "RasterOptions::is_default")]
     pub raster: RasterOptions,
@@ -278,6 +282,7 @@ impl Default for ModelOptions {
             channels: Channels::Auto,
             colour_quality: ColourQuality::default(),
             new_charts: false,
+            objects: Objects::default(),
             raster: RasterOptions::default(),
         }
     }
@@ -290,6 +295,12 @@ impl ModelOptions {
         let texels = appearance.texels_each(triangles);
         let most = REGION_TEXELS.checked_div(texels).map_or(u64::MAX, |most| most.max(FEWEST_TEXTURED));
         Division { triangles: self.region_triangles.min(most), is_fixed: self.extensible }
+    }
+
+    /// What becomes of the objects that inputs name: where more can be added later, they are joined, because numbers of
+    /// objects would change.
+    pub(crate) fn kept_objects(&self) -> Objects {
+        if self.extensible { Objects::Join } else { self.objects }
     }
 
     /// Whether charts get groups above them. Grids have nested levels of their own.

@@ -10,8 +10,8 @@ use super::overview::OVERVIEW_FROM_ROOTS;
 use super::scale::{Heights, largest_chart};
 use super::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError, Scale};
 use crate::region::{
-    BoundarySketch, Earlier, Extent, Matching, Region, RegionBoundary, RegionError, RegionStats, RegionStore, Regions,
-    find_seams,
+    BoundarySketch, Earlier, Extent, Matching, Nodes, Region, RegionBoundary, RegionError, RegionStats, RegionStore,
+    Regions, find_seams,
 };
 use lodpack_mesh::appearance::Appearance;
 use lodpack_runtime::progress::Progress;
@@ -55,6 +55,8 @@ pub(crate) struct Plan {
     pub extensible: bool,
     /// How the surface looks.
     pub appearance: Appearance,
+    /// What the input names, as far as it is kept.
+    pub nodes: Nodes,
     /// The step of quantisation of colours, of 255; 0 if nothing of them may be lost.
     pub colour_step: u8,
     /// The share of the texels of images on the surface that the file shows.
@@ -120,7 +122,7 @@ pub(crate) fn prepare(
     earlier: Option<&Earlier>,
     progress: &dyn Progress,
 ) -> Result<Prepared, PipelineError> {
-    let Regions { mut store, stats, matching, doubled_vertices, repairs, appearance } = regions;
+    let Regions { mut store, stats, matching, doubled_vertices, repairs, appearance, nodes } = regions;
     let whole = Whole::of(&stats, input_triangles, &appearance, options)?;
     whole.note_repeats(progress);
 
@@ -134,7 +136,7 @@ pub(crate) fn prepare(
     let charted = store.set_labels(&stats, progress, charts).map_err(RegionError::from)?;
     let (counts, sketches): (Vec<ChartCount>, Vec<BoundarySketch>) = charted.into_iter().unzip();
     let seams = seams_of(&stats, &matching, &sketches);
-    let found = Found { input_triangles, doubled_vertices, repairs, appearance };
+    let found = Found { input_triangles, doubled_vertices, repairs, appearance, nodes };
     let (plan, sizes) = whole.plan(&stats, &counts, found, options);
     Ok(Prepared { plan, store, sizes, seams })
 }
@@ -168,6 +170,7 @@ pub(crate) struct Found {
     pub doubled_vertices: u64,
     pub repairs: RepairReport,
     pub appearance: Appearance,
+    pub nodes: Nodes,
 }
 
 impl Whole {
@@ -272,6 +275,7 @@ impl Whole {
             colour_step: options.colour_quality.step_of(&found.appearance),
             texel_share: self.texel_share,
             appearance: found.appearance,
+            nodes: found.nodes,
         };
         (plan, sizes.collect())
     }

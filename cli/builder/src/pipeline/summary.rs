@@ -68,6 +68,10 @@ pub struct BuildSummary {
     pub input_vertices: u64,
     /// Triangles of the repaired input.
     pub triangles: u64,
+    /// Objects that the input names and the file keeps.
+    pub objects: u64,
+    /// Assemblies of objects.
+    pub assemblies: u64,
     /// Mean edge length of the repaired input.
     pub mean_edge_length: f64,
     /// What repair did.

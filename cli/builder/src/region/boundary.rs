@@ -21,6 +21,8 @@ pub struct BoundaryEdge {
     pub normal: DVec3,
     /// The connected component of the region to which the triangle belongs.
     pub component: u32,
+    /// Its object, or 0: edges of different objects are different edges.
+    pub object: u32,
     /// Index of the next edge along the same boundary.
     pub next: u32,
 }
@@ -44,8 +46,9 @@ impl BoundaryEdge {
 }
 
 impl RegionBoundary {
-    /// Collects the boundary of a repaired mesh. `components` is the component of each triangle.
-    pub fn new(mesh: &Mesh, adjacency: &Adjacency, components: &[u32]) -> Self {
+    /// Collects the boundary of a repaired mesh. `components` is the component of each triangle, and `objects` the
+    /// object of each; empty if there are none.
+    pub fn new(mesh: &Mesh, adjacency: &Adjacency, components: &[u32], objects: &[u32]) -> Self {
         let half_edges: Vec<u32> =
             (0..).zip(&adjacency.opposite).filter(|&(_, &opposite)| opposite == NONE).map(|(h, _)| h).collect();
         let origin = |h: u32| mesh.triangles[h as usize / 3][h as usize % 3];
@@ -60,6 +63,7 @@ impl RegionBoundary {
                 positions: vertices.map(|v| mesh.positions[v as usize]),
                 normal: mesh.doubled_area(half_edge / 3).normalize_or_zero(),
                 component: components[half_edge as usize / 3],
+                object: objects.get(half_edge as usize / 3).copied().unwrap_or(0),
                 // Every vertex has one fan, so one boundary edge leaves each end.
                 next: leaving.get(index).map_or(0, |entry| entry.1),
             }

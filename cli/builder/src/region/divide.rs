@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::decompose::{Decomposition, Division};
 use super::gather::{Gathered, Gathering};
+use super::nodes::Nodes;
 use super::numbered::NumberedMesh;
 use super::runs::RunFile;
 use super::split::centroid;
@@ -172,6 +173,11 @@ impl DividedMesh {
         &self.counts.appearance
     }
 
+    /// What the input names, as far as it is kept.
+    pub fn nodes(&self) -> Nodes {
+        Nodes::of(&self.counts.attributes)
+    }
+
     /// Triangles before repair.
     pub fn triangle_count(&self) -> u64 {
         self.counts.triangles.iter().sum()
@@ -198,8 +204,11 @@ impl DividedMesh {
         let all_triangles: u64 = self.counts.triangles.iter().sum();
         // Its share of the vertices is estimated from its triangles.
         let share = |count: u64| (count as f64 * triangles as f64 / all_triangles.max(1) as f64) as u64;
+        let of_objects =
+            if self.counts.attributes.objects.is_empty() { 0 } else { size_of::<u32>() as u64 * triangles };
         region_bytes(share(self.input.vertex_count()), triangles)
             + attribute_bytes(share(self.values.count()), triangles)
+            + of_objects
     }
 
     /// The mesh of a region: its triangles in the order of the input, its vertices in the order in which these first

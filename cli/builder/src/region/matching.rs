@@ -25,12 +25,12 @@ pub struct Matching {
     pub components: u64,
 }
 
-/// Joins boundary edges of different regions that have the same two ends. Where there are more than two, pairs of
+/// Joins boundary edges of different regions that have the same two ends and are of one object. Where there are more than two, pairs of
 /// opposite direction come first, and among these the flattest, as in repair.
 pub fn match_boundaries(boundaries: &[&RegionBoundary]) -> Matching {
-    let mut entries: Vec<([PositionKey; 2], EdgeId)> = vec![];
+    let mut entries: Vec<(([PositionKey; 2], u32), EdgeId)> = vec![];
     for (region, boundary) in (0..).zip(boundaries) {
-        entries.extend((0..).zip(&boundary.edges).map(|(index, edge)| (edge.key(), (region, index))));
+        entries.extend((0..).zip(&boundary.edges).map(|(index, edge)| ((edge.key(), edge.object), (region, index))));
     }
     entries.par_sort_unstable();
     let mut matching = Matching {

@@ -14,10 +14,13 @@ mod earlier;
 mod extent;
 mod gather;
 mod matching;
+mod meeting;
+mod nodes;
 mod numbered;
 mod packed;
 mod runs;
 mod seams;
+mod settle;
 mod sketch;
 mod split;
 mod store;
@@ -30,9 +33,11 @@ pub use earlier::Earlier;
 pub use extent::Extent;
 pub use lodpack_runtime::storage::memory::{REGION_TEXELS, REGION_TRIANGLES};
 pub use matching::{EdgeId, Matching, match_boundaries};
+pub use nodes::Nodes;
 pub use numbered::NumberedMesh;
 pub use runs::{RunFile, RunList};
 pub use seams::find_seams;
+pub use settle::settle_objects;
 pub use sketch::{BoundarySketch, LoopSketch};
 pub(crate) use split::centroid;
 pub use split::split_mesh;
@@ -99,16 +104,18 @@ pub struct Regions {
     pub repairs: RepairReport,
     /// How the surface looks.
     pub appearance: Appearance,
+    /// The objects and assemblies of the input that are kept, and how many there are of each.
+    pub nodes: Nodes,
 }
 
 impl Regions {
     /// Divides, repairs and matches a mesh.
     pub fn in_memory(surface: Surface, division: Division) -> Self {
-        let appearance = surface.appearance.clone();
+        let (appearance, nodes) = (surface.appearance.clone(), Nodes::of(&surface.attributes));
         let meshes = split_mesh(surface, division);
         let alone = meshes.len() == 1;
         let (regions, stats) = meshes.into_par_iter().map(|mesh| repaired(mesh, &appearance, alone)).unzip();
-        Self::matched(RegionStore::Memory(regions), stats, appearance)
+        Self::matched(RegionStore::Memory(regions), stats, appearance, nodes)
     }
 
     /// Repairs and matches a divided mesh, as many regions at a time as fit in `memory`. Regions that are already
@@ -128,17 +135,17 @@ impl Regions {
         let at_once = at_once(largest, memory)?;
         let store = RegionDirectory::new(divided.directory.clone(), divided.job, count, at_once);
         let stats = repair_regions(&store, &divided, 0..count, for_later, earlier, progress)?;
-        let appearance = divided.appearance().clone();
+        let (appearance, nodes) = (divided.appearance().clone(), divided.nodes());
         divided.finish();
-        Ok(Self::matched(RegionStore::Directory(store), stats, appearance))
+        Ok(Self::matched(RegionStore::Directory(store), stats, appearance, nodes))
     }
 
-    fn matched(mut store: RegionStore, mut stats: Vec<RegionStats>, appearance: Appearance) -> Self {
+    fn matched(mut store: RegionStore, mut stats: Vec<RegionStats>, appearance: Appearance, nodes: Nodes) -> Self {
         let Agreement { matching, doubled_vertices, repairs, reversed } = Agreement::of(&mut stats);
         if store.count() > 1 {
             store.reverse(reversed);
         }
-        Self { store, stats, matching, doubled_vertices, repairs, appearance }
+        Self { store, stats, matching, doubled_vertices, repairs, appearance, nodes }
     }
 }
 
@@ -219,7 +226,7 @@ fn repaired(
 ) -> (Region, RegionStats) {
     let has_attributes = attributes != RegionAttributes::default();
     let (mut mesh, mut adjacency, repairs) = if has_attributes {
-        let (mesh, adjacency, repairs, origins) = repair_with_origins(mesh);
+        let (mesh, adjacency, repairs, origins) = repair_with_origins(mesh, &attributes.objects);
         attributes.keep(origins.into_iter());
         (mesh, adjacency, repairs)
     } else {
@@ -231,7 +238,7 @@ fn repaired(
     }
     let boundary = match alone {
         true => RegionBoundary::default(),
-        false => RegionBoundary::new(&mesh, &adjacency, &components(&adjacency)),
+        false => RegionBoundary::new(&mesh, &adjacency, &components(&adjacency), &attributes.objects),
     };
     let stats = RegionStats { boundary, extent, repairs, input: 0, attribute_bytes: attributes.bytes() };
     (Region { mesh, adjacency, labels: vec![], attributes }, stats)
@@ -249,6 +256,7 @@ fn hash(mesh: &Mesh, attributes: &RegionAttributes) -> u64 {
     add_records(&mut hash, &attributes.records);
     add_records(&mut hash, &attributes.materials);
     add_records(&mut hash, &attributes.charts);
+    add_records(&mut hash, &attributes.objects);
     hash.digest()
 }
 

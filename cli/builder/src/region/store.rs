@@ -361,14 +361,16 @@ impl RegionDirectory {
         put_triangles(&mut bytes, triangles);
         put_opposites(&mut bytes, &what.adjacency.opposite);
         writer.put_bytes(&bytes)?;
-        let RegionAttributes { corners, records, materials, charts } = &what.attributes;
-        if !(corners.is_empty() && materials.is_empty() && charts.is_empty()) {
+        let RegionAttributes { corners, records, materials, charts, objects } = &what.attributes;
+        if !(corners.is_empty() && materials.is_empty() && charts.is_empty() && objects.is_empty()) {
             writer.put_records(corners)?;
             writer.put_records(records)?;
             writer.put_records(materials)?;
-            bytes.clear();
-            put_labels(&mut bytes, charts);
-            writer.put_bytes(&bytes)?;
+            for labels in [charts, objects] {
+                bytes.clear();
+                put_labels(&mut bytes, labels);
+                writer.put_bytes(&bytes)?;
+            }
         }
         writer.finish(self.sync).map(drop)
     }
@@ -394,9 +396,11 @@ impl RegionDirectory {
             attributes.corners = reader.get_records()?;
             attributes.records = reader.get_records()?;
             attributes.materials = reader.get_records()?;
-            let bytes = reader.get_bytes()?;
-            let count = if bytes.is_empty() { 0 } else { triangles };
-            attributes.charts = get_labels(&mut &bytes[..], count).ok_or_else(damaged)?;
+            for labels in [&mut attributes.charts, &mut attributes.objects] {
+                let bytes = reader.get_bytes()?;
+                let count = if bytes.is_empty() { 0 } else { triangles };
+                *labels = get_labels(&mut &bytes[..], count).ok_or_else(damaged)?;
+            }
         }
         reader.finish()?;
         match attributes.fits(mesh.triangles.len()) {

@@ -1,7 +1,7 @@
 //! The JSON of a document: what of it is read, with numbers as doubles, as JSON has them.
 //!
 //! Only what an import needs has a field, so that nothing else can make a document unreadable: custom attributes,
-//! animations, cameras, `extras` and unknown extensions may be whatever they are. It is long because every object of
+//! animations, cameras and unknown extensions may be whatever they are, and so may `extras`, of which an id is read. It is long because every object of
 //! the format has its type here, with what it is where it is not stated.
 
 use std::collections::BTreeMap;
@@ -80,8 +80,9 @@ pub(super) struct Node {
     pub(super) translation: [f64; 3],
     pub(super) rotation: [f64; 4],
     pub(super) scale: [f64; 3],
-    #[serde(rename = "name")]
-    pub(super) is_named: Named,
+    pub(super) name: Name,
+    #[serde(rename = "extras")]
+    pub(super) id: Id,
     pub(super) extensions: Option<Box<NodeExtensions>>,
 }
 
@@ -96,7 +97,8 @@ impl Default for Node {
             translation: [0.0; 3],
             rotation: [0.0, 0.0, 0.0, 1.0],
             scale: [1.0; 3],
-            is_named: Named(false),
+            name: Name(None),
+            id: Id(None),
             extensions: None,
         }
     }
@@ -641,15 +643,22 @@ impl<'de, T: TryFrom<u64>> Deserialize<'de> for Whole<T> {
     }
 }
 
-/// Whether a name is there that is not empty.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Named(pub(super) bool);
+/// A name that is not empty, if there is one.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Name(pub(super) Option<Box<str>>);
+
+/// What `extras` say by which other programs know a node: the text or the number of [`ID_KEYS`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Id(pub(super) Option<Box<str>>);
+
+/// Keys of ids in `extras`, in any case; the first one that is there counts.
+const ID_KEYS: [&str; 3] = ["id", "GlobalId", "guid"];
 
 /// Whether a name says that the values were computed.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Computed(pub(super) bool);
 
-/// What a name says: names themselves are not kept, because documents can have a million of them.
+/// What a name says.
 struct Names<F>(F);
 
 impl<'de, T, F: FnOnce(&str) -> T> Visitor<'de> for Names<F> {
@@ -668,9 +677,122 @@ impl<'de, T, F: FnOnce(&str) -> T> Visitor<'de> for Names<F> {
     }
 }
 
-impl<'de> Deserialize<'de> for Named {
+impl<'de> Deserialize<'de> for Name {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(Names(|name: &str| Named(!name.is_empty())))
+        deserializer.deserialize_any(Names(|name: &str| Name(not_empty(name))))
+    }
+}
+
+fn not_empty(text: &str) -> Option<Box<str>> {
+    (!text.is_empty()).then(|| text.into())
+}
+
+impl<'de> Deserialize<'de> for Id {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Extras;
+        impl<'de> Visitor<'de> for Extras {
+            type Value = Id;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("anything")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Id, A::Error> {
+                let mut found: Option<(usize, Box<str>)> = None;
+                while let Some(key) = map.next_key::<String>()? {
+                    let Some(place) = ID_KEYS.iter().position(|known| known.eq_ignore_ascii_case(&key)) else {
+                        map.next_value::<IgnoredAny>()?;
+                        continue;
+                    };
+                    let text = map.next_value::<Text>()?.0;
+                    if found.as_ref().is_none_or(|(before, _)| place < *before) {
+                        found = text.map(|text| (place, text)).or(found);
+                    }
+                }
+                Ok(Id(found.map(|(_, text)| text)))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Id, A::Error> {
+                while list.next_element::<IgnoredAny>()?.is_some() {}
+                Ok(Id(None))
+            }
+
+            fn visit_bool<E: Error>(self, _: bool) -> Result<Id, E> {
+                Ok(Id(None))
+            }
+
+            fn visit_i64<E: Error>(self, _: i64) -> Result<Id, E> {
+                Ok(Id(None))
+            }
+
+            fn visit_u64<E: Error>(self, _: u64) -> Result<Id, E> {
+                Ok(Id(None))
+            }
+
+            fn visit_f64<E: Error>(self, _: f64) -> Result<Id, E> {
+                Ok(Id(None))
+            }
+
+            fn visit_str<E: Error>(self, _: &str) -> Result<Id, E> {
+                Ok(Id(None))
+            }
+
+            fn visit_unit<E: Error>(self) -> Result<Id, E> {
+                Ok(Id(None))
+            }
+        }
+        deserializer.deserialize_any(Extras)
+    }
+}
+
+/// A text that is not empty, or a number as text; nothing for all else.
+struct Text(Option<Box<str>>);
+
+impl<'de> Deserialize<'de> for Text {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Any;
+        impl<'de> Visitor<'de> for Any {
+            type Value = Text;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("anything")
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<Text, E> {
+                Ok(Text(not_empty(text)))
+            }
+
+            fn visit_i64<E: Error>(self, number: i64) -> Result<Text, E> {
+                Ok(Text(Some(number.to_string().into())))
+            }
+
+            fn visit_u64<E: Error>(self, number: u64) -> Result<Text, E> {
+                Ok(Text(Some(number.to_string().into())))
+            }
+
+            fn visit_f64<E: Error>(self, number: f64) -> Result<Text, E> {
+                Ok(Text(Some(number.to_string().into())))
+            }
+
+            fn visit_bool<E: Error>(self, _: bool) -> Result<Text, E> {
+                Ok(Text(None))
+            }
+
+            fn visit_unit<E: Error>(self) -> Result<Text, E> {
+                Ok(Text(None))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Text, A::Error> {
+                while list.next_element::<IgnoredAny>()?.is_some() {}
+                Ok(Text(None))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Text, A::Error> {
+                while map.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
+                Ok(Text(None))
+            }
+        }
+        deserializer.deserialize_any(Any)
     }
 }
 
@@ -781,6 +903,29 @@ mod tests {
         }
         for text in ["2.5", "-1", "4294967296", "1e300", "\"2\"", "null"] {
             assert_eq!(read(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn ids_are_texts_or_numbers_and_extras_may_be_anything() {
+        let read = |extras: &str| {
+            let node: Node = serde_json::from_str(&format!(r#"{{"extras": {extras}, "mesh": 3}}"#)).unwrap();
+            assert_eq!(node.mesh, Some(Whole(3)), "{extras}");
+            node.id.0
+        };
+        for (extras, id) in [
+            (r#"{"id": "a", "x": [1]}"#, "a"),
+            (r#"{"guid": "g", "GLOBALID": "b", "Id": "a"}"#, "a"),
+            (r#"{"guid": "g", "globalId": "b"}"#, "b"),
+            (r#"{"GUID": "g", "id": null}"#, "g"),
+            (r#"{"id": 18446744073709551615}"#, "18446744073709551615"),
+            (r#"{"id": -7}"#, "-7"),
+            (r#"{"id": 1.5, "guid": {"id": [2]}}"#, "1.5"),
+        ] {
+            assert_eq!(read(extras).as_deref(), Some(id), "{extras}");
+        }
+        for extras in ["0", "-1", "1.5", "null", "true", r#""id""#, "[]", r#"[{"id": 1}]"#, "{}", r#"{"id": {}}"#] {
+            assert_eq!(read(extras), None, "{extras}");
         }
     }
 

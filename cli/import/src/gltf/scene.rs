@@ -4,13 +4,15 @@ use glam::{DMat4, DVec3};
 
 use super::accessor::{Array, read_vectors};
 use super::buffers::Buffers;
-use super::document::{Document, Index, Instances};
+use super::document::{Document, Index, Instances, Node};
 use super::nodes::{parent_from_node, roots_of_forest, transform};
 use super::primitive::PrimitiveReader;
 use super::skin::Joints;
 use crate::check_size;
 use crate::error::{Location, Parsed};
 use crate::source::Source;
+use lodpack_mesh::NONE;
+use lodpack_mesh::attributes::ObjectNode;
 
 /// The number of instances of a primitive that are drawn before the next one is read.
 const INSTANCES_AT_ONCE: usize = 1 << 14;
@@ -33,8 +35,9 @@ pub(super) fn read_scene<'a>(
     let (mut hidden_count, mut named_count) = (0, 0);
     // A list instead of recursion, and each node once: a damaged file can neither overflow the stack nor loop forever.
     let mut seen = vec![false; document.nodes.len()];
-    let mut open: Vec<(usize, DMat4)> = roots.into_iter().rev().map(|root| (root, world_from_scene)).collect();
-    while let Some((number, world_from_parent)) = open.pop() {
+    let mut open: Vec<(usize, DMat4, Option<u32>)> =
+        roots.into_iter().rev().map(|root| (root, world_from_scene, None)).collect();
+    while let Some((number, world_from_parent, parent)) = open.pop() {
         let location = Location::Item("node", number as u64);
         let Some(node) = document.nodes.get(number) else {
             let problem = format!("is named, but there are {}; export the file again", document.nodes.len());
@@ -53,13 +56,15 @@ pub(super) fn read_scene<'a>(
             hidden_count += 1;
             continue;
         }
+        let object = reader.sink.wants_objects().then(|| reader.sink.add_node(named(node, parent)));
         if let Some(mesh) = node.mesh.map(usize::from) {
             if mesh >= document.meshes.len() {
                 let problem =
                     format!("uses mesh {mesh}, but there are {}; export the file again", document.meshes.len());
                 return Err(source.syntax(location, problem));
             }
-            named_count += u64::from(node.is_named.0);
+            named_count += u64::from(node.name.0.is_some());
+            reader.sink.set_object(object.unwrap_or(NONE));
             match (extensions.and_then(|extensions| extensions.instances.as_ref()), node.skin, &joints) {
                 (_, Some(skin), Some(joints)) => {
                     let matrices = joints.matrices(source, skin.into())?;
@@ -81,14 +86,20 @@ pub(super) fn read_scene<'a>(
                 _ => reader.read_mesh(mesh, &[world_from_node], None)?,
             }
         }
-        open.extend(node.children.iter().rev().map(|&child| (usize::from(child), world_from_node)));
+        open.extend(node.children.iter().rev().map(|&child| (usize::from(child), world_from_node, object)));
     }
     source.note_skipped(hidden_count, "nodes are not visible, and were left out with all below them");
     // A single name is that of the model.
-    if named_count > 1 {
+    if named_count > 1 && !reader.sink.wants_objects() {
         reader.sink.leave_out("names of nodes");
     }
     Ok(())
+}
+
+/// What a node names.
+fn named(node: &Node, parent: Option<u32>) -> ObjectNode {
+    let [name, id] = [&node.name.0, &node.id.0].map(|text| text.as_deref().map(str::to_owned));
+    ObjectNode { name, id, parent }
 }
 
 /// Where the scene is: elsewhere only with `CESIUM_RTC`, whose centre has z up, as tiles have it. What has y up in glTF

@@ -1,7 +1,8 @@
 //! Wavefront OBJ: vertices and faces in one pass with constant memory, positions in f64.
 //!
 //! Only `v` and `f` statements are geometry. Colours, texture coordinates and materials are read where channels are
-//! wanted ([`attributes`]); these take memory. Normals, groups, lines and points are skipped, whatever they contain.
+//! wanted ([`attributes`]); these take memory. Objects and groups name faces ([`objects`]). Normals, lines and points are
+//! skipped, whatever they contain.
 //! Faces may name vertices that come later. A triangle does not need their positions, but a polygon does, so a file
 //! with such polygons is read a second time.
 
@@ -9,6 +10,7 @@ mod attributes;
 mod image_name;
 mod libraries;
 mod mtl;
+mod objects;
 mod opacity;
 mod ranges;
 mod tiles;
@@ -19,6 +21,8 @@ use glam::DVec3;
 
 use self::attributes::ObjAttributes;
 pub(super) use self::libraries::files_beside;
+pub(super) use self::objects::ObjObjects;
+use self::objects::Place;
 pub(super) use self::ranges::{count_in_range, read_range};
 use crate::MAX_VERTICES;
 use crate::colour_numbers::ColourNumbers;
@@ -55,6 +59,7 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let (mut polygon, mut beside) = (Vec::new(), Vec::new());
     let mut attributes = ObjAttributes::new(sink);
     let mut material = vec![];
+    let mut objects = ObjObjects::new();
     let mut early = None;
     loop {
         let start = statements.at;
@@ -77,7 +82,7 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
                         attributes.push_face(&polygon, &beside, sink, &mut faces)?;
                     } else if early.is_none() {
                         let counts = attributes.counts(vertex_count);
-                        early = Some(Early { start, counts, material: material.clone() });
+                        early = Some(Early { start, counts, material: material.clone(), place: objects.place() });
                     }
                 }
                 Err(FaceProblem::Thin) => thin_count += 1,
@@ -103,7 +108,10 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
                 let names = words.bytes[words.at..].to_vec();
                 attributes.read_libraries(&names, source, sink)?;
             }
-            b"g" | b"o" => has_groups = true,
+            word @ (b"g" | b"o") => {
+                has_groups = true;
+                begin_object(word, &words, &mut objects, sink);
+            }
             _ => {}
         }
     }
@@ -112,14 +120,14 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
         (has_texture && !attributes.has_textures(), "texture coordinates"),
         (has_materials && !attributes.reads_colours(), "materials"),
         (has_colours && !attributes.reads_colours(), "colours"),
-        (has_groups, "groups"),
+        (has_groups && !sink.wants_objects(), "groups"),
     ];
     dropped.into_iter().filter(|(is_there, _)| *is_there).for_each(|(_, what)| sink.leave_out(what));
     if needed > vertex_count {
         return Err(find_bad_index(source));
     }
     if let Some(early) = early {
-        push_early_polygons(source, early, &mut attributes, sink, &mut faces)?;
+        push_early_polygons(source, early, &mut attributes, &mut objects, sink, &mut faces)?;
     }
     attributes.note(source);
     source.note_missing_line_end();
@@ -130,6 +138,14 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     Ok(())
 }
 
+/// Begins the object or the group that a statement names.
+fn begin_object(word: &[u8], words: &Scanner, objects: &mut ObjObjects, sink: &mut MeshSink) {
+    if sink.wants_objects() {
+        let node = objects.begin(word == b"o", &words.bytes[words.at..], |node| sink.add_node(node));
+        sink.set_object(node);
+    }
+}
+
 /// Where the first polygon is that precedes one of its vertices.
 struct Early {
     start: usize,
@@ -137,6 +153,8 @@ struct Early {
     counts: [u64; 3],
     /// The name of its material.
     material: Vec<u8>,
+    /// Its object and group.
+    place: Place,
 }
 
 /// Reads the file again, from a location on, for polygons that precede one of their vertices. By now, the sink has all
@@ -145,6 +163,7 @@ fn push_early_polygons(
     source: &Source,
     early: Early,
     attributes: &mut ObjAttributes,
+    objects: &mut ObjObjects,
     sink: &mut MeshSink,
     faces: &mut Triangulator,
 ) -> Parsed<()> {
@@ -152,6 +171,8 @@ fn push_early_polygons(
     let mut statements = Statements { at: early.start, ..Statements::new(*source) };
     let mut counts = early.counts;
     attributes.use_material(&early.material, sink);
+    let node = objects.go_back(early.place);
+    sink.set_object(node);
     let (mut polygon, mut beside) = (Vec::new(), Vec::new());
     while let Some((_, mut words)) = statements.next() {
         match words.word() {
@@ -159,6 +180,7 @@ fn push_early_polygons(
             b"vt" => counts[1] += 1,
             b"vn" => counts[2] += 1,
             b"usemtl" => attributes.use_material(&words.bytes[words.at..], sink),
+            word @ (b"g" | b"o") => begin_object(word, &words, objects, sink),
             b"f" => match read_face(&mut words, counts, &mut polygon, &mut beside) {
                 Ok(needs) if polygon.len() == 3 || needs <= counts[0] => {}
                 Ok(needs) if needs <= all => attributes.push_face(&polygon, &beside, sink, faces)?,
@@ -396,11 +418,11 @@ impl<'a> Statements<'a> {
 /// are.
 fn statement(line: &[u8]) -> &[u8] {
     let is_name = || NAMING_WORDS.contains(&Scanner::new(line, 0).word());
-    if matches!(line, [b'u' | b'm', ..]) && is_name() { line } else { without_comment(line) }
+    if matches!(line, [b'u' | b'm' | b'o' | b'g', ..]) && is_name() { line } else { without_comment(line) }
 }
 
 /// Statements that are a name, or several.
-const NAMING_WORDS: [&[u8]; 2] = [b"usemtl", b"mtllib"];
+const NAMING_WORDS: [&[u8]; 4] = [b"usemtl", b"mtllib", b"o", b"g"];
 
 fn without_comment(line: &[u8]) -> &[u8] {
     line.split(|&b| b == b'#').next().unwrap_or_default()

@@ -66,7 +66,7 @@ pub fn read_range(
             b"vn" => sink.leave_out("normals"),
             b"vt" => sink.leave_out("texture coordinates"),
             b"usemtl" => sink.leave_out("materials"),
-            b"g" | b"o" => sink.leave_out("groups"),
+            word @ (b"g" | b"o") => sink.name(word == b"o", &words.bytes[words.at..]),
             _ => {}
         }
     }

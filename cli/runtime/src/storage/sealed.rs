@@ -18,7 +18,7 @@ use super::{Record, WorkDirectory, WorkError};
 const MAGIC: [u8; 8] = *b"\x8fLODWRK\n";
 /// Increases when the content of any kind of file changes: with each further filling, since parts hold the steps of all
 /// of them, with what pieces, regions and tasks hold, and with what plans say.
-const VERSION: u32 = 40;
+const VERSION: u32 = 41;
 /// The message for files that cannot be what was written.
 pub const DAMAGED: &str = "it is damaged or truncated";
 const HASH_BYTES: u64 = 8;

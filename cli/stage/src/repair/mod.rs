@@ -10,6 +10,7 @@
 mod edges;
 mod faces;
 mod fans;
+mod objects;
 mod weld;
 mod winding;
 
@@ -82,23 +83,36 @@ impl RepairReport {
 ///
 /// Takes linear time, and at most about 100 bytes of temporary memory per triangle.
 pub fn repair(mesh: Mesh) -> (Mesh, Adjacency, RepairReport) {
-    repaired(mesh, None)
+    repaired(mesh, &[], None)
 }
 
 /// As [`repair`], and says for each triangle that is left which one of the input it was, and whether its winding was
 /// reversed. Corners keep their order, but a reversed triangle [a, b, c] is [a, c, b].
-pub fn repair_with_origins(mesh: Mesh) -> (Mesh, Adjacency, RepairReport, Vec<(u32, bool)>) {
+///
+/// `objects` are those of the triangles, or empty: those of different ones share no vertex afterwards, and none is
+/// dropped as a duplicate of one of another object.
+pub fn repair_with_origins(mesh: Mesh, objects: &[u32]) -> (Mesh, Adjacency, RepairReport, Vec<(u32, bool)>) {
     let mut origins = vec![];
-    let (mesh, adjacency, report) = repaired(mesh, Some(&mut origins));
+    let (mesh, adjacency, report) = repaired(mesh, objects, Some(&mut origins));
     (mesh, adjacency, report, origins)
 }
 
-fn repaired(mesh: Mesh, mut origins: Option<&mut Vec<(u32, bool)>>) -> (Mesh, Adjacency, RepairReport) {
+fn repaired(
+    mesh: Mesh,
+    objects: &[u32],
+    mut origins: Option<&mut Vec<(u32, bool)>>,
+) -> (Mesh, Adjacency, RepairReport) {
     let mut report = RepairReport::default();
     let Mesh { mut positions, mut triangles } = mesh;
 
-    let kept_vertex = weld::weld_vertices(&mut positions);
-    report.welded_vertices = (kept_vertex.len() - positions.len()) as u64;
+    let before = positions.len();
+    let of_vertices = match objects.is_empty() {
+        true => vec![],
+        false => objects::part_objects(&mut positions, &mut triangles, objects),
+    };
+    let kept_vertex = weld::weld_vertices(&mut positions, of_vertices);
+    // Copies for further objects are none of the input's.
+    report.welded_vertices = before.saturating_sub(positions.len()) as u64;
     report.degenerate_faces = faces::drop_degenerate(&mut triangles, &kept_vertex, &positions, origins.as_deref_mut());
     drop(kept_vertex);
     let (mesh, adjacency) = sewn(positions, triangles, &mut report, origins);

@@ -334,7 +334,7 @@ fn origins_say_which_triangle_each_one_was_and_how_its_corners_went() {
     let positions = [[0, 0], [1, 0], [1, 1], [0, 1], [0, 0], [2, 0]].map(|[x, y]| DVec3::new(x.into(), y.into(), 0.0));
     let triangles = [[0, 1, 5], [0, 1, 2], [2, 1, 0], [4, 2, 3], [3, 2, 0], [1, 2, 5], [5, 5, 0]];
     let input = Mesh { positions: positions.to_vec(), triangles: triangles.to_vec() };
-    let (mesh, _, report, origins) = repair_with_origins(input.clone());
+    let (mesh, _, report, origins) = repair_with_origins(input.clone(), &[]);
     assert_eq!((mesh.clone(), report.clone()), {
         let (mesh, _, report) = repair(input.clone());
         (mesh, report)
@@ -344,7 +344,7 @@ fn origins_say_which_triangle_each_one_was_and_how_its_corners_went() {
     assert_eq!(origins.iter().map(|origin| origin.0).collect::<Vec<_>>(), [1, 3, 5]);
     // One that is wound against the rest.
     let turned = Mesh { triangles: vec![[0, 1, 2], [0, 3, 2], [1, 5, 2]], ..input };
-    let (mesh, _, report, origins) = repair_with_origins(turned.clone());
+    let (mesh, _, report, origins) = repair_with_origins(turned.clone(), &[]);
     assert_eq!(report.flipped_faces, 1);
     for ((number, is_reversed), t) in origins.into_iter().zip(0..) {
         let mut corners = turned.corners(number);
@@ -353,4 +353,29 @@ fn origins_say_which_triangle_each_one_was_and_how_its_corners_went() {
         }
         assert_eq!(mesh.corners(t), corners);
     }
+}
+
+#[test]
+fn objects_that_touch_keep_all_their_faces_and_share_no_vertex() {
+    // Two boxes on one another: equal faces lie back to back. Each box shares its vertices with the other.
+    let corner = |x: i32, y: i32, z: i32| DVec3::new(x.into(), y.into(), z.into());
+    let positions: Vec<DVec3> = (0..12).map(|i| corner(i & 1, i >> 1 & 1, i >> 2)).collect();
+    let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [1, 3, 7, 5], [3, 2, 6, 7], [2, 0, 4, 6]];
+    let of_box = |first: u32| {
+        sides.into_iter().flat_map(move |side| {
+            let [a, b, c, d] = side.map(|v| v + first);
+            [[a, b, c], [a, c, d]]
+        })
+    };
+    let mesh = Mesh { positions, triangles: of_box(0).chain(of_box(4)).collect() };
+    let objects: Vec<u32> = (0..24).map(|t| t / 12).collect();
+    let (apart, adjacency, report, origins) = repair_with_origins(mesh.clone(), &objects);
+    assert_eq!((apart.positions.len(), apart.triangles.len(), report.components), (16, 24, 2));
+    assert_eq!((report.duplicate_faces, report.boundary_edges, report.flipped_faces), (0, 0, 0));
+    assert_eq!(origins, (0..24).map(|t| (t, false)).collect::<Vec<_>>());
+    assert_eq!(adjacency, Adjacency::new(&apart.triangles, 16));
+    let (_, _, report, _) = repair_with_origins(mesh.clone(), &[]);
+    assert_eq!((report.duplicate_faces, report.components), (2, 1), "as one surface they lose faces");
+    let (one, _, report, _) = repair_with_origins(mesh.clone(), &[5; 24]);
+    assert_eq!((one, report), (repair(mesh.clone()).0, repair(mesh).2), "one object is as none");
 }

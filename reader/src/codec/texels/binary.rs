@@ -11,7 +11,7 @@ const MOST_MISSING: u32 = 5;
 const LONGEST: u32 = 32;
 
 /// The probability of a zero, as it is estimated from what came before.
-pub(super) trait Estimate {
+pub(crate) trait Estimate {
     /// In 1/4096, from 4 to 4091.
     fn of_zero(&self) -> u32;
     /// Takes what has come.
@@ -20,7 +20,7 @@ pub(super) trait Estimate {
 
 /// The estimated probability of a zero, learned quickly and slowly.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Chance([u16; 2]);
+pub(crate) struct Chance([u16; 2]);
 
 impl Default for Chance {
     fn default() -> Self {
@@ -47,13 +47,13 @@ impl Estimate for Chance {
 
 /// The chances of a number: see [`BitDecoder::number`].
 #[derive(Clone, Debug, Default)]
-pub(super) struct NumberChances {
+pub(crate) struct NumberChances {
     unary: [Chance; 16],
     length: [Chance; LONGEST as usize],
 }
 
 /// Reads bits.
-pub(super) struct BitDecoder<'a> {
+pub(crate) struct BitDecoder<'a> {
     bytes: std::slice::Iter<'a, u8>,
     missing: u32,
     range: u32,
@@ -61,7 +61,7 @@ pub(super) struct BitDecoder<'a> {
 }
 
 impl<'a> BitDecoder<'a> {
-    pub(super) fn new(bytes: &'a [u8]) -> Self {
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
         let mut this = Self { bytes: bytes.iter(), missing: 0, range: u32::MAX, code: 0 };
         for _ in 0..4 {
             this.code = this.code << 8 | this.next();
@@ -97,20 +97,20 @@ impl<'a> BitDecoder<'a> {
 
     /// A bit with an adaptive probability.
     #[inline]
-    pub(super) fn bit(&mut self, chance: &mut impl Estimate) -> bool {
+    pub(crate) fn bit(&mut self, chance: &mut impl Estimate) -> bool {
         let bit = !self.below((self.range >> 12) * chance.of_zero());
         chance.learn(bit);
         bit
     }
 
     /// Bits of equal probabilities, the highest first; at most 32.
-    pub(super) fn raw(&mut self, count: u32) -> u32 {
+    pub(crate) fn raw(&mut self, count: u32) -> u32 {
         (0..count).fold(0, |value, _| value << 1 | u32::from(!self.below(self.range >> 1)))
     }
 
     /// An unsigned number. Up to 15 it is unary; what is left of larger ones is coded as in Elias' gamma code.
     #[inline]
-    pub(super) fn number(&mut self, chances: &mut NumberChances) -> Result<u32> {
+    pub(crate) fn number(&mut self, chances: &mut NumberChances) -> Result<u32> {
         for (value, chance) in (0..).zip(&mut chances.unary) {
             if !self.bit(chance) {
                 return Ok(value);
@@ -126,39 +126,43 @@ impl<'a> BitDecoder<'a> {
 
     /// A signed number, zigzag mapped.
     #[inline]
-    pub(super) fn signed(&mut self, chances: &mut NumberChances) -> Result<i32> {
+    pub(crate) fn signed(&mut self, chances: &mut NumberChances) -> Result<i32> {
         let value = self.number(chances)?;
         Ok((value >> 1) as i32 ^ -((value & 1) as i32))
     }
 
     /// Refuses a string that ended long before its bits did. Long images check now and then, so that a short string
     /// cannot make work.
-    pub(super) fn check(&self) -> Result<()> {
-        if self.missing <= MOST_MISSING { Ok(()) } else { Err(Error::format("texels end early")) }
+    pub(crate) fn check(&self) -> Result<()> {
+        if self.missing <= MOST_MISSING { Ok(()) } else { Err(Error::format("a string of bits ends early")) }
     }
 
     /// Checks that all bytes have been read.
-    pub(super) fn finish(self) -> Result<()> {
+    pub(crate) fn finish(self) -> Result<()> {
         self.check()?;
-        if self.bytes.as_slice().is_empty() { Ok(()) } else { Err(Error::format("texels have bytes left over")) }
+        if self.bytes.as_slice().is_empty() {
+            Ok(())
+        } else {
+            Err(Error::format("a string of bits has bytes left over"))
+        }
     }
 }
 
 fn too_large() -> Error {
-    Error::format("a number among texels exceeds 32 bits")
+    Error::format("a number among bits exceeds 32 bits")
 }
 
 /// Writes bits.
 #[cfg(feature = "write")]
-pub(super) struct BitEncoder {
-    pub(super) interval: Interval,
-    pub(super) bytes: Vec<u8>,
+pub(crate) struct BitEncoder {
+    pub(crate) interval: Interval,
+    pub(crate) bytes: Vec<u8>,
 }
 
 /// The interval of a [`BitEncoder`], apart from the bytes before it: code for many bits keeps it in registers.
 #[cfg(feature = "write")]
 #[derive(Clone, Copy)]
-pub(super) struct Interval {
+pub(crate) struct Interval {
     /// Its lower end: 32 bits, before them those that wait, and a carry.
     low: u64,
     range: u32,
@@ -203,19 +207,19 @@ impl Interval {
     }
 
     #[inline(always)]
-    pub(super) fn bit(&mut self, bytes: &mut Vec<u8>, chance: &mut impl Estimate, bit: bool) {
+    pub(crate) fn bit(&mut self, bytes: &mut Vec<u8>, chance: &mut impl Estimate, bit: bool) {
         self.narrow(bytes, (self.range >> 12) * chance.of_zero(), !bit);
         chance.learn(bit);
     }
 
     /// A bit of which both values are as probable.
     #[inline(always)]
-    pub(super) fn even(&mut self, bytes: &mut Vec<u8>, bit: bool) {
+    pub(crate) fn even(&mut self, bytes: &mut Vec<u8>, bit: bool) {
         self.narrow(bytes, self.range >> 1, !bit);
     }
 
     #[inline(always)]
-    pub(super) fn number(&mut self, bytes: &mut Vec<u8>, chances: &mut NumberChances, value: u32) {
+    pub(crate) fn number(&mut self, bytes: &mut Vec<u8>, chances: &mut NumberChances, value: u32) {
         for (unary, chance) in (0..).zip(&mut chances.unary) {
             self.bit(bytes, chance, value > unary);
             if value == unary {
@@ -250,28 +254,28 @@ fn add_carry(bytes: &mut [u8]) {
 
 #[cfg(feature = "write")]
 impl BitEncoder {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { interval: Interval { low: 0, range: u32::MAX, waiting: 0 }, bytes: vec![] }
     }
 
-    pub(super) fn bit(&mut self, chance: &mut Chance, bit: bool) {
+    pub(crate) fn bit(&mut self, chance: &mut impl Estimate, bit: bool) {
         self.interval.bit(&mut self.bytes, chance, bit);
     }
 
-    pub(super) fn raw(&mut self, count: u32, value: u32) {
+    pub(crate) fn raw(&mut self, count: u32, value: u32) {
         (0..count).rev().for_each(|k| self.interval.even(&mut self.bytes, value >> k & 1 == 1));
     }
 
-    pub(super) fn number(&mut self, chances: &mut NumberChances, value: u32) {
+    pub(crate) fn number(&mut self, chances: &mut NumberChances, value: u32) {
         self.interval.number(&mut self.bytes, chances, value);
     }
 
-    pub(super) fn signed(&mut self, chances: &mut NumberChances, value: i32) {
+    pub(crate) fn signed(&mut self, chances: &mut NumberChances, value: i32) {
         self.number(chances, zigzag(i64::from(value)) as u32);
     }
 
     /// The bytes. A decoder takes missing ones for zero, so zeros at the end are left out, as many as it allows.
-    pub(super) fn finish(mut self) -> Vec<u8> {
+    pub(crate) fn finish(mut self) -> Vec<u8> {
         let Self { interval, bytes } = &mut self;
         // Any number from `low` to `low + range` will do: take the one with the most zero bits at its end.
         let end = interval.low + u64::from(interval.range) - 1;

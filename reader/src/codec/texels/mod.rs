@@ -6,7 +6,7 @@
 //! exactly, and so are colours, normals and factors of which nothing may be lost. Both are coded bit by bit with
 //! probabilities that adapt, so an image of a hundred texels needs no tables.
 
-mod binary;
+pub(crate) mod binary;
 mod colours;
 mod exact;
 mod extrude;

@@ -5,13 +5,15 @@ use crate::region::{DividedMesh, Division, Region, RegionStore, Regions};
 use lodpack_import::{Imported, Overflow, Room};
 use lodpack_mesh::Mesh;
 use lodpack_mesh::appearance::{Appearance, Material, ScalarRange};
-use lodpack_mesh::attributes::{AttributeLayout, Attributes, ChartRun, FileAttributes, MaterialRun, Surface};
+use lodpack_mesh::attributes::{
+    AttributeLayout, Attributes, ChartRun, FileAttributes, MaterialRun, ObjectNode, ObjectRun, Surface,
+};
 use lodpack_runtime::progress::Silent;
 use lodpack_runtime::storage::JobId;
 use lodpack_stage::arcs::Seams;
 
 /// A surface whose vertices carry their position, and whose corners carry the number of their triangle. Its second half
-/// has another material, and is another chart.
+/// has another material, and is another chart; its first quarter is an object of its own.
 fn telling(mesh: Mesh) -> Surface {
     let mut layout = AttributeLayout::default();
     ["x", "y", "z", "triangle"].iter().for_each(|name| layout.add_scalar(name));
@@ -26,6 +28,8 @@ fn telling(mesh: Mesh) -> Surface {
         }],
         materials: vec![MaterialRun { first_triangle: half, material: 1 }],
         charts: [(0, 7), (half, 2)].map(|(first_triangle, chart)| ChartRun { first_triangle, chart }).to_vec(),
+        nodes: vec![ObjectNode::default(); 2],
+        objects: [(0, 1), (half / 2, 0)].map(|(first_triangle, node)| ObjectRun { first_triangle, node }).to_vec(),
         vertex_values: mesh.positions.iter().flat_map(|position| position.as_vec3().to_array()).collect(),
         corner_values: numbers.collect(),
     };
@@ -47,6 +51,7 @@ fn assert_tells_the_truth(region: &Region, half: usize) -> Vec<usize> {
         assert!(records.iter().all(|record| record[3] as usize == number));
         assert_eq!(region.attributes.material(t), u16::from(number >= half));
         assert_eq!(region.attributes.charts[t], if number >= half { 2 } else { 7 });
+        assert_eq!(region.attributes.objects[t], u32::from(number < half / 2));
         number
     };
     (0..region.mesh.triangles.len()).map(triangle).collect()

@@ -1,5 +1,6 @@
 mod add;
 mod attributes;
+mod objects;
 mod regions;
 mod stages;
 

@@ -8,7 +8,7 @@ use lodpack_mesh::appearance::Channels;
 use lodpack_mesh::tolerance::Tolerance;
 
 /// Begins a job with the given number of parts and bytes of a range.
-fn begin(scene: &Scene, name: &str, parts: u32, range_bytes: u64) -> PathBuf {
+pub(super) fn begin(scene: &Scene, name: &str, parts: u32, range_bytes: u64) -> PathBuf {
     let job = scene.path(name);
     let parts = PartOptions { count: Some(parts), memory: None, range_bytes: Some(range_bytes) };
     StagedJob::begin(&job, parts, &scene.options, &Silent).unwrap();
@@ -30,7 +30,7 @@ fn run_backwards(job: &Path, stages: impl Iterator<Item = Stage>) {
     }
 }
 
-fn work_all(job: &Path) -> Result<(), BuildError> {
+pub(super) fn work_all(job: &Path) -> Result<(), BuildError> {
     work(job, Share::default(), u64::MAX, &Silent, &mut |_, _, _| {})
 }
 

@@ -357,6 +357,7 @@ impl<'a> Forest<'a> {
                 triangle_count: patch.triangles.len() as u32,
                 symbols,
                 texels: vec![],
+                owners: vec![],
             });
             surfaces.push(NodeSurface { level, positions, triangles: patch.triangles, areas, error });
         }

@@ -125,7 +125,8 @@ pub(in super::super) fn reduce_top(
                 .filter(|block| block.as_ref().is_some_and(|block| is_small(&block)))
                 .for_each(|block| *block = None);
             blocks[..level].fill(None);
-            blocks[level] = Some(BlockRecord { error, border_deviation: 0.0, triangle_count, symbols, texels: vec![] });
+            blocks[level] =
+                Some(BlockRecord { error, border_deviation: 0.0, triangle_count, symbols, ..BlockRecord::default() });
             let positions: Vec<DVec3> = patch.positions.iter().map(|&point| scale.local_from_lattice(point)).collect();
             *bounds = positions.iter().fold(*bounds, |[low, high], &p| [low.min(p), high.max(p)]);
             replaced = Some((level as u8, CoarseSurface { positions, triangles: patch.triangles.clone(), error }));

@@ -6,6 +6,7 @@ use super::values::{
 };
 use clap::Args;
 use lodpack::index::Placement;
+use lodpack_cli::import::Objects;
 use lodpack_cli::import::raster::RasterForm;
 use lodpack_cli::mesh::appearance::Channels;
 use lodpack_cli::mesh::tolerance::{Tolerance, Unit};
@@ -65,6 +66,9 @@ pub struct ModelArgs {
     /// default each chart of the atlas becomes a root, where it is in one piece and not too large.
     #[arg(long)]
     pub new_charts: bool,
+    /// What becomes of the objects that inputs name: nodes of glTF, `o` and `g` of OBJ, and each of several files.
+    #[arg(long, default_value_t, value_parser = parse_choice(Objects::ALL))]
+    pub objects: Objects,
     /// Most triangles in a region, for tests.
     #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
     pub region_triangles: u64,
@@ -83,7 +87,9 @@ pub struct ModelArgs {
 impl ModelArgs {
     /// The options that the bytes of a file depend on.
     pub fn options(&self) -> ModelOptions {
-        let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles, new_charts, .. } = self;
+        let &Self {
+            tolerance, unit, effort, levels, fillings, extensible, region_triangles, new_charts, objects, ..
+        } = self;
         let channels = self.channels.clone();
         let (chart_triangles, placement) = (None, self.placement());
         ModelOptions {
@@ -99,6 +105,7 @@ impl ModelArgs {
             channels,
             colour_quality: self.color_quality,
             new_charts,
+            objects,
             raster: self.raster.options(),
         }
     }
@@ -115,6 +122,7 @@ impl ModelArgs {
             (self.levels != LevelChoice::default(), "--levels"),
             (self.fillings != Fillings::default(), "--fillings"),
             (self.channels != Channels::default(), "--channels"),
+            (self.objects != Objects::default(), "--objects"),
             (self.extensible, "--extensible"),
             (self.new_charts, "--new-charts"),
             (self.up.is_some(), "--up"),
@@ -180,7 +188,7 @@ pub struct BuildArgs {
     #[arg(long)]
     pub resume: bool,
     /// Build a part of this job, which `lodpack plan` has prepared, into the job's directory or to -o.
-    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "crs", "origin", "up", "effort", "levels", "extensible", "channels", "surface", "radius", "vertical_unit", "nodata", "spacing", "bounds", "height_code", "drape", "geoid", "ramp", "form", "heights", "temp", "resume"])]
+    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "crs", "origin", "up", "effort", "levels", "extensible", "channels", "objects", "surface", "radius", "vertical_unit", "nodata", "spacing", "bounds", "height_code", "drape", "geoid", "ramp", "form", "heights", "temp", "resume"])]
     pub job: Option<PathBuf>,
     /// Number of the part, from 0; or the first and the last of several, as 0-15, built one after the other.
     #[arg(long, value_name = "K", requires = "job")]

@@ -14,6 +14,10 @@ pub struct InfoArgs {
     /// Account for every byte: what is there and why; what is left out, why, and how many bytes that saves.
     #[arg(long)]
     pub why: bool,
+    /// List the objects that the input named and the assemblies that they are parts of: number, leaves and triangles at
+    /// the finest level, name, id, and what each is in. Reads all leaves.
+    #[arg(long)]
+    pub objects: bool,
     /// Print as JSON.
     #[arg(long)]
     pub json: bool,
@@ -135,6 +139,13 @@ pub struct ExtractArgs {
     /// of the ground.
     #[arg(long, value_enum, default_value_t, value_name = "auto|none|only")]
     pub ground: GroundChoice,
+    /// Only objects that the input named so: by name, by id, by the names of all that it is in and its own joined by
+    /// slashes, or by number (#12) as info --objects lists them. A star stands for any text, and an assembly for all
+    /// that is in it. May come several times. GLB gets their tree with names and ids, OBJ an object each. --tolerance and
+    /// --triangles choose among the levels of leaves.
+    #[arg(long = "object", value_name = "NAME|ID|#NUMBER",
+        conflicts_with_all = ["bbox", "nodes", "context", "tin", "raw"])]
+    pub objects: Vec<String>,
     /// With --bbox: also write the rest of the model, at its coarsest.
     #[arg(long, requires = "bbox")]
     pub context: bool,

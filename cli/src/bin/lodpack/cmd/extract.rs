@@ -2,6 +2,7 @@
 
 use super::heights;
 use super::images::{self, ImageSummary};
+use super::objects::drawn::{DrawnObjects, Wanted, drawn_of as objects_of};
 use super::open::{Opened, Source, in_file, open_any, open_ground, tolerance_in, tolerance_in_heights};
 use super::print_json;
 use crate::args::{ExtractArgs, GroundChoice, ImagesChoice, NormalsChoice, OutputFormat, TexelsChoice};
@@ -18,6 +19,7 @@ use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh_with_normals};
 use lodpack_cli::mesh::glb::write_textured_glb;
 use lodpack_cli::mesh::glb_nodes::write_joined_glb;
 use lodpack_cli::mesh::layers::{Layer, Look};
+use lodpack_cli::mesh::objects::{GlbForm, ObjectPart, write_objects_glb, write_objects_obj};
 use lodpack_cli::mesh::pages::PagedMesh;
 use lodpack_cli::mesh::shaded::{Shading, write_shaded_mesh};
 use lodpack_cli::mesh::smooth::{Creases, Fans};
@@ -253,6 +255,9 @@ fn mesh_of(
     tell_of_channels(file, (&look, &channels), format, args);
     let progress = Terminal::while_waiting();
     progress.begin("read", 0);
+    if !args.objects.is_empty() {
+        return drawn_objects(file, tolerance, (look, &channels), format, args);
+    }
     let finishing = args.triangles.filter(|_| !args.raw && !args.context && args.nodes.is_none());
     let query = Query {
         volume: args.bbox.map(|bbox| bbox.0.into()),
@@ -299,6 +304,28 @@ fn mesh_of(
     Ok((drawn, cut.nodes.len() as u64))
 }
 
+/// The objects that were asked for, and how many leaves hold them.
+fn drawn_objects(
+    file: &lodpack::File<Source>,
+    tolerance: Option<f64>,
+    (look, channels): (Look, &[u8]),
+    format: MeshFormat,
+    args: &ExtractArgs,
+) -> Result<(Drawn, u64)> {
+    // Materials of OBJ belong to one mesh.
+    let channels = if format == MeshFormat::Obj { &[] } else { channels };
+    let wanted = Wanted { path: &args.file, patterns: &args.objects, tolerance, triangles: args.triangles, channels };
+    let DrawnObjects { mesh, textured, cut, parts } = objects_of(file, &wanted)?;
+    let leaves = cut.nodes.len() as u64;
+    let drawn = match textured {
+        Some(textured) => Drawn::textured(textured, look, &cut),
+        None => Drawn::new(mesh.clone(), &cut),
+    };
+    let known = channels.iter().filter_map(|&channel| file.channels().get(usize::from(channel)));
+    let numbers = known.cloned().enumerate().filter(|(_, channel)| is_number(channel)).collect();
+    Ok((Drawn { numbers, objects: Some((mesh, parts)), ..drawn }, leaves))
+}
+
 /// The mesh that is written.
 pub struct Drawn {
     pub positions: Vec<[f64; 3]>,
@@ -320,6 +347,8 @@ pub struct Drawn {
     pub shading: Option<Shading>,
     /// Of heights: the same with the image over it, where the format has room for that.
     pub draped: Option<PagedMesh>,
+    /// The objects that its triangles belong to, if some were asked for, and the mesh with the roots of triangles.
+    pub objects: Option<(lodpack::Mesh, Vec<ObjectPart>)>,
 }
 
 impl Drawn {
@@ -338,6 +367,7 @@ impl Drawn {
             numbers: vec![],
             shading: None,
             draped: None,
+            objects: None,
         }
     }
 
@@ -391,6 +421,7 @@ impl Drawn {
             numbers: vec![],
             shading: None,
             draped: None,
+            objects: None,
         })
     }
 }
@@ -574,6 +605,24 @@ fn write_one(
 ) -> Result<Written> {
     let (format, upright) = form;
     let mut written = Written::default();
+    match &mesh.objects {
+        Some((whole, parts)) if format == MeshFormat::Glb => {
+            let textured = mesh.textured.as_ref().map(|(textured, look)| (textured, look));
+            let look = textured.map(|(_, look)| look.clone()).unwrap_or_default();
+            let form = GlbForm {
+                formats: images::formats(&look, args),
+                upright,
+                page_size: args.page_size,
+                is_smooth: creases(args, format).is_some(),
+            };
+            return Ok(write_objects_glb(out, whole, textured, parts, form)?);
+        }
+        Some((whole, parts)) if format == MeshFormat::Obj => {
+            write_objects_obj(out, whole, parts)?;
+            return Ok(written);
+        }
+        _ => {}
+    }
     if let Some(draped) = &mesh.draped {
         let formats = images::formats(&Look::default(), args);
         match format {

@@ -2,6 +2,7 @@
 
 use super::heights;
 use super::heights::ground::GroundInfo;
+use super::objects::list::{self, Listed};
 use super::open::{Opened, Source, in_file, open_any, open_ground};
 use super::print_json;
 use super::why::{Account, Kind};
@@ -32,6 +33,9 @@ struct Info {
     arcs: u64,
     corners: u64,
     sections: Vec<Section>,
+    /// What the input named.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    objects: Option<ObjectsInfo>,
     channels: Vec<Channel>,
     /// Bytes of the maps, which all channels share.
     map_bytes: u64,
@@ -99,6 +103,15 @@ struct Channel {
 }
 
 #[derive(Serialize)]
+struct ObjectsInfo {
+    objects: u32,
+    assemblies: u32,
+    /// Each of them, if that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    list: Option<Vec<Listed>>,
+}
+
+#[derive(Serialize)]
 struct OverviewInfo {
     triangles: u64,
     certified_error: f64,
@@ -126,6 +139,10 @@ pub fn run(args: &InfoArgs) -> Result<ExitCode> {
         }
     };
     let mut info = in_file(&args.file, collect(&file, args.why))?;
+    if let Some(objects) = info.objects.as_mut().filter(|_| args.objects) {
+        objects.list = list::collect(&args.file, &file)?;
+        (info.bytes_read, info.requests) = (file.source().byte_count(), file.source().read_count());
+    }
     if let Some(ground) = open_ground(&args.file, &file)? {
         let ground = in_file(&args.file, GroundInfo::new(&ground))?;
         // Bits are those of the mesh.
@@ -204,6 +221,11 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
             .iter()
             .map(|(name, bytes)| Section { name: name.to_string(), bytes: *bytes })
             .collect(),
+        objects: file.objects().map(|objects| ObjectsInfo {
+            objects: objects.count(),
+            assemblies: objects.node_count() - objects.count(),
+            list: None,
+        }),
         channels: channels.collect(),
         map_bytes: texel_bytes.first().copied().unwrap_or(0),
         overview,
@@ -240,6 +262,10 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
         count(info.arcs),
         count(info.corners)
     );
+    if let Some(ObjectsInfo { objects, assemblies, .. }) = &info.objects {
+        let hint = if args.objects { "" } else { " (--objects lists them)" };
+        say!("  objects    {} in {} assemblies{hint}", count((*objects).into()), count((*assemblies).into()));
+    }
     for (place, channel) in info.channels.iter().enumerate() {
         let Channel { name, kind, lossless, components, low, step, bound, bytes: size } = channel;
         let components = if *components == 1 { "1 component".into() } else { format!("{components} components") };
@@ -280,6 +306,9 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
         for item in info.account.left_out.iter().filter(|item| !is_fine(item.kind)) {
             say!("    {}: {}", item.what, item.why);
         }
+    }
+    if let Some(listed) = info.objects.as_ref().and_then(|objects| objects.list.as_ref()) {
+        list::print(listed)?;
     }
     say!("  read       {} in {} requests", bytes(info.bytes_read), info.requests);
     Ok(())

@@ -14,6 +14,7 @@ mod inputs;
 mod levels;
 pub mod man;
 pub mod merge;
+mod objects;
 mod open;
 pub mod plan;
 pub mod report;

@@ -15,6 +15,16 @@ pub fn print(s: &BuildSummary, output: &Path) -> Result<()> {
         count(s.triangles),
         count(s.input_vertices)
     );
+    if s.objects > 0 {
+        let assemblies = match s.assemblies {
+            0 => String::new(),
+            1 => " in 1 assembly".into(),
+            some => format!(" in {} assemblies", count(some)),
+        };
+        let objects =
+            if s.objects == 1 { "1 object was kept".into() } else { format!("{} objects were kept", count(s.objects)) };
+        say!("  objects    {objects}{assemblies}");
+    }
     say!(
         "  repairs    {} vertices welded, {} degenerate and {} duplicate faces dropped, {} edges and {} vertices cut, {} faces flipped",
         count(r.welded_vertices),

@@ -73,6 +73,7 @@ pub fn mesh_of(file: &Heights<Source>, tolerance: Option<f64>, args: &ExtractArg
             has_normals_everywhere: args.normals == Some(NormalsChoice::Smooth),
         }),
         draped,
+        objects: None,
     };
     Ok((drawn, (cut.tiles.len() as u64, "tiles")))
 }
@@ -124,6 +125,7 @@ pub fn tin_of(file: &Heights<Source>, tolerance: f64, args: &ExtractArgs) -> Res
         numbers: vec![],
         shading: None,
         draped: None,
+        objects: None,
     };
     Ok((drawn, (tin.sample_count, "samples")))
 }

@@ -72,6 +72,8 @@ fn section(facts: &Facts, name: &str, size: u64) -> There {
             "name, kind and range of values of {}, and how many bytes each takes",
             some(facts.file.channels().len() as u64, "channel")
         ),
+        "objects" => "how many objects and assemblies the input named, and where lists of them begin; --objects join leaves them out".into(),
+        "object pages" => "names, ids, parents and look-up of objects, and for each island of the leaves' blocks the object that it belongs to; read a page at a time".into(),
         "ground" => "the heights that the mesh stands on: a whole file of heights, which --ground put there; files without it have only their mesh".into(),
         _ => "optional, of a kind that this version of lodpack does not know".into(),
     };

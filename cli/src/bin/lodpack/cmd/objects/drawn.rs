@@ -1,0 +1,139 @@
+//! `lodpack extract --object`: the islands of some objects, each leaf at one of its own levels.
+
+use super::super::open::{Source, in_file};
+use super::Nodes;
+use crate::output::count;
+use anyhow::{Result, bail};
+use lodpack::decode::TexturedMesh;
+use lodpack::{Cut, Mesh, Node};
+use lodpack_cli::mesh::objects::ObjectPart;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::path::Path;
+
+/// What is asked for.
+pub struct Wanted<'a> {
+    pub path: &'a Path,
+    pub patterns: &'a [String],
+    /// In units of the file.
+    pub tolerance: Option<f64>,
+    pub triangles: Option<u64>,
+    /// Channels of the look that is written.
+    pub channels: &'a [u8],
+}
+
+/// The triangles of some objects, object after object.
+pub struct DrawnObjects {
+    pub mesh: Mesh,
+    pub textured: Option<TexturedMesh>,
+    pub cut: Cut,
+    /// The objects, and what lies above them.
+    pub parts: Vec<ObjectPart>,
+}
+
+/// Finds and draws what is wanted.
+pub fn drawn_of(file: &lodpack::File<Source>, wanted: &Wanted<'_>) -> Result<DrawnObjects> {
+    let path = wanted.path;
+    let Some((nodes, objects)) = Nodes::read(path, file)?.zip(file.objects()) else {
+        bail!("{}: it has no objects; build it with --objects keep, or omit --object", path.display());
+    };
+    let found = nodes.matching(path, wanted.patterns)?;
+    let mut leaves = BTreeSet::new();
+    for &object in &found {
+        leaves.extend(in_file(path, objects.leaves(object))?);
+    }
+    let levels = file.level_count() as u8;
+    // The finest that the budget allows, if there is one.
+    for finest in (0..levels).rev() {
+        let cut = cut_of(file, wanted, &leaves, finest)?;
+        let (mesh, of_triangles) = in_file(path, file.extract_objects(&cut))?;
+        let kept = of_triangles.iter().filter(|object| found.contains(object)).count() as u64;
+        if wanted.triangles.is_some_and(|most| kept > most) && finest > 0 {
+            continue;
+        }
+        if let Some(most) = wanted.triangles.filter(|&most| kept > most) {
+            bail!(
+                "{}: the leaves of these objects have {} triangles at their coarsest level; ask for more than {} with \
+                 --triangles",
+                path.display(),
+                count(kept),
+                count(most)
+            );
+        }
+        let textured = match wanted.channels {
+            [] => None,
+            channels => Some(in_file(path, file.extract_textured(&cut, channels))?),
+        };
+        return Ok(arranged(mesh, textured, cut, &of_triangles, &found, &nodes));
+    }
+    bail!("{}: it has no level", path.display())
+}
+
+/// The level of each leaf: the coarsest within the tolerance, and none finer than `finest` unless it has no other.
+fn cut_of(file: &lodpack::File<Source>, wanted: &Wanted<'_>, leaves: &BTreeSet<u32>, finest: u8) -> Result<Cut> {
+    let mut cut = Cut { file: Some(file.index().id()), ..Cut::default() };
+    for &root in leaves {
+        let blocks = in_file(wanted.path, file.root_contents(root))?.blocks;
+        let error = |block: &lodpack::index::BlockContents| block.error + block.border_deviation;
+        let is_near = |block: &&lodpack::index::BlockContents| {
+            block.level <= finest && wanted.tolerance.is_some_and(|tolerance| error(block) <= tolerance)
+        };
+        let finest = blocks.iter().rev().find(|block| block.level <= finest).or(blocks.first());
+        let Some(block) = blocks.iter().find(is_near).or(finest) else { continue };
+        cut.nodes.push(Node { root, level: block.level });
+        cut.node_errors.push(error(block));
+        cut.error = cut.error.max(error(block));
+    }
+    Ok(cut)
+}
+
+/// Keeps the triangles of what was found, object after object.
+fn arranged(
+    mesh: Mesh,
+    textured: Option<TexturedMesh>,
+    cut: Cut,
+    of_triangles: &[u32],
+    found: &BTreeSet<u32>,
+    nodes: &Nodes,
+) -> DrawnObjects {
+    let mut order: Vec<(u32, usize)> =
+        of_triangles.iter().enumerate().filter(|(_, object)| found.contains(object)).map(|(at, &o)| (o, at)).collect();
+    order.sort_unstable();
+    let mut places = HashMap::new();
+    let mut kept = Mesh::default();
+    for &(_, at) in &order {
+        let corners = mesh.triangles[at].map(|vertex| {
+            *places.entry(vertex).or_insert_with(|| {
+                kept.positions.push(mesh.positions[vertex as usize]);
+                kept.positions.len() as u32 - 1
+            })
+        });
+        kept.triangles.push(corners);
+        kept.triangle_nodes.push(mesh.triangle_nodes[at]);
+    }
+    let textured = textured.map(|whole| TexturedMesh {
+        places: order.iter().map(|&(_, at)| whole.places[at]).collect(),
+        mesh: kept.clone(),
+        ..whole
+    });
+    // All that lies above an object comes before it.
+    let mut parts: Vec<ObjectPart> = vec![];
+    let mut numbers: BTreeMap<u32, usize> = BTreeMap::new();
+    for &object in found {
+        for number in nodes.above(object).into_iter().chain([object]) {
+            if numbers.contains_key(&number) {
+                continue;
+            }
+            let Some(node) = nodes.all.get(number as usize) else { continue };
+            numbers.insert(number, parts.len());
+            let first = order.partition_point(|&(other, _)| other < number);
+            let end = order.partition_point(|&(other, _)| other <= number);
+            parts.push(ObjectPart {
+                name: node.name.clone(),
+                id: node.id.clone(),
+                parent: node.parent.and_then(|parent| numbers.get(&parent).copied()),
+                triangles: first..end,
+            });
+        }
+    }
+    DrawnObjects { mesh: kept, textured, cut, parts }
+}

@@ -1,0 +1,155 @@
+//! Objects of a file: those that patterns name, their list, and what is written of them.
+
+pub mod drawn;
+pub mod list;
+
+use super::open::{Source, in_file};
+use anyhow::{Result, bail};
+use lodpack::objects::ObjectNode;
+use std::collections::{BTreeSet, HashMap};
+use std::path::Path;
+
+/// All nodes of a file, whose parents are numbers in this list.
+pub struct Nodes {
+    pub all: Vec<ObjectNode>,
+    pub objects: u32,
+}
+
+impl Nodes {
+    /// Reads them; none if the file has no objects.
+    pub fn read(path: &Path, file: &lodpack::File<Source>) -> Result<Option<Self>> {
+        let Some(objects) = file.objects() else { return Ok(None) };
+        let mut all = vec![];
+        for page in 0..objects.page_count() {
+            all.extend(in_file(path, objects.page(page))?);
+        }
+        Ok(Some(Self { all, objects: objects.count() }))
+    }
+
+    /// What lies above a node, from the top down.
+    pub fn above(&self, number: u32) -> Vec<u32> {
+        let mut above = vec![];
+        let mut node = self.all.get(number as usize);
+        // A file may lie about its tree.
+        while let Some(parent) = node.and_then(|node| node.parent).filter(|_| above.len() < self.all.len()) {
+            above.push(parent);
+            node = self.all.get(parent as usize);
+        }
+        above.reverse();
+        above
+    }
+
+    /// The names of what lies above a node, joined by slashes.
+    pub fn path_above(&self, number: u32) -> String {
+        let name = |&number: &u32| self.all.get(number as usize).and_then(|node| node.name.clone()).unwrap_or_default();
+        self.above(number).iter().map(name).collect::<Vec<_>>().join("/")
+    }
+
+    /// The objects that patterns name: by number (#12), name, id, or names of all above and its own joined by slashes;
+    /// a star stands for any text. An assembly stands for everything in it.
+    ///
+    /// # Errors
+    /// If a pattern names nothing.
+    pub fn matching(&self, path: &Path, patterns: &[String]) -> Result<BTreeSet<u32>> {
+        let mut children: HashMap<u32, Vec<u32>> = HashMap::new();
+        for (number, node) in (0..).zip(&self.all) {
+            node.parent.iter().for_each(|&parent| children.entry(parent).or_default().push(number));
+        }
+        let mut found = BTreeSet::new();
+        for pattern in patterns {
+            let mut waiting: Vec<u32> = match pattern.strip_prefix('#').and_then(|number| number.parse::<u32>().ok()) {
+                Some(number) => Some(number).filter(|&number| (number as usize) < self.all.len()).into_iter().collect(),
+                None => (0..self.all.len() as u32).filter(|&number| self.is_named(number, pattern)).collect(),
+            };
+            if waiting.is_empty() {
+                let file = path.display();
+                bail!(
+                    "{file}: no object is named {pattern}; lodpack info --objects lists them, and * stands for any text"
+                );
+            }
+            let mut seen = BTreeSet::new();
+            while let Some(number) = waiting.pop() {
+                if seen.insert(number) {
+                    waiting.extend(children.get(&number).into_iter().flatten());
+                }
+            }
+            found.extend(seen.into_iter().filter(|&number| number < self.objects));
+        }
+        Ok(found)
+    }
+
+    fn is_named(&self, number: u32, pattern: &str) -> bool {
+        let Some(node) = self.all.get(number as usize) else { return false };
+        let is_it = |text: &Option<String>| text.as_ref().is_some_and(|text| matches(pattern, text));
+        if is_it(&node.name) || is_it(&node.id) {
+            return true;
+        }
+        let (Some(name), true) = (&node.name, pattern.contains('/')) else { return false };
+        matches(pattern, &format!("{}/{name}", self.path_above(number)))
+    }
+}
+
+/// Whether a text is what a pattern with stars stands for.
+fn matches(pattern: &str, text: &str) -> bool {
+    let Some((first, rest)) = pattern.split_once('*') else { return pattern == text };
+    let Some(mut left) = text.strip_prefix(first) else { return false };
+    let mut parts: Vec<&str> = rest.split('*').collect();
+    let last = parts.pop().unwrap_or_default();
+    for part in parts {
+        match left.find(part) {
+            Some(at) => left = &left[at + part.len()..],
+            None => return false,
+        }
+    }
+    left.ends_with(last)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stars_stand_for_any_text() {
+        for (pattern, text, is_it) in [
+            ("BOLT", "BOLT", true),
+            ("BOLT", "BOLTS", false),
+            ("BOLT*", "BOLT", true),
+            ("*-7", "FLANGE-7", true),
+            ("*-7", "FLANGE-71", false),
+            ("A*/L*/F*", "A/L1/F2", true),
+            ("A*A", "A", false),
+            ("*", "", true),
+            ("a*b*c", "a-b-b-c", true),
+            ("a*bb*c", "a-b-b-c", false),
+        ] {
+            assert_eq!(matches(pattern, text), is_it, "{pattern} {text}");
+        }
+    }
+
+    #[test]
+    fn patterns_name_objects_and_assemblies_all_that_is_in_them() {
+        let node = |name: &str, id: Option<&str>, parent| ObjectNode {
+            name: Some(name.into()),
+            id: id.map(Into::into),
+            parent,
+        };
+        let all = vec![
+            node("PIPE", Some("a"), Some(3)),
+            node("BOLT", Some("b"), Some(4)),
+            node("BOLT", None, Some(0)),
+            node("HALL", Some("h"), None),
+            node("LINE", None, Some(3)),
+        ];
+        let nodes = Nodes { all, objects: 3 };
+        let found = |patterns: &[&str]| {
+            let patterns: Vec<String> = patterns.iter().map(|&pattern| pattern.into()).collect();
+            nodes.matching(Path::new("x"), &patterns).map(|found| found.into_iter().collect::<Vec<u32>>())
+        };
+        assert_eq!(found(&["HALL"]).unwrap(), [0, 1, 2]);
+        assert_eq!(found(&["b", "#2"]).unwrap(), [1, 2]);
+        assert_eq!(found(&["BOLT"]).unwrap(), [1, 2]);
+        assert_eq!(found(&["HALL/LINE/*"]).unwrap(), [1]);
+        assert_eq!(found(&["PIPE"]).unwrap(), [0, 2]);
+        assert!(found(&["HALL", "VALVE"]).is_err() && found(&["#5"]).is_err());
+    }
+}

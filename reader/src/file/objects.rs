@@ -1,0 +1,134 @@
+//! The objects of an open file, which reads what an answer needs.
+
+use super::File;
+use crate::{
+    decode::{self, Mesh, Pick},
+    error::Result,
+    index::{Objects, Ray},
+    objects::ObjectNode,
+    select::Cut,
+    source::{Fetched, ReadAt},
+};
+
+/// What the input named, with a source: see [`Objects`], whose questions it answers.
+#[derive(Debug)]
+pub struct FileObjects<'f, S> {
+    file: &'f File<S>,
+    objects: Objects<'f>,
+}
+
+impl<S: ReadAt> File<S> {
+    /// What the input named, if the file says so.
+    pub fn objects(&self) -> Option<FileObjects<'_, S>> {
+        Some(FileObjects { file: self, objects: self.index().objects()? })
+    }
+
+    /// [`File::extract`] for a cut of leaves, and for each triangle the object that it belongs to.
+    ///
+    /// # Errors
+    /// As [`decode::extract_objects`]; [`crate::Error::Io`].
+    pub fn extract_objects(&self, cut: &Cut) -> Result<(Mesh, Vec<u32>)> {
+        self.ask(|index, fetched| decode::extract_objects(index, cut, fetched))
+    }
+
+    /// The first point of the finest surface that a ray meets, from either side, and the object that it belongs to.
+    ///
+    /// # Errors
+    /// As [`decode::pick`]; [`crate::Error::Io`].
+    pub fn pick(&self, ray: Ray) -> Result<Option<Pick>> {
+        self.ask(|index, fetched| decode::pick(index, ray, fetched))
+    }
+}
+
+impl<S: ReadAt> FileObjects<'_, S> {
+    fn ask<T>(&self, question: impl Fn(&Objects<'_>, &Fetched) -> Result<T>) -> Result<T> {
+        self.file.ask(|_, fetched| question(&self.objects, fetched))
+    }
+
+    /// How many objects there are.
+    pub fn count(&self) -> u32 {
+        self.objects.count()
+    }
+
+    /// How many objects and assemblies there are.
+    pub fn node_count(&self) -> u32 {
+        self.objects.node_count()
+    }
+
+    /// Name, id and parent of an object or assembly.
+    ///
+    /// # Errors
+    /// As [`Objects::node`], but that what is missing is read; [`crate::Error::Io`].
+    pub fn node(&self, number: u32) -> Result<ObjectNode> {
+        self.ask(|objects, fetched| objects.node(number, fetched))
+    }
+
+    /// The objects and assemblies of a name, ascending.
+    ///
+    /// # Errors
+    /// As [`Self::node`].
+    pub fn find_name(&self, name: &str) -> Result<Vec<u32>> {
+        self.ask(|objects, fetched| objects.find_name(name, fetched))
+    }
+
+    /// The objects and assemblies of an id, ascending.
+    ///
+    /// # Errors
+    /// As [`Self::node`].
+    pub fn find_id(&self, id: &str) -> Result<Vec<u32>> {
+        self.ask(|objects, fetched| objects.find_id(id, fetched))
+    }
+
+    /// What an object or assembly consists of, ascending; without a number, all that is a part of nothing.
+    ///
+    /// # Errors
+    /// As [`Self::node`].
+    pub fn children(&self, parent: Option<u32>) -> Result<Vec<u32>> {
+        self.ask(|objects, fetched| objects.children(parent, fetched))
+    }
+
+    /// What an object or assembly is a part of: its parent, that one's parent, and so on.
+    ///
+    /// # Errors
+    /// As [`Self::node`].
+    pub fn above(&self, number: u32) -> Result<Vec<u32>> {
+        self.ask(|objects, fetched| objects.above(number, fetched))
+    }
+
+    /// The objects of a leaf.
+    ///
+    /// # Errors
+    /// As [`Objects::of_leaf`]; [`crate::Error::Io`].
+    pub fn of_leaf(&self, root: u32) -> Result<Vec<u32>> {
+        self.ask(|objects, fetched| objects.of_leaf(root, fetched))
+    }
+
+    /// For each of [`crate::islands`] of a leaf's block the object that it belongs to.
+    ///
+    /// # Errors
+    /// As [`Objects::owners`]; [`crate::Error::Io`].
+    pub fn owners(&self, root: u32, level: u8) -> Result<Vec<u32>> {
+        self.ask(|objects, fetched| objects.owners(root, level, fetched))
+    }
+
+    /// The leaves that hold an object, ascending.
+    ///
+    /// # Errors
+    /// As [`Objects::leaves`]; [`crate::Error::Io`].
+    pub fn leaves(&self, object: u32) -> Result<Vec<u32>> {
+        self.ask(|objects, fetched| objects.leaves(object, fetched))
+    }
+
+    /// How many pages of up to 1024 nodes there are, for those that want them all.
+    pub fn page_count(&self) -> u32 {
+        self.node_count().div_ceil(1024)
+    }
+
+    /// The nodes of a page, from 1024 times its number on.
+    ///
+    /// # Errors
+    /// As [`Self::node`].
+    pub fn page(&self, page: u32) -> Result<Vec<ObjectNode>> {
+        self.ask(|objects, fetched| Ok(objects.open().nodes(page, fetched)?.to_vec()))
+    }
+}
