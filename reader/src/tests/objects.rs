@@ -307,7 +307,8 @@ fn files_of_several_pieces_in_any_order_of_taking_number_objects_alike() {
         let mut assembly = Assembly::new(&whole).unwrap();
         pieces.iter().for_each(|piece| assembly.count(&piece.index).unwrap());
         let encoder = assembly.arrange().unwrap().seal(None);
-        let mut output = Output::new(encoder, || Ok(Cursor::new(vec![]))).unwrap();
+        let output = Output::new(encoder, || Ok(Cursor::new(vec![]))).unwrap();
+        let mut output = output.with_nodes(whole.nodes.clone()).unwrap();
         order.into_iter().for_each(|piece| output.take(piece, &pieces[piece]).unwrap());
         for cluster in 0..output.encoder().cluster_count() {
             let symbols = output.symbols(cluster).unwrap();

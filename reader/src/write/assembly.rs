@@ -23,7 +23,6 @@ use crate::{
         records::SourceInfo,
     },
     lattice::{Lattice, LatticePoint},
-    objects::ObjectNode,
     write::model::{LevelInfo, Model, OverviewRecord},
 };
 
@@ -41,7 +40,7 @@ const ARC_RUN_SAMPLES: u16 = 1024;
 ///
 /// ```text
 /// Assembly::new, count(index of each piece), perhaps count_above, arrange, seal    ->  Encoder
-/// Output::new, take(each piece)                               symbols wait, by cluster
+/// Output::new, perhaps with_nodes, take(each piece)           symbols wait, by cluster
 /// Output::symbols(each cluster)                               ->  ClusterSymbols
 /// Encoder::encode(each of these), side by side                ->  EncodedCluster
 /// Output::add(each of these), finish                          ->  the file
@@ -49,8 +48,6 @@ const ARC_RUN_SAMPLES: u16 = 1024;
 #[derive(Clone, Debug)]
 pub struct Assembly {
     head: FileHead,
-    /// Objects and assemblies, which concern nobody before the output.
-    nodes: Vec<ObjectNode>,
     pub(super) catalogue: Catalogue,
     /// Tallies of all symbols, and of those that decide where arcs are stored.
     pub(super) all: Tally,
@@ -71,8 +68,8 @@ pub(super) struct FileHead {
 }
 
 impl Assembly {
-    /// A file without pieces yet. Uses only what the model says about the whole file: lattice, steps, levels, source,
-    /// channels and nodes.
+    /// A file without pieces yet. Uses only what the model says about the whole file: lattice, steps, levels, source
+    /// and channels.
     ///
     /// # Errors
     /// [`crate::Error::Model`] if levels or channels break a rule.
@@ -92,7 +89,6 @@ impl Assembly {
         let (lattice, source, channels) = (head.lattice, head.source.clone(), head.channels.clone());
         Ok(Self {
             head: FileHead { lattice, source, placement: head.placement.clone(), tolerances, levels, channels },
-            nodes: head.nodes.clone(),
             catalogue: Catalogue::default(),
             all: Tally::default(),
             arcs: vec![Tally::default(); head.levels.len()],
@@ -139,8 +135,8 @@ impl Assembly {
             corners.add(&Tally::of([symbols.iter()]));
         }
         [&records, &corners].into_iter().for_each(|tally| self.all.add(tally));
-        let Self { head, nodes, all, arcs, coarsest, .. } = self;
-        Ok(Arranged { head, nodes, arrangement, all, records, corners, arcs, coarsest, stream_count })
+        let Self { head, all, arcs, coarsest, .. } = self;
+        Ok(Arranged { head, arrangement, all, records, corners, arcs, coarsest, stream_count })
     }
 }
 
@@ -158,7 +154,6 @@ pub(super) fn corner_symbols(corners: Vec<LatticePoint>, mut before: LatticePoin
 #[derive(Clone, Debug)]
 pub struct Arranged {
     head: FileHead,
-    nodes: Vec<ObjectNode>,
     arrangement: Arrangement,
     all: Tally,
     records: Tally,
@@ -225,6 +220,6 @@ impl Arranged {
     pub fn seal(mut self, overview: Option<OverviewRecord>) -> Encoder {
         let tables = self.tables(overview.as_ref());
         self.head.levels.index_arc_levels = self.index_arc_levels(&tables);
-        Encoder::new(self.head, self.arrangement, tables, overview, self.nodes)
+        Encoder::new(self.head, self.arrangement, tables, overview)
     }
 }

@@ -18,7 +18,6 @@ use crate::{
     codec::entropy::Tables,
     error::{Error, Result},
     format::{channels::stream_count, clusters::Cluster},
-    objects::ObjectNode,
 };
 
 /// Some clusters of a file, with all that is needed to encode them but their symbols. It has about half a kilobyte for
@@ -60,7 +59,6 @@ pub struct EncoderHead {
     head: FileHead,
     tables: Vec<u8>,
     overview: Option<OverviewRecord>,
-    nodes: Vec<ObjectNode>,
     /// Of each cluster.
     first_roots: Vec<u32>,
 }
@@ -107,7 +105,6 @@ impl Encoder {
             head: self.head.clone(),
             tables: self.tables.write(),
             overview: self.overview.clone(),
-            nodes: self.nodes.clone(),
             first_roots: self.arrangement.clusters.iter().map(|cluster| cluster.first_root).collect(),
         }
     }
@@ -124,11 +121,11 @@ impl EncoderHead {
     /// # Errors
     /// [`Error::Format`] if its tables are damaged.
     pub fn encoder(self) -> Result<Encoder> {
-        let Self { head, tables, overview, nodes, first_roots } = self;
+        let Self { head, tables, overview, first_roots } = self;
         let clusters = first_roots.into_iter().map(|first_root| Cluster { first_root, ..Cluster::default() });
         let level_count = head.levels.levels.len();
         let arrangement = Arrangement { clusters: clusters.collect(), level_count, ..Arrangement::default() };
-        Ok(Encoder::new(head, arrangement, Tables::parse(&tables)?, overview, nodes))
+        Ok(Encoder::new(head, arrangement, Tables::parse(&tables)?, overview))
     }
 }
 

@@ -16,7 +16,6 @@ use crate::{
         levels::Levels,
         sections::Part,
     },
-    objects::ObjectNode,
     write::model::OverviewRecord,
 };
 
@@ -28,8 +27,6 @@ pub struct Encoder {
     pub(super) tables: Tables,
     pub(super) codes: Codes,
     pub(super) overview: Option<OverviewRecord>,
-    /// The output takes them.
-    pub(super) nodes: Vec<ObjectNode>,
 }
 
 /// A cluster as bytes.
@@ -52,9 +49,8 @@ impl Encoder {
         arrangement: Arrangement,
         tables: Tables,
         overview: Option<OverviewRecord>,
-        nodes: Vec<ObjectNode>,
     ) -> Self {
-        Self { head, arrangement, codes: tables.codes(), tables, overview, nodes }
+        Self { head, arrangement, codes: tables.codes(), tables, overview }
     }
 
     /// The number of clusters to encode.

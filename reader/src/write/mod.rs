@@ -106,7 +106,8 @@ pub fn write_listed(model: &Model, list_sizes: ListSizes, out: &mut impl Write) 
     assembly.count(&piece.index)?;
     let encoder = assembly.arrange()?.seal(model.overview.clone());
     let root_order = encoder.root_order().to_vec();
-    let mut output = Output::new(encoder, || Ok(Cursor::new(Vec::new())))?.with_list_sizes(list_sizes);
+    let output = Output::new(encoder, || Ok(Cursor::new(Vec::new())))?.with_list_sizes(list_sizes);
+    let mut output = output.with_nodes(model.nodes.clone())?;
     output.take(0, &piece)?;
     drop(piece);
     for cluster in 0..output.encoder().cluster_count() {

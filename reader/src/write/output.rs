@@ -23,7 +23,7 @@ use crate::{
         overview::OverviewSection,
         sections::write_source,
     },
-    objects::ObjectsWriter,
+    objects::{ObjectNode, ObjectsWriter},
 };
 
 /// A report on a written file.
@@ -68,8 +68,8 @@ impl<S: Read + Write + Seek> Output<S> {
     /// A file without pieces yet. `scratch` makes an empty store for bytes that wait.
     ///
     /// # Errors
-    /// [`Error::Write`] if `scratch` fails, [`Error::Model`] if a file cannot have the model's objects.
-    pub fn new(mut encoder: Encoder, mut scratch: impl FnMut() -> io::Result<S>) -> Result<Self> {
+    /// [`Error::Write`] if `scratch` fails.
+    pub fn new(encoder: Encoder, mut scratch: impl FnMut() -> io::Result<S>) -> Result<Self> {
         let mut waiting = || match scratch() {
             Ok(bytes) => Ok(Waiting { bytes, length: 0 }),
             Err(source) => Err(Error::Write { source }),
@@ -81,15 +81,22 @@ impl<S: Read + Write + Seek> Output<S> {
         let texels = (encoder.stream_count() > 0).then(waiting).transpose()?;
         let texel_table = TexelTable::new(encoder.cluster_count(), &encoder.stream_order());
         let (clusters, list_sizes) = (Vec::new(), ListSizes::default());
-        let nodes = std::mem::take(&mut encoder.nodes);
-        let objects = if nodes.is_empty() { None } else { Some((ObjectsWriter::new(nodes)?, vec![])) };
-        Ok(Self { encoder, symbols, clusters, list_sizes, index, pages, texel_table, texels, objects })
+        Ok(Self { encoder, symbols, clusters, list_sizes, index, pages, texel_table, texels, objects: None })
     }
 
     /// Divides the clusters among lists of other sizes than the default ones.
     #[must_use]
     pub fn with_list_sizes(self, list_sizes: ListSizes) -> Self {
         Self { list_sizes, ..self }
+    }
+
+    /// Names what the islands of leaves belong to: see [`crate::write::Model::nodes`]. Comes before the first cluster.
+    ///
+    /// # Errors
+    /// [`Error::Model`] if a parent does not exist, parents are in a circle or too deep, or a text is too long.
+    pub fn with_nodes(self, nodes: Vec<ObjectNode>) -> Result<Self> {
+        let objects = if nodes.is_empty() { None } else { Some((ObjectsWriter::new(nodes)?, vec![])) };
+        Ok(Self { objects, ..self })
     }
 
     /// The encoder of its clusters.
