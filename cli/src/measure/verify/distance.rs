@@ -124,7 +124,7 @@ impl Search<'_> {
     fn query(&mut self, p: DVec3, enough: f64) -> f64 {
         let (square, slot) = self.tree.search(p, self.hint, enough);
         self.hint = slot;
-        if square > enough && square > self.lower * self.lower {
+        if square > enough.max(self.tree.rounding()) && square > self.lower * self.lower {
             (self.lower, self.at) = (square.sqrt(), p);
         }
         square

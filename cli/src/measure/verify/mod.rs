@@ -8,6 +8,7 @@
 mod cuts;
 pub mod distance;
 mod errors;
+mod nodes;
 mod polygon;
 mod topology;
 mod tree;

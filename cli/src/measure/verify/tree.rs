@@ -1,6 +1,7 @@
 //! A tree of boxes over triangles, with four children per node, and the distance from a point to a triangle. The
 //! builder has its own (`stage::certify::bvh`); see [`super`].
 
+use super::nodes::{BoxNode, SLACK, Slabs};
 use glam::DVec3;
 use std::cmp::Ordering;
 
@@ -8,41 +9,15 @@ use std::cmp::Ordering;
 const LEAF: usize = 4;
 /// Ranges of more triangles than this are built in parallel.
 const SIDE_BY_SIDE: usize = 1 << 15;
-/// Boxes are in single precision, in units of the tree's reach, and enlarged by this: more than the rounding of a box
-/// and of a point within a few reaches.
-const SLACK: f32 = 1.0 / (1 << 21) as f32;
 /// Covers the rounding of a squared distance to a box, and that of points farther away.
 const BOX_ROUNDING: f64 = 1.0 + 4e-6;
+/// Distances below this share of the tree's reach are rounding: no nearer triangle is looked for.
+const ROUNDING: f64 = 1e-14;
 /// Nodes that can wait: three at each of the 16 depths for 2^32 triangles, and the root.
 const STACK: usize = 3 * 16 + 4;
 
 type Hull = [[f32; 3]; 2];
 const NOTHING: Hull = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
-
-/// Four boxes side by side. Missing children have inverted boxes.
-#[derive(Clone, Copy, Debug)]
-struct BoxNode {
-    low: [[f32; 4]; 3],
-    high: [[f32; 4]; 3],
-    /// A node, or the first slot of a leaf.
-    child: [u32; 4],
-    /// Triangles of a leaf; 0 for a node.
-    count: [u8; 4],
-}
-
-impl BoxNode {
-    /// Squared distance of a point from each of the boxes.
-    fn distances(&self, p: [f32; 3]) -> [f32; 4] {
-        let mut sum = [0.0; 4];
-        for k in 0..3 {
-            for i in 0..4 {
-                let outside = (self.low[k][i] - p[k]).max(p[k] - self.high[k][i]).max(0.0);
-                sum[i] += outside * outside;
-            }
-        }
-        sum
-    }
-}
 
 /// A box tree over the triangles of a mesh, split at medians. A *slot* is a triangle's index in the order of the tree:
 /// neighbouring slots are neighbours in space.
@@ -54,6 +29,8 @@ pub struct BoxTree<'a> {
     /// For each slot, whether its triangle is a sliver.
     slivers: Vec<bool>,
     nodes: Vec<BoxNode>,
+    /// One for each node, or none.
+    slabs: Vec<Slabs>,
     origin: DVec3,
     per_reach: f64,
 }
@@ -68,8 +45,16 @@ impl<'a> BoxTree<'a> {
         let origin = (hull[0] + hull[1]) * 0.5;
         let reach = (hull[1] - origin).max_element();
         let per_reach = if reach > 0.0 && reach.is_finite() { reach.recip() } else { 1.0 };
-        let mut tree =
-            Self { positions, triangles: vec![], order: vec![], slivers: vec![], nodes: vec![], origin, per_reach };
+        let mut tree = Self {
+            positions,
+            triangles: vec![],
+            order: vec![],
+            slivers: vec![],
+            nodes: vec![],
+            slabs: vec![],
+            origin,
+            per_reach,
+        };
         let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
         let boxes: Vec<Hull> = triangles.iter().map(|t| tree.hull(t)).collect();
         if !order.is_empty() {
@@ -78,6 +63,7 @@ impl<'a> BoxTree<'a> {
         tree.triangles = order.iter().map(|&t| triangles[t as usize]).collect();
         tree.order = order;
         tree.slivers = (0..triangles.len() as u32).map(|slot| is_sliver(tree.corners(slot))).collect();
+        tree.slabs = Slabs::of(&tree.nodes, &|slot| tree.corners(slot), &|p| tree.scaled(p));
         tree
     }
 
@@ -118,6 +104,11 @@ impl<'a> BoxTree<'a> {
         }
     }
 
+    /// The square of a distance that is rounding.
+    pub(super) fn rounding(&self) -> f64 {
+        (ROUNDING / self.per_reach).powi(2)
+    }
+
     /// The triangle nearest to a point, as (distance, slot, original index); `None` for an empty tree. `hint` is a slot
     /// that is probably near.
     pub fn nearest(&self, p: DVec3, hint: u32) -> Option<(f64, u32, u32)> {
@@ -127,10 +118,12 @@ impl<'a> BoxTree<'a> {
     }
 
     /// As (squared distance, slot): any triangle within the squared distance `enough`, or the nearest if there is none.
+    /// What is no farther than rounding is near enough.
     /// `hint` must be a slot.
     pub fn search(&self, p: DVec3, hint: u32, enough: f64) -> (f64, u32) {
         let mut slot = hint;
         let mut best = self.distance_squared(p, hint);
+        let enough = enough.max(self.rounding());
         if best <= enough {
             return (best, slot);
         }
@@ -164,6 +157,10 @@ impl<'a> BoxTree<'a> {
             let begin = height;
             for i in 0..4 {
                 if bounds[i] < limit {
+                    let across = self.slabs.get(index as usize).map_or(0.0, |slabs| slabs.distance(i, point));
+                    if across >= limit {
+                        continue;
+                    }
                     // Keep the nearest on top.
                     let mut at = height;
                     while at > begin && stack[at - 1].0 < bounds[i] {
@@ -438,5 +435,29 @@ mod tests {
             }
         }
         assert_eq!(distance_squared(DVec3::Y, [a, a, a]), 1.0);
+    }
+
+    /// A cone of `count` triangles around its tip.
+    fn cone(count: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        let rim = (0..count).map(|i| {
+            let angle = f64::from(i) / f64::from(count) * std::f64::consts::TAU;
+            DVec3::new(angle.cos(), angle.sin(), -0.7)
+        });
+        let positions = std::iter::once(DVec3::ZERO).chain(rim).collect();
+        (positions, (0..count).map(|i| [0, 1 + i, 1 + (i + 1) % count]).collect())
+    }
+
+    #[test]
+    fn with_slabs_the_nearest_triangle_is_found_all_the_same() {
+        let (positions, triangles) = cone(3_000);
+        let tree = BoxTree::new(&positions, &triangles);
+        assert!(!tree.slabs.is_empty());
+        for k in 0..300u32 {
+            let [x, y, z] = [7, 11, 13].map(|step| f64::from(k * step % 31) / 15.5 - 1.0);
+            let p = DVec3::new(1.3 * x, 1.3 * y, z);
+            let (found, ..) = tree.nearest(p, k).expect("triangles");
+            let all = (0..triangles.len() as u32).map(|slot| tree.distance_squared(p, slot));
+            assert!((found - all.fold(f64::INFINITY, f64::min).sqrt()).abs() < 1e-12, "{p}");
+        }
     }
 }

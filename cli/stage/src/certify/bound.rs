@@ -6,6 +6,7 @@ use std::collections::BinaryHeap;
 use glam::DVec3;
 
 use super::bvh::{Child, TriangleBvh};
+use super::plains::Plains;
 use super::plates::Plates;
 use super::subtriangle::Subtriangle;
 use super::{Bound, CertifyOptions};
@@ -32,6 +33,8 @@ const INFLATE_TINY: f64 = 1e-150;
 /// itself within the tolerance; its bound stays valid but is looser than asked for.
 pub(super) const MOST_WORK: u64 = 60_000;
 const MOST_WORK_PER_TRIANGLE: u64 = 40;
+/// After this share of it a search looks for [`Plains`]: what takes longer than usual may be flat.
+const BEFORE_PLAINS: u64 = 8;
 /// Queries and cuts that [`Search::exceeding`] spends on one triangle at most.
 const WORK_PER_TRIANGLE: u64 = 500;
 /// A query that looks into more nodes and leaves of the hierarchy counts as several: as one more for each
@@ -117,6 +120,8 @@ pub(super) struct Search<'a> {
     heap: BinaryHeap<Waiting>,
     /// The plates of `to`, once they have been needed.
     plates: Option<Plates>,
+    /// The plains of `to`, likewise.
+    plains: Option<Plains>,
     /// Parts of the current subtriangle.
     stack: Vec<(f64, Subtriangle)>,
     /// Closest slot of the last query.
@@ -166,6 +171,7 @@ impl<'a> Search<'a> {
             free: Vec::new(),
             heap: BinaryHeap::new(),
             plates: None,
+            plains: None,
             stack: Vec::new(),
             last: 0,
             work: 0,
@@ -391,6 +397,9 @@ impl<'a> Search<'a> {
                 return;
             }
         }
+        if self.work > self.most_work() / BEFORE_PLAINS && self.settle_on_plain(subtriangle) {
+            return;
+        }
         let cut = subtriangle.cut(self.to, self.threshold);
         let mut found = None;
         // With this margin, parts whose inherited candidates lie at the very threshold do not need ever smaller cuts.
@@ -410,6 +419,16 @@ impl<'a> Search<'a> {
     fn settle_on_plate(&mut self, slot: u32, corners: &[DVec3; 3]) -> bool {
         let (to, thickness) = (self.to, PLATE * self.threshold.sqrt());
         let bound = self.plates.get_or_insert_with(|| Plates::new(to, thickness)).bound(slot, corners);
+        bound.is_some_and(|bound| self.settle(bound))
+    }
+
+    /// Settles a subtriangle that lies along a plain of one of its candidates.
+    fn settle_on_plain(&mut self, subtriangle: &Subtriangle) -> bool {
+        let (to, threshold) = (self.to, self.threshold);
+        let plains = self.plains.get_or_insert_with(|| Plains::new(to, threshold.sqrt()));
+        let [a, b, c] = subtriangle.candidates.map(|slot| plains.plain(slot));
+        let bound = [a, b.filter(|_| b != a), c.filter(|_| c != a && c != b)].into_iter().flatten();
+        let bound = bound.filter_map(|plain| plains.bound(plain, &subtriangle.corners, threshold)).next();
         bound.is_some_and(|bound| self.settle(bound))
     }
 

@@ -16,7 +16,7 @@
 //! * `bound`: the search. `drape`: where the borders of two surfaces correspond, a map from the finer surface onto the
 //!   coarser settles nearly everything beforehand. `by_part`: [`Comparison`], part by part where there are several;
 //!   `unchanged`: parts of which most stays as it is, `flat`: or is triangulated otherwise; `surface`: what is
-//!   compared. `plates`: flat sides of which that is not known.
+//!   compared. `plates`, `plains`: flat sides of which that is not known.
 
 mod bound;
 mod bvh;
@@ -24,6 +24,7 @@ mod by_part;
 mod closest;
 mod drape;
 mod flat;
+mod plains;
 mod plates;
 mod subtriangle;
 mod surface;

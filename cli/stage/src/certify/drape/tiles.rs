@@ -9,6 +9,8 @@ use lodpack_mesh::NONE;
 const MAX_STEPS: usize = 32;
 /// Tiles examined for a way between tiles without a common vertex.
 const MAX_SEARCHED: usize = 256;
+/// Places of a [`Seen`], several for each tile that can be in it.
+const PLACES: usize = 1024;
 
 /// The triangles of a surface, by slot, with their neighbours.
 pub(super) struct Tiles {
@@ -16,6 +18,24 @@ pub(super) struct Tiles {
     across: Vec<[u32; 3]>,
     /// The tiles of each component without a border.
     pub closed: Vec<Vec<u32>>,
+}
+
+/// A set of at most `MAX_SEARCHED + 3` tiles.
+struct Seen([u32; PLACES]);
+
+impl Seen {
+    /// Adds a tile; false if it is there already.
+    fn add(&mut self, tile: u32) -> bool {
+        let mut place = tile.wrapping_mul(0x9e37_79b9) as usize / (1 << 22);
+        while self.0[place] != NONE {
+            if self.0[place] == tile {
+                return false;
+            }
+            place = (place + 1) % PLACES;
+        }
+        self.0[place] = tile;
+        true
+    }
 }
 
 /// A key for an edge, the same in both directions.
@@ -228,12 +248,14 @@ impl Tiles {
         // Breadth first, beyond the ways found so far: the tiles seen, and for each the place of the one before it.
         let start = found.len();
         let mut before = [0u16; MAX_SEARCHED + 3];
+        let mut seen = Seen([NONE; PLACES]);
+        seen.add(from);
         found.push(from);
         let mut at = start;
         let mut end = None;
         'search: while at < found.len() && found.len() - start < MAX_SEARCHED {
             for next in self.across[found[at] as usize] {
-                if next != NONE && !found[start..].contains(&next) {
+                if next != NONE && seen.add(next) {
                     before[found.len() - start] = (at - start) as u16;
                     found.push(next);
                     if next == to {
