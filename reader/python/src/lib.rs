@@ -6,6 +6,7 @@
 //! | `reader` | an open file, and its answers |
 //! | `heights` | an open file of heights, and its answers |
 //! | `ground` | the heights that a mesh stands on |
+//! | `objects` | what the input named |
 //! | `textured` | meshes with what the surface carries |
 //! | `array` | arrays that numpy takes over without copying |
 //! | `error` | from the reader's errors to exceptions by culprit |
@@ -19,6 +20,7 @@ mod error;
 mod ground;
 mod heights;
 mod interrupt;
+mod objects;
 mod reader;
 mod source;
 mod textured;
@@ -31,6 +33,7 @@ mod _lodpack {
         array::Array,
         ground::NativeFrame,
         heights::HeightsReader,
+        objects::NativeObjects,
         reader::{NativeCut, Reader, open_bytes, open_object, open_path, open_url},
         textured::Textured,
     };

@@ -6,11 +6,13 @@ use crate::{
     ground::{NativeFrame, OfFile},
     heights::HeightsReader,
     interrupt::interruptible,
+    objects::NativeObjects,
     source::{Bytes, Object, Source},
     textured::Textured,
 };
 use lodpack::{
     Cut, Error, File, Ground, Limits, Mesh, Opened, Opener, Outside, Query, ReadAt,
+    index::Ray,
     source::{Counting, Within},
 };
 use pyo3::{
@@ -27,6 +29,9 @@ const SLOW_TRIANGLES: u64 = 100_000;
 
 /// A point as a tuple.
 pub type Point = (f64, f64, f64);
+
+/// What a ray meets.
+type Picked = (Option<u32>, Point, f64, f64, u32);
 
 /// An open file.
 #[pyclass(frozen, module = "lodpack._lodpack")]
@@ -259,6 +264,7 @@ impl Reader {
             Ok::<_, PyErr>(entry)
         });
         info.set_item("ground", ground.transpose()?)?;
+        info.set_item("objects", file.objects().map_or(0, |objects| objects.count()))?;
         Ok(info.unbind())
     }
 
@@ -313,6 +319,18 @@ impl Reader {
         let Ground { heights, frame } = self.ask(py, self.is_slow, open)?;
         let name = format!("the ground of {}", self.name);
         Ok(Some((HeightsReader { file: Arc::new(heights), name: name.into() }, NativeFrame(frame))))
+    }
+
+    /// What the input named; None if it named nothing.
+    fn objects(&self) -> Option<NativeObjects> {
+        self.file.objects()?;
+        Some(NativeObjects { file: Arc::clone(&self.file), name: Arc::clone(&self.name), is_slow: self.is_slow })
+    }
+
+    /// What a ray meets first: object, point, distance, error and root.
+    fn pick(&self, py: Python<'_>, origin: [f64; 3], direction: [f64; 3]) -> PyResult<Option<Picked>> {
+        let found = self.ask(py, self.is_slow, move |file| file.pick(Ray { origin, direction }))?;
+        Ok(found.map(|pick| (pick.object, pick.point.into(), pick.distance, pick.error, pick.root)))
     }
 
     /// Reads the complete file, and checks every rule of the format.

@@ -42,8 +42,8 @@ pub(crate) use bounds::{enclosed_ball, is_hidden, tile_box};
 pub(crate) use codec::known_samples;
 #[cfg(feature = "write")]
 pub use codec::tile_symbols;
-pub(crate) use covering::{Covering, TileColours};
 pub use colours::BARE;
+pub(crate) use covering::{Covering, TileColours};
 pub use cut::{CutTile, HeightsCut, HeightsQuery};
 #[cfg(feature = "write")]
 pub use drape::DrapeWriter;

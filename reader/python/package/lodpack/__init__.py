@@ -17,6 +17,7 @@ from ._heights import HeightsFile, Image, Window
 from ._info import Channel, DrapeInfo, GroundInfo, HeightsInfo, Info, Level, OverviewInfo, RampInfo
 from ._lodpack import VERSION as __version__
 from ._mesh import Mesh, TexturedMesh
+from ._objects import Object, Objects, Pick
 
 __all__ = [
     "ArgumentError",
@@ -36,7 +37,10 @@ __all__ = [
     "Level",
     "LimitError",
     "Mesh",
+    "Object",
+    "Objects",
     "OverviewInfo",
+    "Pick",
     "QueryError",
     "RampInfo",
     "SourceError",

@@ -70,6 +70,17 @@ def limits(given: Any) -> dict[str, int] | None:
     return {text(name, "the name of a limit"): min(whole(value, f"the limit {name}"), MOST) for name, value in given.items()}
 
 
+def point(value: Any, name: str) -> list[float]:
+    """Three coordinates."""
+    try:
+        found = [number(coordinate, f"a coordinate of {name}") for coordinate in value]
+    except TypeError:
+        found = []
+    if len(found) != 3:
+        raise QueryError(f"give {name} as three coordinates: (x, y, z)")
+    return found
+
+
 def corners(bbox: Any, axis_count: int, example: str) -> list[list[float]]:
     """The two corners of a box, as lists."""
     try:

@@ -6,7 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any, BinaryIO, Iterable, Mapping, Sequence, cast, overload
 
 from . import _lodpack
-from ._checked import budget, corners, number
+from ._checked import budget, corners, number, point
 from ._errors import ArgumentError, QueryError
 from ._info import Channel, Info
 from ._kept import KeptCut
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ._ground import Ground
+    from ._objects import Objects, Pick
 
     Bounds = Sequence[Sequence[float]] | NDArray[np.floating[Any]]
 
@@ -227,6 +228,21 @@ class File(OpenFile[_lodpack.Reader]):
 
         opened = self._native.ground()
         return None if opened is None else Ground(*opened)
+
+    def objects(self) -> Objects | None:
+        """What the input named: parts, houses, and the assemblies that they belong to; None if it named nothing."""
+        from ._objects import Objects
+
+        native = self._native.objects()
+        return None if native is None else Objects(native)
+
+    def pick(self, origin: Sequence[float], direction: Sequence[float]) -> Pick | None:
+        """What a ray from `origin` meets first, from either side of the finest surface, and how far away; None if it
+        meets nothing. It reads a few leaves."""
+        from ._objects import Pick
+
+        found = self._native.pick(*(point(value, name) for value, name in ((origin, "origin"), (direction, "direction"))))
+        return None if found is None else Pick(*found)
 
     def verify(self) -> None:
         """Reads the complete file, with a ground that it has, checks every checksum and every rule of the format, and

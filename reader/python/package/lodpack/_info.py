@@ -146,3 +146,5 @@ class Info(TypedDict):
     """What the surface carries besides positions."""
     ground: GroundInfo | None
     """The heights that the mesh stands on: `File.ground` opens them."""
+    objects: int
+    """How many objects the input named: `File.objects` has them."""
