@@ -105,7 +105,6 @@ pub mod index;
 mod islands;
 mod lattice;
 mod limits;
-#[cfg_attr(not(feature = "write"), expect(dead_code, reason = "only the writer calls what writes records"))]
 pub mod objects;
 mod open;
 pub mod select;
