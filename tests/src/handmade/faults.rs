@@ -706,13 +706,7 @@ fn object_faults() -> Vec<Edit<HandmadeObjects>> {
             // Parents count from the first assembly, which is node 2 here, too.
             nodes(
                 o,
-                &[
-                    Number("rank", 1),
-                    Signed("parent", 1),
-                    Number("rank", 1),
-                    Number("rank", 2),
-                    Signed("parent", -1),
-                ],
+                &[Number("rank", 1), Signed("parent", 1), Number("rank", 1), Number("rank", 2), Signed("parent", -1)],
             );
             owners(
                 o,
