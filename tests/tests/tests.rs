@@ -19,6 +19,7 @@
 //! - [`channels`]: colours and numbers of the input come through builds of every kind, and out again
 //! - [`reduced_images`]: images of simplified meshes have fewer texels and bytes the fewer triangles there are
 //! - [`lossless`]: texels that come back as they were made, and what else holds of files with them
+//! - [`objects`]: what inputs name comes back, with the parts of the surface that it names
 //! - [`drawings`]: alpha modes, double-sided and unlit materials come through builds of every kind, and out again
 //! - [`normals`]: what stores no normals is shaded by computed ones, up to creases and alike on both sides of arcs
 //! - [`images`]: images of the input that are larger than memory, on full disks, of opacity alone, or of one colour

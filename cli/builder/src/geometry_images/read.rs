@@ -12,7 +12,7 @@ use super::surface::{AtlasSurface, PatchValues};
 use super::triangulate::triangulate;
 use super::weld::Points;
 use super::{AtlasError, MANIFEST_NAME};
-use lodpack_import::{ImportOptions, Imported, MAX_MATERIALS, Room, import_large_meshes, size_of_file};
+use lodpack_import::{ImportOptions, Imported, MAX_MATERIALS, Objects, Room, import_large_meshes, size_of_file};
 use lodpack_mesh::Mesh;
 use lodpack_mesh::appearance::Channels;
 use lodpack_mesh::images::{ImageSource, image_size};
@@ -75,7 +75,7 @@ pub(super) fn read_surface(dir: &Path, channels: &Channels) -> Result<AtlasSurfa
 
 /// A patch, and what its vertices carry.
 fn read_patch(path: PathBuf, channels: Channels) -> Result<(Mesh, PatchValues), AtlasError> {
-    let options = ImportOptions { channels, ..ImportOptions::default() };
+    let options = ImportOptions { channels, objects: Objects::Join, ..ImportOptions::default() };
     match import_large_meshes(&[path], &Room::memory_alone(), &options, &Silent)? {
         Imported::Memory(surface) => {
             let values = PatchValues::of(&surface);

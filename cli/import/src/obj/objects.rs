@@ -1,8 +1,8 @@
 //! Objects and groups of an OBJ file.
 //!
-//! A name is the rest of its line. The same pair of an object and a group is the same object wherever it comes again; an
-//! `o` or a `g` without a name begins an object without one, or ends the group. A group belongs to the object before it,
-//! and a new object ends it. Faces of an object with groups that precede them are the object's own.
+//! A name is the rest of its line. The same pair of an object and a group is the same object wherever it comes again.
+//! An `o` without a name begins an object without one, and a `g` without a name ends the group. A group belongs to the
+//! object before it, and a new object ends it.
 
 use std::collections::HashMap;
 

@@ -10,7 +10,7 @@ use lodpack_cli::geometry_images::{
     AtlasOptions, BuiltAtlas, MANIFEST_NAME, Resolutions, WriteOptions, atlas_files, build_atlas, mip_folders,
     read_atlas, write_atlas,
 };
-use lodpack_cli::import::{ImportOptions, Imported, Room, import_large_meshes};
+use lodpack_cli::import::{ImportOptions, Imported, Objects, Room, import_large_meshes};
 use lodpack_cli::measure::two_sided::{FLOOR, OneSided, RELATIVE_GAP, Side};
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::mesh::attributes::Surface;
@@ -29,7 +29,8 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
     interrupt::on_stop_leave_nothing();
     let (built, resolutions, distance) = {
         let progress = Terminal::new(ProgressStyle::Auto, progress_bar::ATLAS);
-        let options = ImportOptions { channels: args.channels.clone(), ..ImportOptions::default() };
+        let (channels, objects) = (args.channels.clone(), Objects::Join);
+        let options = ImportOptions { channels, objects, ..ImportOptions::default() };
         let inputs = find_inputs(&args.inputs)?;
         let surface = match import_large_meshes(&inputs, &Room::memory_alone(), &options, &progress)? {
             Imported::Memory(surface) => surface,
