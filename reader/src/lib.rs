@@ -49,6 +49,11 @@
 //! [`decode::PARAM_END`]. [`decode::overview`] is the [`Overview`], one small mesh of everything. [`decode::own_bytes`]
 //! says what a cut has to read.
 //!
+//! **Objects.** What the input named: [`File::objects`] finds [`objects::ObjectNode`]s by name and id and says which
+//! leaves and [`islands`] belong to each ([`FileObjects`]; [`index::Objects`] reads nothing itself).
+//! [`File::extract_objects`] has the object of each triangle of a cut, and [`File::pick`] the [`decode::Pick`] of an
+//! [`index::Ray`].
+//!
 //! **Bytes.** [`source::Request`]s go to a [`ReadAt`]: a byte slice, a file, or `Map`, `Http` with its `HttpOptions`,
 //! and `Object` of
 //! [`source`]; [`source::SourceError`] says what the other side of a network did wrong. [`source::Counting`] and
@@ -100,7 +105,6 @@ pub mod index;
 mod islands;
 mod lattice;
 mod limits;
-#[cfg_attr(not(feature = "write"), expect(dead_code, reason = "only the writer calls what writes records"))]
 pub mod objects;
 mod open;
 pub mod select;

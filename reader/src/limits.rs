@@ -9,12 +9,12 @@ pub struct Limits {
     pub root_count: u64,
     /// Vertices of one root at one level.
     pub root_vertex_count: u64,
-    /// Arcs, corners, loops and half-arcs in the index block of one cluster, and the samples on its arcs, all together; and
-    /// the objects and islands of its leaves.
+    /// Arcs, corners, loops and half-arcs in the index block of one cluster, and the samples on its arcs, all together;
+    /// and the objects and islands of its leaves.
     pub cluster_record_count: u64,
     /// Bytes of one index block, of one stream in pages, of one texel directory or texel stream, of one index page or
-    /// block of heights, of one page of objects and of the names in it, or of any section other than INDEX, HEIGHT_INDEX,
-    /// TEXELS, OBJECT_PAGES and PAGES.
+    /// block of heights, of one page of objects and of the names in it, or of any section other than INDEX,
+    /// HEIGHT_INDEX, TEXELS, OBJECT_PAGES and PAGES.
     pub part_bytes: u64,
     /// Texels of each image.
     pub texel_count: u64,

@@ -55,8 +55,8 @@ fn block(boxes: &[Cube], owners: &[u32], error: f64) -> Result<BlockRecord, Box<
 }
 
 /// Boxes in leaves of two, below a group of each eight leaves: each of `count` objects has one box, and each fifth one
-/// another in a later leaf. Names repeat, are empty, none, or of letters beyond ASCII. Each object lies in assemblies of
-/// its own, one in another, and some lie in other objects; node `count` is above all.
+/// another in a later leaf. Names repeat, are empty, none, or of letters beyond ASCII. Each object lies in assemblies
+/// of its own, one in another, and some lie in other objects; node `count` is above all.
 ///
 /// # Errors
 /// Any of the writer.

@@ -33,6 +33,7 @@
 //! - [`heights`]: files of heights keep their promises on planes and globes, and commands work with them
 //! - [`draped_heights`]: images over files of heights: where they are, how good, what is transparent, and commands
 //! - [`heights_jobs`]: files of heights in parts: kills, changed files, the bytes of one build
+//! - [`objects_out`]: objects through commands: listed, taken out, picked, and back again
 //! - [`ground`]: a mesh on its ground of heights in one file: joined, taken apart, verified, exported, refused
 //! - [`tin`]: few triangles of any shape out of files of heights, within a tolerance
 //! - [`bad_terrain`]: every kind of bad raster gives a correct file or one clear error
@@ -77,6 +78,7 @@ mod many_texels;
 mod normals;
 mod nothing_unneeded;
 mod objects;
+mod objects_out;
 mod python;
 mod quantized;
 mod queries;

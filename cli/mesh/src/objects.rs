@@ -58,6 +58,19 @@ fn mesh_of(mesh: &Mesh, part: &ObjectPart) -> Mesh {
     own
 }
 
+/// Gives a part the textures of its own nodes: all of them would be copied for each of thousands of parts.
+fn with_own_textures(mut part: TexturedMesh, whole: &TexturedMesh) -> TexturedMesh {
+    let mut numbers = std::collections::HashMap::new();
+    for node in &mut part.mesh.triangle_nodes {
+        let next = part.textures.len() as u32;
+        *node = *numbers.entry(*node).or_insert_with(|| {
+            part.textures.push(whole.textures.get(*node as usize).cloned().unwrap_or_default());
+            next
+        });
+    }
+    part
+}
+
 /// Writes GLB with a node for each part, below one that turns all of them; what a part looks like comes from
 /// `textured`. Returns which images were written.
 ///
@@ -83,7 +96,7 @@ pub fn write_objects_glb(
             let paged = match textured {
                 Some((whole, look)) => {
                     let places = whole.places.get(part.triangles.clone()).unwrap_or_default().to_vec();
-                    let textured = TexturedMesh { mesh: own, places, textures: whole.textures.clone() };
+                    let textured = with_own_textures(TexturedMesh { mesh: own, places, textures: vec![] }, whole);
                     let paged = PagedMesh::new(&textured, look, form.page_size);
                     if form.is_smooth { paged.smooth(&textured.mesh)? } else { paged }
                 }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::{
-    MOST_BYTES, ObjectNode, PAGE, PAGE_LOG2,
+    ObjectNode, PAGE, PAGE_LOG2,
     bits::{Bits, Flag},
     text::Texts,
 };
@@ -138,11 +138,13 @@ impl Parents {
 #[cfg(feature = "write")]
 pub(super) fn fault(node: &ObjectNode) -> Option<String> {
     let bytes = [&node.name, &node.id].into_iter().flatten().map(String::len).max().unwrap_or(0);
-    (bytes > MOST_BYTES).then(|| format!("a name or an id of an object has {bytes} bytes, more than {MOST_BYTES}"))
+    let most = super::MOST_BYTES;
+    (bytes > most).then(|| format!("a name or an id of an object has {bytes} bytes, more than {most}"))
 }
 
 #[cfg(all(test, feature = "write"))]
 mod tests {
+    use super::super::MOST_BYTES;
     use super::*;
 
     fn nodes(names: &[Option<&str>]) -> Vec<ObjectNode> {
@@ -163,7 +165,7 @@ mod tests {
         let limits = Limits::default();
         let bytes = of.write(&nodes).unwrap();
         assert_eq!(of.parse(0, &bytes, &limits).unwrap(), nodes);
-        assert!(of.parse(0, &[&bytes[..], &[0]].concat(), &limits).is_err());
+        assert!(of.parse(0, &[&bytes[..], &[7; 8]].concat(), &limits).is_err());
         assert!(of.parse(0, &bytes[..bytes.len() / 2], &limits).is_err());
         assert!(of.parse(0, &bytes, &Limits { part_bytes: 1000, ..limits }).is_err());
     }

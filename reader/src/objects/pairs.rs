@@ -48,7 +48,7 @@ impl Pairs {
 
     fn code(self, bits: &mut impl Bits, given: &[Pair], first: u32, count: usize) -> Result<Vec<Pair>> {
         let outside = || Error::format("a place that an object is looked for in does not exist");
-        let [mut steps, mut among, mut places] = [const { () }; 3].map(|()| NumberChances::default());
+        let [mut steps, mut among, mut places] = <[NumberChances; 3]>::default();
         let width = u32::BITS - self.places.saturating_sub(1).leading_zeros();
         let mut pairs: Vec<Pair> = Vec::new();
         let (mut key, mut place) = (first, 0_u32);

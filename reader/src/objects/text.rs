@@ -129,7 +129,7 @@ impl Estimate for Mixed<'_> {
             let [one, seen] = &mut self.texts.slots[slot];
             let goal = if bit { 65535 } else { 0 };
             let step = 655_360 / (10 * i64::from(*seen) + 16);
-            *one = (i64::from(*one) + ((goal - i64::from(*one)) * step >> 16)) as u16;
+            *one = (i64::from(*one) + (((goal - i64::from(*one)) * step) >> 16)) as u16;
             *seen = (*seen + 1).min(MOST_SEEN);
         }
     }

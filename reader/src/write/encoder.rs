@@ -127,7 +127,7 @@ pub(super) fn encode_cluster(
     }
     let blocks: Vec<(usize, u8)> = blocks.iter().map(|&(number, block)| (number, block.level)).collect();
     let texels = EncodedTexels::new(symbols, &blocks, &StreamOrder::new(&head.channels));
-    let owners = owners::of_leaves(&index.roots, symbols)?;
+    let owners = owners::of_leaves(&index.roots, |block| symbols.owners(block))?;
     let records = encode(codes, [index.records(&cluster, &head.levels.fillings, &head.tolerances)?.iter()])?;
     let corners = corner_symbols(corners, cluster.bounds[0]);
     let coarse = (0..in_index).flat_map(|level| symbols.arcs(0..cluster.arc_count, level, level_count));

@@ -50,8 +50,8 @@ pub struct BlockRecord {
     /// Its texel streams: the map, then the image of each channel of the model, any of them perhaps empty. No entries
     /// are as good as only empty ones.
     pub texels: Vec<Vec<u8>>,
-    /// For each of the patch's [`crate::islands`] the number of its object among [`Model::nodes`]; empty for groups, and
-    /// in models without objects.
+    /// For each of the patch's [`crate::islands`] the number of its object among [`Model::nodes`]; empty for groups,
+    /// and in models without objects.
     pub owners: Vec<u32>,
 }
 

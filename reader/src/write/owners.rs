@@ -1,6 +1,5 @@
 //! Owners on their way into a file: numbers of nodes of the model, which the output numbers anew.
 
-use super::sorting::ClusterSymbols;
 use crate::{
     codec::bytes::{Cursor, put_varint},
     error::{Error, Result},
@@ -22,20 +21,23 @@ pub(super) fn to_bytes(owners: &[u32]) -> Vec<u8> {
     bytes
 }
 
-/// The owners of each block of each leaf of a cluster.
-pub(super) fn of_leaves(entries: &[RootEntry], symbols: &ClusterSymbols) -> Result<Vec<Vec<BlockOwners>>> {
+/// The owners of each block of each leaf of a cluster, from those of each block as bytes.
+pub(super) fn of_leaves<'b>(
+    entries: &[RootEntry],
+    owners_of: impl Fn(usize) -> &'b [u8],
+) -> Result<Vec<Vec<BlockOwners>>> {
     let (mut leaves, mut next) = (vec![], 0);
     for entry in entries {
         let first = next;
         next += entry.blocks.len();
         if entry.child_count > 0 {
-            if (first..next).any(|block| !symbols.owners(block).is_empty()) {
+            if (first..next).any(|block| !owners_of(block).is_empty()) {
                 return Err(Error::model("a group has owners; only its leaves have"));
             }
             continue;
         }
         let of_block = |(block, entry): (usize, &crate::format::index_block::BlockEntry)| {
-            let mut cursor = Cursor::new(symbols.owners(block));
+            let mut cursor = Cursor::new(owners_of(block));
             let mut owners = vec![];
             while cursor.left() > 0 {
                 owners.push(cursor.varint_up_to(u32::MAX.into(), "an owner exceeds 32 bits")? as u32);

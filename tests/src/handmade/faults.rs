@@ -703,6 +703,11 @@ fn object_faults() -> Vec<Edit<HandmadeObjects>> {
         ("object_of_no_leaf", "no leaf has the second object (24.4)", |o| o.counts = [2, 1]),
         ("object_of_no_island", "the second object of a leaf has no island (24.4)", |o| {
             o.counts = [2, 1];
+            // Parents count from the first assembly, which is node 2 here, too.
+            nodes(
+                o,
+                &[Number("rank", 1), Signed("parent", 1), Number("rank", 1), Number("rank", 2), Signed("parent", -1)],
+            );
             owners(
                 o,
                 &[

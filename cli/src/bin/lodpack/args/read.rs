@@ -141,8 +141,8 @@ pub struct ExtractArgs {
     pub ground: GroundChoice,
     /// Only objects that the input named so: by name, by id, by the names of all that it is in and its own joined by
     /// slashes, or by number (#12) as info --objects lists them. A star stands for any text, and an assembly for all
-    /// that is in it. May come several times. GLB gets their tree with names and ids, OBJ an object each. --tolerance and
-    /// --triangles choose among the levels of leaves.
+    /// that is in it. May come several times. GLB gets their tree with names and ids, OBJ an object each. --tolerance
+    /// and --triangles choose among the levels of leaves.
     #[arg(long = "object", value_name = "NAME|ID|#NUMBER",
         conflicts_with_all = ["bbox", "nodes", "context", "tin", "raw"])]
     pub objects: Vec<String>,

@@ -83,6 +83,9 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
             upright = if has_ground { Upright::along_z(file.placement()) } else { Upright::of(file.placement()) };
             drawn_of(&file, format, args)?
         }
+        Opened::Heights(_) if !args.objects.is_empty() => {
+            bail!("{}: it holds a grid of heights, which has no objects; omit --object", args.file.display())
+        }
         Opened::Heights(file) => {
             // A globe has no axis that points up.
             let is_globe = file.surface().is_globe();
@@ -197,6 +200,8 @@ fn drawn_of(file: &lodpack::File<Source>, format: MeshFormat, args: &ExtractArgs
     let traffic = |source: &Source| [source.byte_count(), source.read_count()];
     let ground = match args.ground {
         GroundChoice::None => None,
+        // Objects are those of the mesh.
+        _ if !args.objects.is_empty() => None,
         GroundChoice::Auto | GroundChoice::Only => open_ground(&args.file, file)?,
     };
     let Some(ground) = ground else {
