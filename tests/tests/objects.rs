@@ -92,7 +92,7 @@ fn owned(file: &File<&[u8]>, bytes: &[u8], is_glb: bool) -> ByPath {
         if !file.children(root).unwrap().is_empty() {
             continue;
         }
-        let decoded = file.decode_root(root, u8::MAX).unwrap();
+        let decoded = file.decode_root(root, file.level_count() as u8 - 1).unwrap();
         let border = decoded.loops.iter().flatten().map(|vertex| &vertex.position);
         let positions: Vec<DVec3> = border.chain(&decoded.patch.interior).map(world).collect();
         let owners = objects.owners(root, decoded.level, &fetched).unwrap();

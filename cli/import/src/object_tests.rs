@@ -104,7 +104,7 @@ fn objects_and_groups_name_faces_wherever_they_come_again() {
     assert_eq!(paths(&[("a.obj", obj(text))], Objects::Auto), expected);
     let (attributes, _) = read(&[("a.obj", obj(text))], Objects::Auto);
     assert_eq!(attributes.node_counts(), [6, 0]);
-    assert_eq!(attributes.object(6) == attributes.object(7), false, "what has no name is not the same");
+    assert_ne!(attributes.object(6), attributes.object(7), "what has no name is not the same");
     assert_eq!(paths(&[("a.obj", obj("g\nf 1 2 3\ng default\ng\nf 1 2 3\n"))], Objects::Keep), [""; 0]);
     let odd = [&obj("o caf")[..], b"\xe9\nf 1 2 3\no \xc3\xa9\nf 1 2 3\n"].concat();
     assert_eq!(paths(&[("a.obj", odd)], Objects::Auto), ["caf\u{fffd}", "\u{e9}"]);

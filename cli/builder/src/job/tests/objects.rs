@@ -18,11 +18,10 @@ fn boxes() -> String {
             _ => format!("o upper {number}\n"),
         };
         let mut vertex = |at: [i32; 3]| {
-            let number = *numbers.entry(at).or_insert_with(|| {
+            *numbers.entry(at).or_insert_with(|| {
                 vertices.push(at.map(|x| f64::from(x) * 0.25));
                 vertices.len() as i32
-            });
-            number
+            })
         };
         let corner = [x, y, z].map(|x| x * CUTS);
         for (axis, side) in (0..3).flat_map(|axis| [(axis, 0), (axis, CUTS)]) {
