@@ -29,19 +29,18 @@ const INFLATE_REACH: f64 = 1e-13;
 /// Added as well, because squares of anything smaller underflow.
 const INFLATE_TINY: f64 = 1e-150;
 /// Queries and cuts after which a search ends, whatever its limit: this many, plus the number below for each triangle
-/// of both surfaces. Scans and parts take less than a tenth of that. A surface that takes more is folded or intersects
-/// itself within the tolerance; its bound stays valid but is looser than asked for.
+/// of both surfaces. Scans and parts take less than a quarter of that. A surface that takes more is folded, intersects
+/// itself within the tolerance or has a hub; its bound stays valid but is looser than asked for.
 pub(super) const MOST_WORK: u64 = 60_000;
-const MOST_WORK_PER_TRIANGLE: u64 = 40;
+const MOST_WORK_PER_TRIANGLE: u64 = 16;
 /// After this share of it a search looks for [`Plains`]: what takes longer than usual may be flat.
-const BEFORE_PLAINS: u64 = 8;
+const BEFORE_PLAINS: u64 = 4;
 /// Queries and cuts that [`Search::exceeding`] spends on one triangle at most.
 const WORK_PER_TRIANGLE: u64 = 500;
-/// A query that looks into more nodes and leaves of the hierarchy counts as several: as one more for each
-/// [`VISITS_PER_WORK`] beyond. Most take a dozen or two; where the boxes of all triangles overlap, as in a fan, each
+/// A query that looks into more nodes and leaves of the hierarchy counts as several: as one more for each beyond. Most
+/// take a dozen or two; where the boxes of all triangles overlap, as in a fan, each
 /// takes as many as there are, and a limit on the number of queries would be none on the time.
 const FREE_VISITS: u64 = 64;
-const VISITS_PER_WORK: u64 = 2;
 /// Vertices queried before anything else, so that pruning starts with a good lower bound.
 const SEEDS: usize = 128;
 
@@ -212,7 +211,7 @@ impl<'a> Search<'a> {
 
     fn query(&mut self, point: DVec3, enough: f64) -> (f64, u32) {
         let (found, visited) = self.to.nearest_counted(point, self.last, enough);
-        self.work += 1 + visited.saturating_sub(FREE_VISITS) / VISITS_PER_WORK;
+        self.work += 1 + visited.saturating_sub(FREE_VISITS);
         self.last = found.1;
         found
     }
@@ -556,7 +555,7 @@ mod tests {
         let (_, visited) = fan.nearest_counted(point, 0, 0.0);
         assert!(visited > 500, "the boxes of a fan overlap: {visited}");
         search.query(point, 0.0);
-        assert_eq!(search.work, 1 + (visited - FREE_VISITS) / VISITS_PER_WORK);
+        assert_eq!(search.work, 1 + visited - FREE_VISITS);
         // Where triangles lie beside each other, a query counts as one.
         let field = super::super::tests::height_field(100, |x, y| x * y);
         let field = super::super::tests::surface(&field);
@@ -569,7 +568,7 @@ mod tests {
     fn searches_end_in_proportion_to_the_triangles_and_bounds_stay_valid() {
         for count in [2_000, 20_000] {
             let [fan, flat] = [fan(count, 0.1), fan(count, 0.0)];
-            let most = 60_000 + 40 * 2 * u64::from(count);
+            let most = 60_000 + 16 * 2 * u64::from(count);
             let bound =
                 super::super::two_sided(&flat, &fan, &CertifyOptions { relative_gap: 1e-6, ..Default::default() });
             // Two directions; a search ends after the query or the cuts in which the limit is passed.

@@ -54,7 +54,7 @@ pub struct CertifyOptions {
     /// Decision mode, the cheapest: once an upper bound of at most this is proven, the search ends.
     pub target: Option<f64>,
     /// Closest-point queries and cuts after which the bound is returned as it stands: valid, but not as tight as asked
-    /// for. One pass over all triangles is always made, and there are never many more than 40 for each. A query that
+    /// for. One pass over all triangles is always made, and there are never many more than 16 for each. A query that
     /// looks at far more triangles than most counts as several.
     pub work_limit: u64,
 }
@@ -129,7 +129,7 @@ pub fn two_sided(a: &TriangleBvh, b: &TriangleBvh, options: &CertifyOptions) -> 
 
 /// The triangles of `from`, as ascending indices into the caller's list, that are not proven to lie within `target` of
 /// `to`. They include all that do exceed it and, given enough work, few others. The work on one triangle is bounded;
-/// all together take about `work_limit` closest-point queries and cuts after a first pass, and never many more than 40
+/// all together take about `work_limit` closest-point queries and cuts after a first pass, and never many more than 16
 /// for each.
 pub fn exceeding(from: &TriangleBvh, to: &TriangleBvh, target: f64, work_limit: u64) -> Vec<u32> {
     match Bound::of_empty(from, to) {

@@ -12,6 +12,9 @@ use lodpack_mesh::{NONE, previous_half_edge};
 /// The most interior vertices that are moved aside for one border vertex.
 const MAX_OBSTACLES: usize = 12;
 
+/// Larger polygons are not filled: finding the ears of one takes up to the cube of its corners.
+const MOST_CORNERS: usize = 128;
+
 impl Collapser<'_> {
     /// Removes as many of the given border vertices as it can. Returns whether it removed any.
     pub fn force_border(&mut self, remaining: &[u32]) -> bool {
@@ -71,7 +74,7 @@ impl Collapser<'_> {
     fn retriangulate_fan(&mut self, vertex: u32, tolerated: Tolerated) -> bool {
         let mut ring = Vec::new();
         self.mesh.ring(vertex, &mut ring);
-        if ring.len() > MOST_AROUND {
+        if ring.len() > MOST_CORNERS {
             return false;
         }
         let last = ring.len() - 1;
