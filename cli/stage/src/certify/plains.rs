@@ -281,6 +281,7 @@ mod tests {
         assert_eq!(plains.plains.len(), 1);
         for _ in 0..5_000 {
             let (at, size) = (random.point() * DVec3::new(0.6, 0.6, 0.02), random.unit().powi(3));
+            let at = at - DVec3::Z * surface.origin.z;
             let corners = [(); 3].map(|()| at + random.point() * DVec3::new(size, size, 0.01));
             let Some(bound) = plains.bound(0, &corners, threshold * threshold) else { continue };
             settled += 1;

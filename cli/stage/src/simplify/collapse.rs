@@ -38,7 +38,7 @@ pub(super) struct Tolerated {
 const MOST_NEIGHBOURS: usize = 64;
 
 /// What takes a walk around a vertex with more triangles than these is left out, because as many changes beside it
-/// would each take one: its edges are not considered again, and it is neither moved aside nor cut off.
+/// would each take one: its edges are not considered again, and it is not moved aside.
 pub(super) const MOST_AROUND: usize = 1024;
 
 /// For collapses by choice. A stricter quality (0.1) blocks so many collapses on scans, which are full of slivers, that
