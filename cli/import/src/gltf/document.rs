@@ -1,8 +1,8 @@
 //! The JSON of a document: what of it is read, with numbers as doubles, as JSON has them.
 //!
 //! Only what an import needs has a field, so that nothing else can make a document unreadable: custom attributes,
-//! animations, cameras and unknown extensions may be whatever they are, and so may `extras`, of which an id is read. It is long because every object of
-//! the format has its type here, with what it is where it is not stated.
+//! animations, cameras and unknown extensions may be whatever they are, and so may `extras`, of which an id is read. It
+//! is long because every object of the format has its type here, with what it is where it is not stated.
 
 use std::collections::BTreeMap;
 use std::fmt;

@@ -1,10 +1,9 @@
 //! Wavefront OBJ: vertices and faces in one pass with constant memory, positions in f64.
 //!
 //! Only `v` and `f` statements are geometry. Colours, texture coordinates and materials are read where channels are
-//! wanted ([`attributes`]); these take memory. Objects and groups name faces ([`objects`]). Normals, lines and points are
-//! skipped, whatever they contain.
-//! Faces may name vertices that come later. A triangle does not need their positions, but a polygon does, so a file
-//! with such polygons is read a second time.
+//! wanted ([`attributes`]); these take memory. Objects and groups name faces ([`objects`]). Normals, lines and points
+//! are skipped, whatever they contain. Faces may name vertices that come later. A triangle does not need their
+//! positions, but a polygon does, so a file with such polygons is read a second time.
 
 mod attributes;
 mod image_name;
