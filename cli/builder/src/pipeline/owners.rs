@@ -1,7 +1,7 @@
 //! The owners of a block: the object of each of its islands.
 //!
-//! Objects share no vertex of the mesh, and simplification keeps apart what is apart. So each vertex of a patch that was
-//! a vertex of the chart says to which object its island belongs.
+//! Objects share no vertex of the mesh, and simplification keeps apart what is apart. So each vertex of a patch that
+//! was a vertex of the chart says to which object its island belongs.
 
 use glam::DVec3;
 use lodpack::islands;

@@ -25,8 +25,8 @@ pub struct Matching {
     pub components: u64,
 }
 
-/// Joins boundary edges of different regions that have the same two ends and are of one object. Where there are more than two, pairs of
-/// opposite direction come first, and among these the flattest, as in repair.
+/// Joins boundary edges of different regions that have the same two ends and are of one object. Where there are more
+/// than two, pairs of opposite direction come first, and among these the flattest, as in repair.
 pub fn match_boundaries(boundaries: &[&RegionBoundary]) -> Matching {
     let mut entries: Vec<(([PositionKey; 2], u32), EdgeId)> = vec![];
     for (region, boundary) in (0..).zip(boundaries) {

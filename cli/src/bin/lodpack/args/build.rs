@@ -148,9 +148,9 @@ pub struct RunArgs {
     /// Worker threads; 0 takes all cores. The result does not depend on it.
     #[arg(long, default_value_t = 0, value_parser = parse_threads)]
     pub threads: usize,
-    /// Memory that the build may take, as 512MiB or 2GB; data that does not fit goes to temporary files. By default half
-    /// of what the machine, the control groups of this process and its limits leave free. The result does not depend on
-    /// it.
+    /// Memory that the build may take, as 512MiB or 2GB; data that does not fit goes to temporary files. By default
+    /// half of what the machine, the control groups of this process and its limits leave free. The result does not
+    /// depend on it.
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub memory: Option<u64>,
     /// How progress is shown.
