@@ -70,7 +70,8 @@ pub fn boxes_of_objects(count: u32) -> Result<Vec<u8>, Box<dyn Error>> {
             (true, 3) => Some(String::new()),
             (true, kind) => Some(format!("FLANGE-{kind}")),
         };
-        let id = (!number.is_multiple_of(3)).then(|| format!("{:08x}-{}", number.wrapping_mul(0x9e37_79b1), number % 40));
+        let id =
+            (!number.is_multiple_of(3)).then(|| format!("{:08x}-{}", number.wrapping_mul(0x9e37_79b1), number % 40));
         let above = number.wrapping_sub(count + 1);
         let parent = match number {
             _ if number < count && number % 13 == 5 => Some(number - 1),

@@ -1,7 +1,6 @@
 //! Objects: what a plant names comes back out of its file, with its parts where they were.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use glam::DVec3;
 use lodpack::source::Fetched;
@@ -125,15 +124,11 @@ fn owned(file: &File<&[u8]>, bytes: &[u8], is_glb: bool) -> ByPath {
 fn each_object_of_a_plant_owns_what_it_was() {
     let scene = plant(200);
     let folder = tempfile::tempdir().unwrap();
-    let write: [(&str, &dyn Fn(&Path) -> std::io::Result<()>); 3] = [
-        ("shared.glb", &|path| write_glb(&scene, Sharing::Meshes, path)),
-        ("baked.glb", &|path| write_glb(&scene, Sharing::Nothing, path)),
-        ("plant.obj", &|path| write_obj(&scene, path)),
-    ];
-    for (name, write) in write {
-        let path = folder.path().join(name);
-        write(&path).unwrap();
-        let is_glb = name.ends_with("glb");
+    for (name, sharing) in
+        [("shared.glb", Some(Sharing::Meshes)), ("baked.glb", Some(Sharing::Nothing)), ("plant.obj", None)]
+    {
+        let (path, is_glb) = (folder.path().join(name), sharing.is_some());
+        sharing.map_or_else(|| write_obj(&scene, &path), |sharing| write_glb(&scene, sharing, &path)).unwrap();
         let (bytes, summary) = build_file(&path, "0.001");
         let (expected, found) = (named(&scene, is_glb), owned(&open(&bytes), &bytes, is_glb));
         let count = |objects: &ByPath| objects.values().map(Vec::len).sum::<usize>();

@@ -243,8 +243,8 @@ typedef struct {
   int32_t ground;
   // Whether the last column is followed by the first one, around a globe.
   int32_t wraps;
-  // Whether the file has a ramp of colours.
-  int32_t has_ramp;
+  // Whether its meshes have colours: those of a ramp, or of an image over the heights.
+  int32_t has_colours;
   // The tolerance of a query is met by tiles of at most this many depths.
   uint32_t depth_count;
   // Columns of samples.

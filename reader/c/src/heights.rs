@@ -32,8 +32,8 @@ pub struct HeightsInfo {
     pub ground: i32,
     /// Whether the last column is followed by the first one, around a globe.
     pub wraps: i32,
-    /// Whether the file has a ramp of colours.
-    pub has_ramp: i32,
+    /// Whether its meshes have colours: those of a ramp, or of an image over the heights.
+    pub has_colours: i32,
     /// The tolerance of a query is met by tiles of at most this many depths.
     pub depth_count: u32,
     /// Columns of samples.
@@ -89,7 +89,7 @@ pub extern "C" fn lodpack_get_heights_info(file: *const File, info: *mut Heights
         let value = HeightsInfo {
             ground: ground as i32,
             wraps: grid.wraps().into(),
-            has_ramp: heights.ramp().is_some().into(),
+            has_colours: (heights.ramp().is_some() || heights.drape().is_some()).into(),
             depth_count: grid.depth() + 1,
             column_count,
             row_count,

@@ -174,7 +174,7 @@ static void look_at_channels(const lodpack_file *file, uint32_t count, int is_so
 }
 
 /* The mesh of a cut of heights. */
-static void look_at_heights(const lodpack_file *file, const lodpack_heights_query *query, int has_ramp, int is_sound) {
+static void look_at_heights(const lodpack_file *file, const lodpack_heights_query *query, int has_colours, int is_sound) {
     lodpack_cut *cut;
     lodpack_mesh *mesh;
     lodpack_cut_info info;
@@ -202,11 +202,11 @@ static void look_at_heights(const lodpack_file *file, const lodpack_heights_quer
     EXPECT(lodpack_copy_normals(mesh, normals, vertices, 0) == LODPACK_STATUS_OK);
     EXPECT(lodpack_copy_values(mesh, 0, heights, vertices, 0) == LODPACK_STATUS_OK);
     EXPECT(lodpack_copy_values(mesh, 1, heights, vertices, 0) == LODPACK_STATUS_ARGUMENT);
-    EXPECT(lodpack_copy_colours(mesh, 0, colours, vertices, 0) == (has_ramp ? LODPACK_STATUS_OK : LODPACK_STATUS_ARGUMENT));
+    EXPECT(lodpack_copy_colours(mesh, 0, colours, vertices, 0) == (has_colours ? LODPACK_STATUS_OK : LODPACK_STATUS_ARGUMENT));
     for (size_t i = 0; i < vertices; i++) {
         float *n = normals + 3 * i, length = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
         EXPECT(fabs(length - 1) < 1e-3);
-        EXPECT(!has_ramp || colours[4 * i + 3] == 255);
+        EXPECT(!has_colours || colours[4 * i + 3] == 255);
         EXPECT(isfinite(heights[i]));
     }
     for (size_t i = 0; i < 3 * triangles; i++) {
@@ -226,15 +226,15 @@ static void ask_heights(const lodpack_file *file, int is_sound) {
     EXPECT(info.column_count > 0 && info.row_count > 0 && info.spacing[0] > 0 && info.spacing[1] < 0 && info.crs);
     lodpack_heights_query query = lodpack_heights_query_default();
     query.max_triangles = 20000;
-    look_at_heights(file, &query, info.has_ramp, is_sound);
+    look_at_heights(file, &query, info.has_colours, is_sound);
     query.tolerance = INFINITY;
-    look_at_heights(file, &query, info.has_ramp, is_sound);
+    look_at_heights(file, &query, info.has_colours, is_sound);
     for (int axis = 0; axis < 2; axis++) {
         double ends[2] = {info.first[axis], info.first[axis] + info.spacing[axis] * (axis ? info.row_count : info.column_count) / 2.0};
         query.low[axis] = fmin(ends[0], ends[1]);
         query.high[axis] = fmax(ends[0], ends[1]);
     }
-    look_at_heights(file, &query, info.has_ramp, is_sound);
+    look_at_heights(file, &query, info.has_colours, is_sound);
     lodpack_cut *cut;
     lodpack_query other = lodpack_query_default();
     EXPECT(lodpack_select(file, &other, &cut) == LODPACK_STATUS_ARGUMENT && strstr(lodpack_last_error(), "holds heights"));

@@ -259,7 +259,7 @@ pub struct ModelOptions {
     /// Whether the surface is cut into charts where the input, an atlas, is cut into charts already.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub new_charts: bool,
-    /// What becomes of the objects that inputs name; [`Self::kept_objects`] says what is done.
+    /// What becomes of the objects that inputs name; `kept_objects` says what is done.
     #[serde(default, skip_serializing_if = "Objects::is_default")]
     pub objects: Objects,
     /// How rasters become surfaces.

@@ -74,7 +74,7 @@ fn own_limits() -> impl Iterator<Item = u64> {
         let is_known = unsafe { libc::getrlimit(what, &raw mut limit) } == 0;
         let is_limited = is_known && limit.rlim_cur != libc::RLIM_INFINITY;
         // Where the system does not say what is used, it is little beside any limit.
-        is_limited.then(|| u64::from(limit.rlim_cur).saturating_sub(status_bytes("self", name).unwrap_or(0)))
+        is_limited.then(|| limit.rlim_cur.saturating_sub(status_bytes("self", name).unwrap_or(0)))
     })
 }
 

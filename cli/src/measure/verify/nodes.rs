@@ -84,7 +84,7 @@ fn along(axis: [f32; 3], p: [f32; 3]) -> f32 {
 /// Makes the slabs of a node and all below it. Returns its slots and the sum of directions across them.
 fn add(nodes: &[BoxNode], index: u32, of: (&Place, &Scale), slabs: &mut [Slabs]) -> (Range<u32>, DVec3) {
     let ((corners, scaled), node) = (of, nodes[index as usize]);
-    let (mut all, mut sum) = (u32::MAX..0, DVec3::ZERO);
+    let (mut all, mut sum): (Option<Range<u32>>, DVec3) = (None, DVec3::ZERO);
     for i in 0..4 {
         // A child that is missing has an inverted box.
         if node.low[0][i] > node.high[0][i] {
@@ -105,10 +105,10 @@ fn add(nodes: &[BoxNode], index: u32, of: (&Place, &Scale), slabs: &mut [Slabs])
         }
         let slab = &mut slabs[index as usize];
         (slab.axes[i], slab.low[i], slab.high[i]) = (axis, low - ROOM * SLACK, high + ROOM * SLACK);
-        all = all.start.min(slots.start)..all.end.max(slots.end);
+        all = Some(all.map_or(slots.clone(), |all| all.start.min(slots.start)..all.end.max(slots.end)));
         sum = joined(sum, across);
     }
-    (all, sum)
+    (all.unwrap_or_default(), sum)
 }
 
 /// The sum of two directions, or of one and the opposite of the other, whichever is longer.
