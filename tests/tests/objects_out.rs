@@ -46,8 +46,7 @@ fn listed(list: &[Value]) -> Counts {
     let text = |value: &Value| value.as_str().map(str::to_owned);
     let mut counts = Counts::new();
     for node in list.iter().filter(|node| node["leaves"].is_number()) {
-        // Files of glTF begin with a node that turns all others.
-        let path = node["path"].as_str().unwrap_or_default().trim_start_matches('/').to_owned();
+        let path = node["path"].as_str().unwrap_or_default().to_owned();
         let key = (text(&node["name"]), text(&node["id"]), path);
         *counts.entry(key).or_default() += 1;
     }
@@ -63,6 +62,8 @@ fn of_scene(scene: &Scene) -> Counts {
             path.push(node.name.clone().unwrap_or_default());
             above = node.parent;
         }
+        // `plant.glb` has a node without a name that turns all others.
+        path.push(String::new());
         path.reverse();
         *counts.entry((node.name.clone(), node.id.clone(), path.join("/"))).or_default() += 1;
     }

@@ -57,7 +57,7 @@ pub fn write_textured_glb(
     let mut scene = Scene::default();
     let centre = super::export::glb_origin(&mesh.positions);
     scene.add(mesh, centre, formats)?;
-    scene.write(out, &[upright.node(0, centre)], None)
+    scene.write(out, &[upright.node(0, centre)], &[0], None)
 }
 
 /// Adds to the errors of levels what single precision adds to them once they are written together.
@@ -103,7 +103,7 @@ pub fn write_levels_glb(
         nodes[0]["extensions"] = json!({"MSFT_lod": {"ids": (1..levels.len()).collect::<Vec<usize>>()}});
         nodes[0]["extras"]["MSFT_screencoverage"] = screen_coverages(levels).into();
     }
-    scene.write(out, &nodes, (levels.len() > 1).then_some("MSFT_lod"))
+    scene.write(out, &nodes, &[0], (levels.len() > 1).then_some("MSFT_lod"))
 }
 
 /// For each level the least share of the picture that the model's bounding sphere covers while the level is shown.
@@ -207,11 +207,17 @@ impl Scene {
         Ok(())
     }
 
-    /// Writes everything; the first node is the one that the scene shows.
-    pub(super) fn write(self, out: impl Write, nodes: &[Value], extension: Option<&str>) -> io::Result<Written> {
+    /// Writes everything; the scene shows the nodes of these numbers.
+    pub(super) fn write(
+        self,
+        out: impl Write,
+        nodes: &[Value],
+        shown: &[usize],
+        extension: Option<&str>,
+    ) -> io::Result<Written> {
         let mut document = json!({
             "asset": {"version": "2.0", "generator": "lodpack"},
-            "scene": 0, "scenes": [{"nodes": [0]}],
+            "scene": 0, "scenes": [{"nodes": shown}],
             "nodes": nodes,
             "meshes": self.meshes,
             "buffers": [{"byteLength": self.binary.bytes.len()}],

@@ -71,8 +71,8 @@ fn with_own_textures(mut part: TexturedMesh, whole: &TexturedMesh) -> TexturedMe
     part
 }
 
-/// Writes GLB with a node for each part, below one that turns all of them; what a part looks like comes from
-/// `textured`. Returns which images were written.
+/// Writes GLB with a node for each part, of which those without a parent turn what is below them; what a part looks
+/// like comes from `textured`. Returns which images were written.
 ///
 /// # Errors
 /// Any error of the writer; [`io::ErrorKind::InvalidInput`] beyond 4 GiB.
@@ -85,7 +85,7 @@ pub fn write_objects_glb(
 ) -> io::Result<Written> {
     let mut scene = Scene::default();
     let centre = super::export::glb_origin(&mesh.positions);
-    let (mut nodes, mut children) = (vec![], vec![vec![]; parts.len() + 1]);
+    let (mut nodes, mut children, mut tops) = (vec![], vec![vec![]; parts.len()], vec![]);
     let mut mesh_count = 0;
     for (number, part) in parts.iter().enumerate() {
         let mut node = json!({});
@@ -107,20 +107,21 @@ pub fn write_objects_glb(
             node["mesh"] = mesh_count.into();
             mesh_count += 1;
         }
-        // The first node holds all others.
-        children[part.parent.map_or(0, |parent| parent + 1)].push(number + 1);
+        match part.parent.and_then(|parent| children.get_mut(parent)) {
+            Some(beside) => beside.push(number),
+            None => {
+                tops.push(number);
+                if let Value::Object(turned) = form.upright.node(0, centre) {
+                    turned.into_iter().filter(|(key, _)| key != "mesh").for_each(|(key, value)| node[key] = value);
+                }
+            }
+        }
         nodes.push(node);
     }
-    let mut top = form.upright.node(0, centre);
-    if let Some(top) = top.as_object_mut() {
-        top.remove("mesh");
-    }
-    let mut all = vec![top];
-    all.extend(nodes);
-    for (node, below) in all.iter_mut().zip(children).filter(|(_, below)| !below.is_empty()) {
+    for (node, below) in nodes.iter_mut().zip(children).filter(|(_, below)| !below.is_empty()) {
         node["children"] = Value::from(below);
     }
-    scene.write(out, &all, None)
+    scene.write(out, &nodes, &tops, None)
 }
 
 /// Writes OBJ with an object for each part that has triangles, by its name, its id or its number.
@@ -183,11 +184,13 @@ mod tests {
         write_objects_glb(&mut bytes, &mesh, None, &parts, form).unwrap();
         let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
         let document: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
-        assert_eq!(document["nodes"][0]["children"], json!([1]));
-        assert_eq!(document["nodes"][1], json!({"name": "HALL", "children": [2]}));
-        let pipe = json!({"name": "PIPE \"1\"", "extras": {"id": "x-1"}, "mesh": 0, "children": [3]});
-        assert_eq!(document["nodes"][2], pipe);
-        assert_eq!(document["nodes"][3], json!({"mesh": 1}));
+        assert_eq!(document["scenes"], json!([{"nodes": [0]}]));
+        let hall = &document["nodes"][0];
+        assert_eq!((&hall["name"], &hall["children"]), (&"HALL".into(), &json!([1])));
+        assert_eq!(hall["translation"].as_array().map(Vec::len), Some(3));
+        let pipe = json!({"name": "PIPE \"1\"", "extras": {"id": "x-1"}, "mesh": 0, "children": [2]});
+        assert_eq!(document["nodes"][1], pipe);
+        assert_eq!(document["nodes"][2], json!({"mesh": 1}));
         assert_eq!(document["meshes"].as_array().unwrap().len(), 2);
     }
 
