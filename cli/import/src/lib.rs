@@ -17,6 +17,7 @@ mod gltf;
 mod inputs;
 mod lines;
 mod lodpack_file;
+mod named;
 mod obj;
 mod objects;
 mod off;

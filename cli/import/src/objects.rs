@@ -3,11 +3,10 @@
 //! Parsers add nodes in the order of their file and say to which one the triangles that follow belong. At the end, each
 //! of several files is an assembly, or one object if it names none; nodes without triangles below them are left out.
 
-use std::fmt;
 use std::ops::Range;
 use std::path::Path;
-use std::str::FromStr;
 
+use crate::named::named;
 use lodpack_mesh::NONE;
 use lodpack_mesh::attributes::{Attributes, ObjectNode, ObjectRun};
 use serde::{Deserialize, Serialize};
@@ -32,30 +31,13 @@ impl Objects {
         ("join", Self::Join, "Join them to one surface without names"),
     ];
 
-    fn name(self) -> &'static str {
-        Self::ALL.iter().find(|(_, other, _)| *other == self).map_or("", |(name, ..)| name)
-    }
-
     /// Whether this is what happens without being asked for.
     pub fn is_default(&self) -> bool {
         *self == Self::default()
     }
 }
 
-impl fmt::Display for Objects {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for Objects {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let found = Self::ALL.iter().find(|(name, ..)| *name == text);
-        found.map(|&(_, value, _)| value).ok_or_else(|| format!("'{text}' is none of auto, keep, join"))
-    }
-}
+named!(Objects);
 
 /// The most bytes of a name or an id, as in files.
 const MOST_BYTES: usize = 4096;

@@ -63,8 +63,7 @@ impl Attributes {
     /// The object of a triangle.
     #[inline]
     pub fn object(&self, triangle: u32) -> u32 {
-        let run = self.objects.partition_point(|run| run.first_triangle <= triangle);
-        run.checked_sub(1).map_or(0, |run| self.objects[run].node)
+        run_of(&self.objects, triangle, |run| run.first_triangle).map_or(0, |run| run.node)
     }
 
     /// How many nodes are objects, and how many are assemblies.
@@ -124,6 +123,12 @@ pub struct ChartRun {
     pub first_triangle: u32,
     /// The number of the chart.
     pub chart: u32,
+}
+
+/// The run that a triangle is in; none before the first.
+#[inline]
+fn run_of<T>(runs: &[T], triangle: u32, first_triangle: impl Fn(&T) -> u32) -> Option<&T> {
+    runs.get(runs.partition_point(|run| first_triangle(run) <= triangle).checked_sub(1)?)
 }
 
 /// Consecutive triangles of one object, up to the next run.
@@ -198,11 +203,11 @@ impl RegionAttributes {
             all.corners.reserve_exact(triangles.len());
         }
         for (number, triangle) in triangles {
-            let run = attributes.materials.partition_point(|run| run.first_triangle <= number);
-            all.materials.push(run.checked_sub(1).map_or(0, |run| attributes.materials[run].material));
+            let run = run_of(&attributes.materials, number, |run| run.first_triangle);
+            all.materials.push(run.map_or(0, |run| run.material));
             if !attributes.charts.is_empty() {
-                let run = attributes.charts.partition_point(|run| run.first_triangle <= number);
-                all.charts.push(run.checked_sub(1).map_or(0, |run| attributes.charts[run].chart));
+                let run = run_of(&attributes.charts, number, |run| run.first_triangle);
+                all.charts.push(run.map_or(0, |run| run.chart));
             }
             if !attributes.objects.is_empty() {
                 all.objects.push(attributes.object(number));

@@ -39,21 +39,19 @@ pub struct GlbForm {
     pub is_smooth: bool,
 }
 
-/// The triangles of a part, with their vertices alone.
-fn mesh_of(mesh: &Mesh, part: &ObjectPart) -> Mesh {
+/// Some triangles of a mesh, by number and in this order, with their vertices alone.
+pub fn picked(mesh: &Mesh, triangles: impl IntoIterator<Item = usize>) -> Mesh {
     let mut places = std::collections::HashMap::new();
     let mut own = Mesh::default();
-    for (triangle, node) in
-        mesh.triangles.iter().zip(&mesh.triangle_nodes).take(part.triangles.end).skip(part.triangles.start)
-    {
-        let corners = triangle.map(|vertex| {
+    for number in triangles {
+        let corners = mesh.triangles[number].map(|vertex| {
             *places.entry(vertex).or_insert_with(|| {
                 own.positions.push(mesh.positions[vertex as usize]);
                 own.positions.len() as u32 - 1
             })
         });
         own.triangles.push(corners);
-        own.triangle_nodes.push(*node);
+        own.triangle_nodes.push(mesh.triangle_nodes[number]);
     }
     own
 }
@@ -92,7 +90,7 @@ pub fn write_objects_glb(
         part.name.iter().for_each(|name| node["name"] = name.as_str().into());
         part.id.iter().for_each(|id| node["extras"] = json!({"id": id}));
         if !part.triangles.is_empty() {
-            let own = mesh_of(mesh, part);
+            let own = picked(mesh, part.triangles.clone());
             let paged = match textured {
                 Some((whole, look)) => {
                     let places = whole.places.get(part.triangles.clone()).unwrap_or_default().to_vec();

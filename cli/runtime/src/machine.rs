@@ -35,9 +35,14 @@ fn clock(id: libc::clockid_t) -> Duration {
 /// A memory figure of a process in bytes, as Linux names it: "VmHWM" is the peak of its resident memory, "VmRSS" the
 /// present value.
 pub fn status_bytes(process: &str, what: &str) -> Option<u64> {
-    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
-    let value = status.lines().find_map(|line| line.strip_prefix(what)?.strip_prefix(':'))?;
-    Some(value.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
+    proc_bytes(&format!("/proc/{process}/status"), what)
+}
+
+/// A memory figure in bytes, by its name in a file of Linux that has a line for each.
+pub(crate) fn proc_bytes(path: &str, what: &str) -> Option<u64> {
+    let lines = std::fs::read_to_string(path).ok()?;
+    let value = lines.lines().find_map(|line| line.strip_prefix(what)?.strip_prefix(':'))?;
+    value.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
 /// The peak of this process's resident memory in bytes; 0 where the system does not report it.

@@ -8,6 +8,7 @@ use hyper::body::Bytes;
 use hyper::header::{self, HeaderName, HeaderValue};
 use hyper::http::request::Parts;
 use hyper::{Method, Response, StatusCode};
+use lodpack_import::decode_percent;
 use std::io;
 use std::net::IpAddr;
 use std::ops::Range;
@@ -206,7 +207,7 @@ fn content_type(path: &str) -> &'static str {
 
 /// Decodes percent signs; what is no UTF-8 then names nothing.
 fn unescape(path: &str) -> String {
-    percent_encoding::percent_decode_str(path).decode_utf8_lossy().into_owned()
+    decode_percent(path).unwrap_or_default().into_owned()
 }
 
 #[cfg(test)]

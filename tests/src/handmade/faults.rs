@@ -596,6 +596,17 @@ fn object_section_faults() -> Vec<Edit<Container>> {
     ]
 }
 
+/// A leaf of two objects, both new, with an island of the first one at each level.
+const OWNERS_OF_TWO: [Symbol; 7] = [
+    Number("count", 2),
+    Bit("new", true),
+    Bit("new", true),
+    Signed("first", -1),
+    Bit("next", true),
+    Signed("later", 0),
+    Bit("next", true),
+];
+
 /// A page of owners that begins as that of the example.
 fn owners(objects: &mut HandmadeObjects, symbols: &[Symbol]) {
     objects.lists[0].pages[0].1 = coded(symbols);
@@ -640,18 +651,7 @@ fn object_faults() -> Vec<Edit<HandmadeObjects>> {
         ("object_key", "the page of owners says that it begins with object 1 (24.3)", |o| o.lists[0].pages[0].0 = 1),
         ("owners_missing", "a cluster with a leaf has no owners (24.4)", |o| o.lists[0].pages[0].1.clear()),
         ("owner_beyond_count", "a leaf has two objects of a file with one (24.4)", |o| {
-            owners(
-                o,
-                &[
-                    Number("count", 2),
-                    Bit("new", true),
-                    Bit("new", true),
-                    Signed("first", -1),
-                    Bit("next", true),
-                    Signed("later", 0),
-                    Bit("next", true),
-                ],
-            );
+            owners(o, &OWNERS_OF_TWO);
         }),
         ("owner_before_first", "a leaf has an object before the first one (24.4)", |o| {
             owners(
@@ -708,18 +708,7 @@ fn object_faults() -> Vec<Edit<HandmadeObjects>> {
                 o,
                 &[Number("rank", 1), Signed("parent", 1), Number("rank", 1), Number("rank", 2), Signed("parent", -1)],
             );
-            owners(
-                o,
-                &[
-                    Number("count", 2),
-                    Bit("new", true),
-                    Bit("new", true),
-                    Signed("first", -1),
-                    Bit("next", true),
-                    Signed("later", 0),
-                    Bit("next", true),
-                ],
-            );
+            owners(o, &OWNERS_OF_TWO);
         }),
         ("owners_longer", "a byte follows the last bit of a page of owners (24.4)", |o| {
             o.lists[0].pages[0].1.push(0);

@@ -265,7 +265,7 @@ impl Task<'_> {
 
     /// Whether the objects of the input are joined, although they may be kept.
     fn are_joined(&self, input: &NumberedMesh, progress: &dyn Progress) -> Result<bool, BuildError> {
-        let (mut attributes, count) = (self.named()?, input.triangle_count());
+        let (mut attributes, count) = (self.named()?.attributes, input.triangle_count());
         if attributes.nodes.is_empty() {
             return Ok(false);
         }
@@ -298,7 +298,7 @@ impl Task<'_> {
     fn divide(&self) -> Result<u64, BuildError> {
         let input = self.input()?;
         let CutProduct { tree, are_joined, .. } = self.product(Stage::Cut, 0)?;
-        let (attributes, appearance) = (self.attributes(are_joined)?, self.imported()?.appearance);
+        let ImportProduct { attributes, appearance, .. } = self.carried(are_joined)?;
         let is_numbered = !attributes.are_empty(&appearance);
         let range = self.stages.range(self.task, input.triangle_count());
         let path = run_file(self.directory.folder(), self.task);
@@ -308,7 +308,7 @@ impl Task<'_> {
 
     fn repair(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
         let CutProduct { tree, bounds, are_joined, .. } = self.product(Stage::Cut, 0)?;
-        let (attributes, appearance) = (self.attributes(are_joined)?, self.imported()?.appearance);
+        let ImportProduct { attributes, appearance, .. } = self.carried(are_joined)?;
         let AllRuns { runs, triangles } = self.all_runs(tree.region_count())?.clone();
         let shares = even_runs(triangles.iter().copied(), self.stages.parts);
         let counts = Counts { triangles, bounds, attributes, appearance };
@@ -356,13 +356,13 @@ impl Task<'_> {
     fn find_pairs(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
         let CutProduct { tree, are_joined, .. } = self.product(Stage::Cut, 0)?;
         let regions = tree.region_count();
-        let nodes = Nodes::of(&self.attributes(are_joined)?);
+        let ImportProduct { attributes, appearance, .. } = self.carried(are_joined)?;
+        let nodes = Nodes::of(&attributes);
         let store = self.regions(regions, 1);
         let mut stats = store.stats_of(0..regions as usize)?;
         let Agreement { matching, doubled_vertices, repairs, reversed } = Agreement::of(&mut stats);
         let reversed = (0..).zip(reversed).filter(|(_, reversed)| reversed.contains(&true)).collect();
         let input_triangles = self.input_triangles()?;
-        let appearance = self.imported()?.appearance;
         let whole = Whole::of(&stats, input_triangles, &appearance, &self.manifest.options);
         let whole = whole.map_err(|error| self.of_inputs(error))?;
         whole.note_repeats(progress);
@@ -503,27 +503,23 @@ impl Task<'_> {
     }
 
     /// What triangles carry.
-    fn attributes(&self, are_joined: bool) -> Result<Attributes, BuildError> {
-        let mut attributes = self.named()?;
+    fn carried(&self, are_joined: bool) -> Result<ImportProduct, BuildError> {
+        let mut carried = self.named()?;
         if are_joined {
-            attributes.join_objects();
+            carried.attributes.join_objects();
         }
-        Ok(attributes)
+        Ok(carried)
     }
 
     /// What triangles carry, with all objects that the input names unless they are joined in any case.
-    fn named(&self) -> Result<Attributes, BuildError> {
-        match self.stages.ways {
-            Ways::Whole => Ok(self.imported()?.attributes),
-            Ways::Places | Ways::Lines => {
-                let mut attributes = Attributes::default();
-                let choice = self.manifest.options.kept_objects();
-                if choice != Objects::Join {
-                    self.ranged()?.find_objects(choice, &mut attributes);
-                }
-                Ok(attributes)
-            }
+    fn named(&self) -> Result<ImportProduct, BuildError> {
+        let mut carried = self.imported()?;
+        let choice = self.manifest.options.kept_objects();
+        // An import of everything has found them.
+        if !matches!(self.stages.ways, Ways::Whole) && choice != Objects::Join {
+            self.ranged()?.find_objects(choice, &mut carried.attributes);
         }
+        Ok(carried)
     }
 
     /// The extent of the input, and the hashes of its ranges.

@@ -7,6 +7,7 @@ use lodpack::index::Placement;
 use serde::{Deserialize, Serialize};
 
 use super::ramp::Ramp;
+use crate::named::named;
 use lodpack_mesh::tolerance::Unit;
 
 /// How rasters become surfaces.
@@ -144,27 +145,6 @@ impl HeightCode {
         ("grey", Self::Grey, "Shades of grey, 8 or 16 bits"),
         ("terrarium", Self::Terrarium, "Colours: 256 x red + green + blue / 256 - 32768 metres"),
     ];
-}
-
-/// Reads a name of a list.
-macro_rules! named {
-    ($($kind:ty),*) => {$(
-        impl std::str::FromStr for $kind {
-            type Err = String;
-
-            fn from_str(text: &str) -> Result<Self, String> {
-                let names = || Self::ALL.map(|(name, ..)| name).join(", ");
-                let found = Self::ALL.into_iter().find(|(name, ..)| *name == text);
-                found.map(|(_, value, _)| value).ok_or_else(|| format!("'{text}' is none of {}", names()))
-            }
-        }
-
-        impl std::fmt::Display for $kind {
-            fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-                f.write_str(Self::ALL.iter().find(|(_, value, _)| value == self).map_or("", |(name, ..)| name))
-            }
-        }
-    )*};
 }
 
 named!(SurfaceKind, HeightCode, RasterForm);

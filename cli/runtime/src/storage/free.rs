@@ -1,7 +1,7 @@
 //! How much memory is free for this process: of the machine, of the control groups that it is in, and within its own
 //! limits.
 
-use crate::machine::status_bytes;
+use crate::machine::{proc_bytes, status_bytes};
 use std::fs::read_to_string;
 use std::path::{Path, PathBuf};
 
@@ -20,11 +20,8 @@ pub fn free_bytes() -> u64 {
 /// What the machine has free, or all that it has where it does not say.
 #[expect(unsafe_code, reason = "the standard library does not report memory")]
 fn of_machine() -> Option<u64> {
-    let meminfo = read_to_string("/proc/meminfo").unwrap_or_default();
-    let available = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
-    let available = available.and_then(|value| value.trim().strip_suffix("kB")?.trim().parse::<u64>().ok());
-    if let Some(kilobytes) = available {
-        return kilobytes.checked_mul(1024);
+    if let Some(available) = proc_bytes("/proc/meminfo", "MemAvailable") {
+        return Some(available);
     }
     // SAFETY: sysconf has no conditions; it returns -1 for what it does not know.
     let (pages, page_bytes) = unsafe { (libc::sysconf(libc::_SC_PHYS_PAGES), libc::sysconf(libc::_SC_PAGESIZE)) };

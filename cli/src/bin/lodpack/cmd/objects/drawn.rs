@@ -6,8 +6,8 @@ use crate::output::count;
 use anyhow::{Result, bail};
 use lodpack::decode::TexturedMesh;
 use lodpack::{Cut, Mesh, Node};
-use lodpack_cli::mesh::objects::ObjectPart;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use lodpack_cli::mesh::objects::{ObjectPart, picked};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// What is asked for.
@@ -63,7 +63,7 @@ pub fn drawn_of(file: &lodpack::File<Source>, wanted: &Wanted<'_>) -> Result<Dra
             [] => None,
             channels => Some(in_file(path, file.extract_textured(&cut, channels))?),
         };
-        return Ok(arranged(mesh, textured, cut, &of_triangles, &found, &nodes));
+        return Ok(arranged(&mesh, textured, cut, &of_triangles, &found, &nodes));
     }
     bail!("{}: it has no level", path.display())
 }
@@ -88,7 +88,7 @@ fn cut_of(file: &lodpack::File<Source>, wanted: &Wanted<'_>, leaves: &BTreeSet<u
 
 /// Keeps the triangles of what was found, object after object.
 fn arranged(
-    mesh: Mesh,
+    mesh: &Mesh,
     textured: Option<TexturedMesh>,
     cut: Cut,
     of_triangles: &[u32],
@@ -98,18 +98,7 @@ fn arranged(
     let mut order: Vec<(u32, usize)> =
         of_triangles.iter().enumerate().filter(|(_, object)| found.contains(object)).map(|(at, &o)| (o, at)).collect();
     order.sort_unstable();
-    let mut places = HashMap::new();
-    let mut kept = Mesh::default();
-    for &(_, at) in &order {
-        let corners = mesh.triangles[at].map(|vertex| {
-            *places.entry(vertex).or_insert_with(|| {
-                kept.positions.push(mesh.positions[vertex as usize]);
-                kept.positions.len() as u32 - 1
-            })
-        });
-        kept.triangles.push(corners);
-        kept.triangle_nodes.push(mesh.triangle_nodes[at]);
-    }
+    let kept = picked(mesh, order.iter().map(|&(_, at)| at));
     let textured = textured.map(|whole| TexturedMesh {
         places: order.iter().map(|&(_, at)| whole.places[at]).collect(),
         mesh: kept.clone(),
