@@ -1,12 +1,15 @@
 //! Objects: what a plant names comes back out of its file, with its parts where they were.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec3;
+use lodpack::decode::ChannelImage;
+use lodpack::index::Scale;
 use lodpack::source::Fetched;
 use lodpack::write::ObjectNode;
 use lodpack::{File, islands};
-use lodpack_tests::scene::{Scene, Sharing, plant, write_glb, write_obj};
+use lodpack_cli::mesh::srgb::srgb_byte;
+use lodpack_tests::scene::{COLOURS, Scene, Shape, Sharing, plant, write_glb, write_obj};
 
 use super::{build_file, open};
 
@@ -143,4 +146,73 @@ fn each_object_of_a_plant_owns_what_it_was() {
             }
         }
     }
+}
+
+/// The colour that each triangle of a root shows at a level, all over.
+fn colours(file: &File<&[u8]>, root: u32, level: u8) -> (lodpack::Mesh, Vec<[u8; 3]>) {
+    let cut = lodpack::Cut {
+        file: Some(file.index().id()),
+        nodes: vec![lodpack::Node { root, level }],
+        node_errors: vec![0.0],
+        ..lodpack::Cut::default()
+    };
+    let shown = file.extract_textured(&cut, &[0]).unwrap();
+    let Some(ChannelImage::Colours(image)) = &shown.textures[0].images[0] else { panic!("block without colours") };
+    let texel = |[x, y]: [f32; 2]| <[u8; 3]>::try_from(image.texel(x as u32, y as u32)).unwrap();
+    let of_triangle = |places: &[[f32; 2]; 3]| {
+        // What is interpolated there is of texels that look alike.
+        let around = places.iter().flat_map(|[x, y]| [-0.5, 0.5].map(|away| texel([x + away, y + away])));
+        let colours: BTreeSet<[u8; 3]> = around.collect();
+        assert_eq!(colours.len(), 1, "root {root}, level {level}");
+        colours.into_iter().next().unwrap()
+    };
+    let colours = shown.places.iter().map(of_triangle).collect();
+    (shown.mesh, colours)
+}
+
+#[test]
+fn each_object_has_its_colour_at_every_level() {
+    let scene = plant(200);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("plant.obj");
+    write_obj(&scene, &path).unwrap();
+    let (bytes, _) = build_file(&path, "0.001");
+    let file = open(&bytes);
+    let fetched = all_of(&bytes);
+    let objects = file.index().objects().unwrap();
+    let byte_of = |shape: &Shape| COLOURS[shape.colour].1.map(|light| srgb_byte(light as f32));
+    let mut of_paths: BTreeMap<String, BTreeSet<[u8; 3]>> = BTreeMap::new();
+    let (mut paths, mut all): (Vec<String>, BTreeSet<[u8; 3]>) = (vec![], BTreeSet::new());
+    for node in &scene.nodes {
+        let above = node.parent.map_or("", |parent| &paths[parent as usize]).to_owned();
+        let own = node.name.clone().unwrap_or_default();
+        let path = if own.is_empty() || above.is_empty() { own } else { format!("{above}/{own}") };
+        paths.push(path.clone());
+        let Some(shape) = node.shape else { continue };
+        let colour = byte_of(&scene.shapes[shape as usize]);
+        of_paths.entry(path).or_default().insert(colour);
+        all.insert(colour);
+    }
+    assert!(all.len() > 3);
+    let mut texels = 0;
+    for root in 0..file.root_count() {
+        let is_leaf = file.children(root).unwrap().is_empty();
+        for block in file.root_contents(root).unwrap().blocks {
+            let bytes = &file.texels(&[(root, block.level)], &[0], Scale::Full).unwrap()[0];
+            texels += bytes.map.len() + bytes.images.iter().flatten().map(Vec::len).sum::<usize>();
+            let (mesh, colours) = colours(&file, root, block.level);
+            let (labels, _) = islands(&mesh.triangles);
+            let owners = if is_leaf { objects.owners(root, block.level, &fetched).unwrap() } else { vec![] };
+            for (colour, label) in colours.iter().zip(labels) {
+                assert!(all.contains(colour), "root {root}, level {}: {colour:?}", block.level);
+                if is_leaf {
+                    let name = objects.node(owners[label as usize], &fetched).unwrap().name.unwrap_or_default();
+                    assert!(of_paths[&name].contains(colour), "{name}: {colour:?} {:?}", of_paths[&name]);
+                }
+            }
+        }
+    }
+    // A palette of a colour a material, and a label for each part.
+    let blocks: usize = (0..file.root_count()).map(|root| file.root_contents(root).unwrap().blocks.len()).sum();
+    assert!(texels < 200 * blocks, "{texels} bytes for {blocks} blocks");
 }

@@ -6,6 +6,7 @@
 //! with 16-bit integers (KHR_mesh_quantization) each would need one, in which renderers round, and pixels of the
 //! background show between tiles.
 
+use super::features::{FEATURES, Features, METADATA, Property, metadata};
 use super::material::{Paint, plain};
 use crate::mesh::encoded::Encoded;
 use crate::mesh::material::UNLIT;
@@ -48,14 +49,15 @@ struct Stream {
 }
 
 impl Content {
-    /// Triangles between some of these points, and what they look like: by images, or by what each point has.
+    /// Triangles between some of these points, what they look like, by images or by what each point has, and the objects
+    /// that they belong to.
     ///
     /// # Errors
     /// If an image is too large for its format.
     pub fn new(
         points: &[LatticePoint],
         triangles: &[[u32; 3]],
-        (paint, shading): (Option<&Paint>, Option<&Shading>),
+        (paint, shading, features): (Option<&Paint>, Option<&Shading>, Option<&Features>),
         positions: &Positions,
     ) -> io::Result<Self> {
         let (used, indices) = in_order_of_use(points.len(), triangles.as_flattened());
@@ -102,6 +104,9 @@ impl Content {
         }
         if let Some(shading) = shading {
             content.add_shading(shading, &order);
+        }
+        if let Some(features) = features {
+            content.add_features(features, &order);
         }
         Ok(Self { glb: Some(content.bytes()), bounds: Some(bounds) })
     }
@@ -230,6 +235,8 @@ struct Glb {
     translation: [f64; 3],
     /// Extensions that a reader must know beside that of compression.
     required: Vec<&'static str>,
+    /// How many objects there are, what primitives say of them, and what they are called.
+    objects: Option<(usize, Value, [Property; 3])>,
 }
 
 impl Glb {
@@ -275,6 +282,24 @@ impl Glb {
         self.materials = vec![material];
     }
 
+    /// Adds the objects of points that stand in this order.
+    fn add_features(&mut self, features: &Features, order: &[usize]) {
+        let numbers = order.iter().map(|&point| features.of_points[point]);
+        // Attributes have no integers of 32 bits, and single precision has 24.
+        let (component_type, words): (u32, Vec<[u8; 4]>) = match features.count() <= 1 << 16 {
+            true => (UNSIGNED_SHORT, numbers.map(u32::to_le_bytes).collect()),
+            false => (FLOAT, numbers.map(|number| (number as f32).to_le_bytes()).collect()),
+        };
+        let compressed = meshopt::encode_vertex_buffer_level(&words, 2, Some(0)).unwrap_or_default();
+        let (mode, target) = ("ATTRIBUTES", ARRAY_BUFFER);
+        let numbers = Stream { compressed, stride: 4, count: words.len(), mode, filter: None, target };
+        self.attributes["_FEATURE_ID_0"] = self.accessors.len().into();
+        self.accessors.push(json!({
+            "bufferView": self.streams.len(), "componentType": component_type, "count": words.len(), "type": "SCALAR"}));
+        self.streams.push(numbers);
+        self.objects = Some((features.count(), features.of_primitive(), features.properties()));
+    }
+
     fn add_attribute(&mut self, name: &str, stream: Stream, component_type: u32, kind: &str) {
         let mut accessor = json!({
             "bufferView": self.streams.len(), "componentType": component_type, "count": stream.count, "type": kind});
@@ -316,12 +341,30 @@ impl Glb {
             binary.extend_from_slice(bytes);
             binary.resize(binary.len().next_multiple_of(4), 0);
         }
+        let mut texts = vec![];
+        for property in self.objects.iter().flat_map(|(.., properties)| properties) {
+            let mut view = |bytes: &[u8]| {
+                views.push(json!({"buffer": 0, "byteOffset": binary.len(), "byteLength": bytes.len()}));
+                binary.extend_from_slice(bytes);
+                binary.resize(binary.len().next_multiple_of(8), 0);
+                views.len() - 1
+            };
+            // A view has at least one byte.
+            let values = if property.values.is_empty() { b"\0" } else { property.values.as_slice() };
+            texts.push((property.name, view(values), view(&property.offsets)));
+        }
         let required = [&["EXT_meshopt_compression"], self.required.as_slice()].concat();
         let is_unlit = |material: &Value| material["extensions"][UNLIT].is_object();
         let unlit = self.materials.iter().any(is_unlit).then_some(UNLIT);
-        let used: Vec<&str> = required.iter().copied().chain(unlit).collect();
-        let primitive =
-            |number: usize| json!({"attributes": self.attributes, "indices": 1 + number, "material": number});
+        let of_objects = self.objects.iter().flat_map(|_| [FEATURES, METADATA]);
+        let used: Vec<&str> = required.iter().copied().chain(unlit).chain(of_objects).collect();
+        let primitive = |number: usize| {
+            let mut primitive = json!({"attributes": self.attributes, "indices": 1 + number, "material": number});
+            if let Some((_, features, _)) = &self.objects {
+                primitive["extensions"] = json!({FEATURES: features});
+            }
+            primitive
+        };
         let primitives: Vec<Value> = (0..self.primitive_count).map(primitive).collect();
         let mut document = json!({
             "asset": {"version": "2.0", "generator": concat!("lodpack ", env!("CARGO_PKG_VERSION"))},
@@ -336,6 +379,9 @@ impl Glb {
             "bufferViews": views,
             "accessors": self.accessors,
         });
+        if let Some((count, ..)) = self.objects {
+            document["extensions"] = json!({METADATA: metadata(count, &texts)});
+        }
         if self.translation != [0.0; 3] {
             document["nodes"][0]["translation"] = json!(self.translation);
         }

@@ -26,6 +26,8 @@ pub struct Surface {
     pub paint: Option<Paint>,
     /// Its normals, where images have none; none without light.
     pub shading: Option<Shading>,
+    /// The object of each point; empty if they are not known.
+    pub objects: Vec<u32>,
 }
 
 /// What the points of a tile show.
@@ -43,13 +45,14 @@ pub struct Paint {
 }
 
 impl Surface {
-    /// The part of a cut that one of its nodes draws, lit by normals if those of borders are there.
+    /// The part of a cut that one of its nodes draws, lit by normals if those of borders are there. `objects` are those
+    /// of its triangles; empty if they are not known.
     ///
     /// # Errors
     /// [`io::ErrorKind::InvalidInput`] if it has more than 2^32 corners.
     pub fn of_node(
         textured: &TexturedMesh,
-        triangles: std::ops::Range<usize>,
+        (triangles, objects): (std::ops::Range<usize>, &[u32]),
         look: &Look,
         light: Option<&BorderNormals>,
         positions: &Positions,
@@ -68,6 +71,7 @@ impl Surface {
             let paged = PagedMesh::new(&own, look, u32::MAX);
             if light.is_some() { paged.smooth(&own.mesh)? } else { paged }
         };
+        let objects = objects_of_points(&paged, objects);
         let points: Vec<LatticePoint> =
             paged.positions.iter().map(|&position| positions.on_lattice(position)).collect();
         let parts = paged.parts();
@@ -81,7 +85,7 @@ impl Surface {
             formats: Formats::of(look),
             parts,
         });
-        let mut this = Self { points, triangles, paint, shading: None };
+        let mut this = Self { points, triangles, paint, shading: None, objects };
         if let Some(light) = light.filter(|_| !paged.normals.is_empty()) {
             let mut normals = paged.normals;
             light.settle(&this.points, &mut normals);
@@ -97,7 +101,8 @@ impl Surface {
         let mut kept = vec![];
         let number_of = |(number, normal): (usize, &[f32; 3])| {
             let place = self.paint.as_ref().and_then(|paint| paint.places.get(number)).copied().unwrap_or_default();
-            let alike = (self.points[number], place.map(f32::to_bits), normal.map(f32::to_bits));
+            let object = self.objects.get(number).copied();
+            let alike = (self.points[number], place.map(f32::to_bits), normal.map(f32::to_bits), object);
             *first_of.entry(alike).or_insert_with(|| {
                 kept.push(number);
                 kept.len() as u32 - 1
@@ -109,9 +114,28 @@ impl Surface {
         if let Some(paint) = self.paint.as_mut().filter(|paint| !paint.places.is_empty()) {
             paint.places = kept.iter().map(|&number| paint.places[number]).collect();
         }
+        if !self.objects.is_empty() {
+            self.objects = kept.iter().map(|&number| self.objects[number]).collect();
+        }
         let normals = kept.iter().map(|&number| normals[number]).collect();
         self.shading = Some(Shading { normals, ..Shading::default() });
     }
+}
+
+/// The object of each point of a mesh, from those of its triangles.
+fn objects_of_points(paged: &PagedMesh, objects: &[u32]) -> Vec<u32> {
+    if objects.is_empty() {
+        return vec![];
+    }
+    if !paged.corners.is_empty() {
+        return paged.corners.iter().map(|&(triangle, _)| objects[triangle as usize]).collect();
+    }
+    // Without images triangles keep their order.
+    let mut of_points = vec![0; paged.positions.len()];
+    for (corners, &object) in paged.triangles.iter().flatten().zip(objects) {
+        corners.iter().for_each(|&point| of_points[point as usize] = object);
+    }
+    of_points
 }
 
 /// Some triangles of a mesh, with the vertices that they have.

@@ -7,6 +7,7 @@
 //! and no tile needs a skirt.
 
 mod archive;
+mod features;
 mod finest;
 mod geodesy;
 mod glb;
@@ -30,6 +31,7 @@ pub use terrain::{bounds_of, write_terrain};
 
 use crate::mesh::layers::{Layer, Look};
 use crate::progress::Progress;
+use features::Features;
 use glb::{Content, Positions};
 use light::BorderNormals;
 use lodpack::decode::TexturedMesh;
@@ -210,6 +212,10 @@ impl<S: ReadAt> Writer<'_, S> {
         } else {
             file.extract_textured_with_borders(&cut, tree.border_level, channels)?
         };
+        let objects = match file.objects() {
+            Some(_) => file.extract_objects_with_borders(&cut, tree.border_level)?.1,
+            None => vec![],
+        };
         // A node's triangles follow each other.
         let mut begin = 0;
         let mut written = vec![];
@@ -219,11 +225,14 @@ impl<S: ReadAt> Writer<'_, S> {
             begin = own.end;
             let triangles = own.len().try_into().unwrap_or(u32::MAX);
             let uri = tree.tiles[number].uri("glb");
-            let content = Surface::of_node(&textured, own, look, self.light, self.positions)
-                .and_then(|Surface { points, triangles, paint, shading }| {
-                    Content::new(&points, &triangles, (paint.as_ref(), shading.as_ref()), self.positions)
-                })
-                .map_err(|source| TilesetError::Write { path: folder.join(&uri), source })?;
+            let of_own: Option<Vec<u32>> = objects.get(own.clone()).and_then(|all| all.iter().copied().collect());
+            let cannot_write = |source| TilesetError::Write { path: folder.join(&uri), source };
+            let of_own = of_own.unwrap_or_default();
+            let surface = Surface::of_node(&textured, (own, &of_own), look, self.light, self.positions);
+            let Surface { points, triangles, paint, shading, objects } = surface.map_err(cannot_write)?;
+            let features = Features::of(file, objects)?;
+            let looks = (paint.as_ref(), shading.as_ref(), features.as_ref());
+            let content = Content::new(&points, &triangles, looks, self.positions).map_err(cannot_write)?;
             if let Some(glb) = &content.glb {
                 write(folder, &uri, glb)?;
             }

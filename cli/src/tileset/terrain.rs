@@ -206,7 +206,7 @@ fn draw<S: ReadAt>(
     let paint = paint(file, drawing.id, &drawn, &samples, triangles.len())?;
     // An image has its own colours.
     let shading = if paint.is_some() { Shading { colours: None, ..shading } } else { shading };
-    let content = Content::new(&points, &triangles, (paint.as_ref(), Some(&shading)), &positions);
+    let content = Content::new(&points, &triangles, (paint.as_ref(), Some(&shading), None), &positions);
     let content = content.map_err(|source| TilesetError::Write { path: folder.join(&uri), source })?;
     let Some(glb) = &content.glb else { return Ok(None) };
     write(folder, &uri, glb)?;

@@ -102,6 +102,9 @@ pub struct ColourAreas {
     pub jumps: Jumps,
     /// The areas of which all vertices have one colour.
     pub parts: BTreeSet<u32>,
+    /// If all triangles belong to areas that show one thing each, in all channels, a triangle of each of these;
+    /// otherwise empty.
+    pub looks: BTreeMap<u32, u32>,
 }
 
 impl ColourAreas {
@@ -113,7 +116,14 @@ impl ColourAreas {
         let count = sets.len() as u32;
         let area = |triangle| Some(find(sets, triangle)).filter(|set| known.contains(set)).unwrap_or(NONE);
         let of_triangles = (0..count).map(area).collect();
-        Self { of_triangles, jumps: Jumps::new(pairs), parts: BTreeSet::new() }
+        Self { of_triangles, jumps: Jumps::new(pairs), ..Self::default() }
+    }
+
+    /// Of looks that are all there is: the first triangle that looks like each triangle, and pairs of these between
+    /// which colours jump.
+    pub fn of_looks(of_triangles: Vec<u32>, pairs: Vec<[u32; 2]>) -> Self {
+        let looks = of_triangles.iter().map(|&look| (look, look)).collect();
+        Self { of_triangles, jumps: Jumps::new(pairs), looks, ..Self::default() }
     }
 
     /// Whether a triangle belongs to an area of which all vertices have one colour.

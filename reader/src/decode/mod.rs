@@ -33,7 +33,7 @@ pub use arc_contents::{ArcContents, ArcPoint, Borders, borders};
 pub use border::{BorderKey, BorderVertex};
 pub use cut::{RootPatch, decode_root, extract, extract_with_borders, own_bytes};
 pub use drawing::{AlphaMode, DEFAULT_CUTOFF, Drawing, coverages};
-pub use objects::extract_objects;
+pub use objects::{extract_objects, extract_objects_with_borders};
 pub use overview::{Overview, overview};
 pub use pages::PagedMesh;
 #[cfg(test)]

@@ -53,7 +53,7 @@ pub struct TexturedMesh {
 
 impl Texture {
     /// Decodes the texels of a block whose patch has these vertices, at the scale of the bytes. Images that are not in
-    /// scales are halved.
+    /// scales are halved, but for palettes ([`Map::is_palette`]).
     ///
     /// # Errors
     /// [`Error::Format`] and [`Error::Limit`].
@@ -69,7 +69,8 @@ impl Texture {
             return Ok(Self { level, map: None, images: vec![None; channels.len()] });
         }
         let full = Map::decode(&bytes.map, positions, &patch.triangles, texel_limit)?;
-        let halvings = bytes.scale.halvings();
+        let is_whole = full.is_palette() && !channels.iter().any(|channel| channel.is_scaled);
+        let halvings = if is_whole { 0 } else { bytes.scale.halvings() };
         let covered = LazyCell::new(|| Covered::new(&full, positions, &patch.triangles, false));
         let image = |(streams, channel): (&Vec<Vec<u8>>, &&ChannelInfo)| {
             if streams.first().is_none_or(Vec::is_empty) {

@@ -31,6 +31,14 @@ impl<S: ReadAt> File<S> {
         self.ask(|index, fetched| decode::extract_objects(index, cut, fetched))
     }
 
+    /// [`File::extract_with_borders`], and for each triangle of a leaf the object that it belongs to. Groups have none.
+    ///
+    /// # Errors
+    /// As [`decode::extract_objects_with_borders`]; [`crate::Error::Io`].
+    pub fn extract_objects_with_borders(&self, cut: &Cut, border_level: u8) -> Result<(Mesh, Vec<Option<u32>>)> {
+        self.ask(|index, fetched| decode::extract_objects_with_borders(index, cut, border_level, fetched))
+    }
+
     /// The first point of the finest surface that a ray meets, from either side, and the object that it belongs to.
     ///
     /// # Errors

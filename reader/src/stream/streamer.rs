@@ -195,8 +195,8 @@ impl Streamer {
         let step = index.lattice().step();
         self.picture().roots().try_fold(0.0, |most, drawn| {
             let Some(texture) = drawn.texture() else { return Ok(most) };
-            let pieces = texture.texture.map.iter().flat_map(|map| &map.pieces);
-            let Some(size) = pieces.map(|piece| piece.texel_size()).min_by(f64::total_cmp) else { return Ok(most) };
+            let map = texture.texture.map.as_ref();
+            let Some(size) = map.and_then(|map| map.smallest_texel()) else { return Ok(most) };
             Ok(view.error_px(index.root_bounds(drawn.surface.root)?, size * step)?.max(most))
         })
     }

@@ -27,6 +27,7 @@ mod coarse;
 mod density;
 mod divided;
 mod drawn;
+mod even;
 mod fill;
 mod fillings;
 mod grid;

@@ -1,5 +1,6 @@
 //! Decides when blocks get texels: a group right after its members, so that few texels wait, however large a region is.
 
+use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -10,6 +11,7 @@ use rayon::prelude::*;
 
 use super::ChartedMesh;
 use super::drawn::{DrawnBlocks, DrawnPatch};
+use super::even::Looks;
 use super::shared_arcs::SharedArcs;
 use super::texels::{DENSITY, InputSource, TrianglesAround, storage};
 use lodpack_mesh::NONE;
@@ -100,6 +102,11 @@ impl PaintedRegion<'_> {
     /// input's images, because a map holds no more.
     pub fn paint(&self, records: &mut [RootRecord], drawn: &[DrawnBlocks], colour_step: u8) -> (Duration, u64) {
         let start = thread_cpu_time();
+        let storage = storage(self.appearance, colour_step);
+        if let Some(looks) = Looks::of(self, &storage) {
+            looks.paint(records, drawn);
+            return (thread_cpu_time() - start, 0);
+        }
         let around = TrianglesAround::new(&self.charted.mesh.triangles, self.charted.mesh.positions.len());
         let mut members: Vec<Vec<u32>> = vec![vec![]; records.len()];
         let mut tops = vec![];
@@ -110,7 +117,6 @@ impl PaintedRegion<'_> {
                 None => tops.push(number),
             }
         }
-        let storage = storage(self.appearance, colour_step);
         let painting = Painting {
             region: self,
             drawn,
@@ -135,6 +141,25 @@ impl PaintedRegion<'_> {
             }
         }
         (prepared + Duration::from_nanos(nanoseconds.into_inner()), coarser.into_inner())
+    }
+
+    /// What these triangles of the region show, of which the first ones are those of a chart.
+    pub fn input(&self, own: Vec<u32>) -> InputSource<'_> {
+        let PaintedRegion { charted, attributes, appearance, studio, .. } = *self;
+        InputSource {
+            positions: &charted.mesh.positions,
+            all: &charted.mesh.triangles,
+            own_count: own.len(),
+            own,
+            scale: charted.scale,
+            appearance,
+            is_label: appearance.scalars.iter().map(ScalarRange::is_label).collect(),
+            painter: studio.shader.painter(attributes).with_areas(charted.areas),
+            areas: charted.areas.map_or(&[], |areas| &areas.of_triangles),
+            larger: vec![],
+            growths: vec![],
+            along_boundary: HashSet::new(),
+        }
     }
 
     /// The triangles of a chart, and those that touch it: where images are read beside a patch, they show what lies
@@ -173,21 +198,12 @@ impl<'a> Painting<'a> {
     }
 
     fn paint_chart(&self, chart: u32) -> (Painted, Streams) {
-        let PaintedRegion { charted, arcs, attributes, appearance, texel_share, studio } = *self.region;
+        let PaintedRegion { charted, arcs, appearance, texel_share, studio, .. } = *self.region;
         let scale = charted.scale;
         let mut source = InputSource {
-            positions: &charted.mesh.positions,
-            all: &charted.mesh.triangles,
-            own: self.region.triangles(chart, &self.around),
-            scale,
-            appearance,
-            is_label: appearance.scalars.iter().map(ScalarRange::is_label).collect(),
-            painter: studio.shader.painter(attributes).with_areas(charted.areas),
-            areas: charted.areas.map_or(&[], |areas| &areas.of_triangles),
             own_count: charted.atlas.charts[chart as usize].triangles.len(),
-            larger: vec![],
-            growths: vec![],
             along_boundary: arcs.along_boundary(charted, chart),
+            ..self.region.input(self.region.triangles(chart, &self.around))
         };
         let mut painted = Painted::default();
         let mut streams = self.streams_of(chart);
@@ -287,7 +303,7 @@ impl<'a> Painting<'a> {
 
 impl DrawnPatch {
     /// As what gets images.
-    fn baked<'a>(&'a self, reach: f64, jumps: Option<&'a Jumps>) -> BakedPatch<'a> {
+    pub fn baked<'a>(&'a self, reach: f64, jumps: Option<&'a Jumps>) -> BakedPatch<'a> {
         let areas = Areas::of(&self.areas, jumps);
         BakedPatch { positions: &self.positions, triangles: &self.triangles, reach, areas, finer: 0, is_sharp: false }
     }

@@ -112,8 +112,9 @@ impl Target<'_> {
 impl<'a> CutPainter<'a> {
     /// `channels` are those of the cut. None if nothing is known of one of them.
     pub fn new(cut: &'a TexturedMesh, channels: &'a [&'a ChannelInfo], lattice: &'a Lattice) -> Option<Self> {
-        let sizes = cut.textures.iter().filter_map(|texture| smallest_texel(texture.map.as_ref()?));
-        let smallest = sizes.fold(f64::INFINITY, f64::min);
+        let sizes = cut.textures.iter().filter_map(|texture| texture.map.as_ref()?.smallest_texel());
+        let palettes = || (area(&cut.mesh.positions, &cut.mesh.triangles) / FEW_TEXELS).sqrt() / lattice.step();
+        let smallest = sizes.min_by(f64::total_cmp).unwrap_or_else(palettes);
         Some(Self {
             storage: storage(channels)?,
             areas: areas_of_cut(cut, channels),
@@ -314,11 +315,6 @@ struct PaintedNode<'a> {
     range: [[f64; 2]; 2],
 }
 
-/// The size of the smallest texels of a map, lattice units.
-fn smallest_texel(map: &Map) -> Option<f64> {
-    map.pieces.iter().map(|piece| piece.texel_size()).min_by(f64::total_cmp)
-}
-
 /// The triangles of a cut that have images.
 struct CutSource<'a> {
     cut: &'a TexturedMesh,
@@ -340,8 +336,9 @@ impl<'a> CutSource<'a> {
             let map = texture.map.as_ref()?;
             let images: Vec<&ChannelImage> = texture.images.iter().map(Option::as_ref).collect::<Option<_>>()?;
             let range = [[0.5; 2], map.size.map(|length| f64::from(length) - 0.5)];
-            let smallest = smallest_texel(map)?;
-            let is_even = map.pieces.iter().all(|piece| piece.texel_size() < smallest * MORE);
+            // Palettes are shown by texels of the usual size.
+            let smallest = map.smallest_texel().unwrap_or(painter.smallest);
+            let is_even = map.pieces.iter().all(|piece| piece.is_even() || piece.texel_size() < smallest * MORE);
             let size = smallest * per_step;
             let has_long = map.pieces.iter().any(|piece| piece.texel()[0] != piece.texel()[1]);
             Some(PaintedNode { images: Images::new(storage, images), size, is_even, has_long, range })

@@ -7,6 +7,7 @@ use super::borders::Borders;
 use super::closest::{Means, show_closest};
 use super::coarser::gather_surfels;
 use super::coded::Steps;
+use super::even::Palette;
 use super::fill::finished;
 use super::gather::gather;
 use super::located::Located;
@@ -180,11 +181,12 @@ impl<'s> Baker<'s> {
         wanted: impl FnOnce(&Map, &Shown<'_>) -> Wanted,
     ) -> (Vec<Vec<u8>>, Rim) {
         let Self { storage, drawn, kept: Kept { sums: values, .. }, scratch, image } = self;
-        let mut streams = vec![bytes];
         let size = texel_size(patch.finer);
         let [opaque_colours, others] = [opaque_colours * size, others * size];
         let mut steps = Steps { opaque_colours, are_finer_in_grain: patch.is_sharp, others };
-        if patch.is_sharp {
+        let palette = Palette::of_texels(patch, &map, drawn, values, storage);
+        let palette = palette.and_then(|palette| palette.streams(patch));
+        if patch.is_sharp && palette.is_none() {
             sharpen(&map, &drawn.is_covered, values, storage);
             steps.opaque_colours *= STEPS_WHERE_SHARP;
         }
@@ -195,10 +197,16 @@ impl<'s> Baker<'s> {
         } else {
             let mut shown = Shown { storage, values, is_covered, borders: &borders };
             let wanted = wanted(&map, &shown);
-            shown.show_all(&wanted, scratch);
+            if palette.is_none() {
+                shown.show_all(&wanted, scratch);
+            }
             rim = Rim::new(&wanted, patch.origin(), storage.opaque_colours().len());
             borders.seen(&map, is_covered)
         };
+        if let Some(palette) = palette {
+            return (palette, rim);
+        }
+        let mut streams = vec![bytes];
         streams.extend(storage.encode(&map, values, &drawn.is_used, &seen, steps, image));
         (streams, rim)
     }

@@ -66,6 +66,26 @@ impl Storage {
         }
         streams
     }
+
+    /// Replaces `bytes` by what is stored of a texel if nothing is lost, but for directions.
+    pub(super) fn write_texel(&self, values: &[f32], texel: usize, bytes: &mut Vec<u8>) {
+        bytes.clear();
+        let mut rest = &values[texel * self.stride()..][..self.count()];
+        for &channel in self.channels() {
+            let (own, others) = rest.split_at(channel.values());
+            match channel {
+                Stored::Colour { components, .. } => {
+                    bytes.extend(own.iter().take(3).map(|&value| srgb_byte(value)));
+                    bytes.extend((components == 4).then(|| share_byte(own[3])));
+                }
+                Stored::Normal { .. } => {}
+                Stored::Factor { .. } => bytes.push(share_byte(own[0])),
+                Stored::Scalar { low, step } => bytes.extend(number_of(own[0], low, step).to_le_bytes()),
+                Stored::Label { low } => bytes.extend(number_of(own[0], low, 1.0).to_le_bytes()),
+            }
+            rest = others;
+        }
+    }
 }
 
 /// Codes an image with a step, or exactly if there is none. What is seen of it beside its pieces only counts where
@@ -110,9 +130,9 @@ impl Steps {
     }
 }
 
-/// A step that is `factor` times as large, or the largest there is. Without a step there still is none.
+/// A step that is `factor` times as large, or the smallest or largest there is. Without a step there still is none.
 fn larger(step: u8, factor: f64) -> u8 {
-    (f64::from(step) * factor).round().min(255.0) as u8
+    (f64::from(step) * factor).round().clamp(f64::from(step.min(1)), 255.0) as u8
 }
 
 /// The number that stands for a value; 0 for none.

@@ -19,7 +19,8 @@
 //! | | `surfels` | hands the texels on to coarser patches |
 //! | borders | `borders`, `wanted` | list the points along the borders of pieces, and what they should show: what the source does (`located`), or what finer patches do (`rim`) |
 //! | | `shown`, `settled` | change texels until both sides of a border show that (`strip` has the texels along borders) |
-//! | coded | `sharpen` | turns samples into the texels between which colours are shown best |
+//! | coded | `even` | finds patches of nothing but even triangles, of which a palette is stored |
+//! | | `sharpen` | turns samples into the texels between which colours are shown best |
 //! | | `coded`, `images`, `storage` | quantise and code the image of each channel |
 //!
 //! `lanes` has what compilers make vectors of.
@@ -29,6 +30,7 @@ mod borders;
 mod closest;
 mod coarser;
 mod coded;
+mod even;
 mod fill;
 mod gather;
 mod images;
@@ -61,6 +63,7 @@ use lodpack_mesh::NONE;
 
 pub use crate::nearest::Points;
 pub use baker::{Baker, baking_bytes};
+pub use even::Palette;
 pub use gather::barycentric;
 pub use images::Images;
 pub use located::Located;

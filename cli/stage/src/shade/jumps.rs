@@ -15,6 +15,7 @@ use glam::DVec3;
 
 use super::{Face, Painter};
 use crate::areas::{ColourAreas, Differences, INWARDS, MOST_INWARDS, OF_DRAWINGS};
+use lodpack_mesh::appearance::{Appearance, MaterialMaps};
 use lodpack_mesh::srgb::{share_byte, srgb_byte};
 use lodpack_mesh::union_find::{find, unite};
 use lodpack_mesh::{Adjacency, Mesh, NONE, next_half_edge};
@@ -50,6 +51,13 @@ struct EvenLooks {
     of_triangles: Vec<u32>,
 }
 
+impl EvenLooks {
+    /// Whether all triangles have one.
+    fn are_all(&self) -> bool {
+        !self.of_triangles.is_empty() && !self.of_triangles.contains(&NONE)
+    }
+}
+
 impl Painter<'_> {
     /// The areas of a region between which colours jump; none if they do nowhere. `step` is that of the quantisation of
     /// colours.
@@ -59,7 +67,8 @@ impl Painter<'_> {
         }
         let borders: Vec<u32> = self.borders(adjacency);
         let even = self.even_looks(mesh, borders.len());
-        if borders.is_empty() && even.firsts.len() < 2 {
+        let are_all_even = even.are_all() && self.shows_looks_alone();
+        if borders.is_empty() && even.firsts.len() < 2 && !are_all_even {
             return None;
         }
         let mut sets: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
@@ -83,6 +92,13 @@ impl Painter<'_> {
         }
         self.compare(even.firsts.values(), mesh, &mut sets, &mut differences);
         let (lines, _) = differences.divided(STEPS * f64::from(step));
+        if are_all_even {
+            let firsts = even.firsts.values().map(|&first| (find(&mut sets, first), first));
+            let first_of: BTreeMap<u32, u32> = firsts.collect();
+            let pairs = lines.iter().map(|pair| pair.map(|set| first_of.get(&set).copied().unwrap_or(set)));
+            let parts = even.firsts.values().copied().filter(|_| self.appearance.layout.colour.is_some()).collect();
+            return Some(ColourAreas { parts, ..ColourAreas::of_looks(even.of_triangles, pairs.collect()) });
+        }
         if lines.is_empty() {
             return None;
         }
@@ -105,6 +121,12 @@ impl Painter<'_> {
         let pairs: Vec<[u32; 2]> = lines.into_iter().filter(|pair| pair.iter().all(is_large)).collect();
         let parts = if self.appearance.layout.colour.is_some() { looks } else { BTreeSet::new() };
         (!pairs.is_empty()).then(|| ColourAreas { parts, ..ColourAreas::of_sets(&mut sets, pairs) })
+    }
+
+    /// Whether nothing is seen or measured but the looks of materials.
+    fn shows_looks_alone(&self) -> bool {
+        let Appearance { images, maps, scalars, .. } = self.appearance;
+        scalars.is_empty() && (images.is_empty() && !maps.normal || *maps == MaterialMaps::default())
     }
 
     /// The looks of materials of which no triangle shows more than one colour: those without images, palettes, and

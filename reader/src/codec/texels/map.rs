@@ -23,6 +23,8 @@ use crate::{
 const GUTTER: f64 = 1.0;
 /// Largest number of texels along each side of an image.
 pub(super) const LONGEST: u32 = 1 << 14;
+/// Texels of this side, in lattice units, are larger than any surface: coordinates go to 2^40.
+const BEYOND: f64 = (1_u64 << 60) as f64;
 
 /// A part of a patch, projected along an axis onto a rectangle of the image.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -62,6 +64,11 @@ impl Piece {
         let [length, width] = self.across.map(|across| 1.0 / dot(across, across).sqrt());
         // What differs by less was rounded.
         [length, if (width / length - 1.0).abs() < 1e-9 { length } else { width }]
+    }
+
+    /// Whether all of it looks the same: its texels are larger than any surface.
+    pub fn is_even(&self) -> bool {
+        self.texel().iter().all(|&side| side >= BEYOND)
     }
 
     /// The directions of a row and of a column of texels, and that of its axis; all of length 1.
@@ -246,6 +253,18 @@ impl Map {
             range: piece.range.map(|place| place.map(|x| x * share)),
         });
         Self { size: halved(self.size, times), pieces: pieces.collect(), labels: self.labels.clone() }
+    }
+
+    /// Whether it is a palette: each of its pieces looks the same all over, so that its images must not be made
+    /// smaller.
+    pub fn is_palette(&self) -> bool {
+        self.pieces.iter().all(Piece::is_even)
+    }
+
+    /// The side of the smallest texels that show more than one colour each, lattice units. None if there are none.
+    pub fn smallest_texel(&self) -> Option<f64> {
+        let uneven = self.pieces.iter().filter(|piece| !piece.is_even());
+        uneven.map(Piece::texel_size).min_by(f64::total_cmp)
     }
 
     /// The piece of a triangle.

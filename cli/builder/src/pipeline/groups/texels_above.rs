@@ -2,13 +2,22 @@
 //! are joined.
 
 use glam::DVec3;
-use lodpack::decode::texels::Map;
+use lodpack::decode::texels::{Map, Piece};
 use lodpack::write::RootRecord;
 
 use super::super::drawn::DrawnBlocks;
 use super::Node;
 use lodpack_stage::bake::exponent_of;
 use lodpack_stage::bake::{BakedPatch, Baker, Images, Located, MAX_EXPONENT, MAX_TEXELS, Points, Source, Storage};
+
+/// Texels for each triangle that is of one colour.
+const TEXELS_OF_EVEN: f64 = 4.0;
+
+/// Twice the area of each triangle.
+fn doubled_areas(positions: &[DVec3], triangles: &[[u32; 3]]) -> impl Iterator<Item = f64> {
+    let corners = |&corners: &[u32; 3]| corners.map(|vertex| positions[vertex as usize]);
+    triangles.iter().map(corners).map(|[a, b, c]| (b - a).cross(c - a).length())
+}
 
 /// A top whose texels are known.
 pub(super) struct KnownTop {
@@ -31,8 +40,13 @@ impl KnownTop {
         let images = storage.by_channel(streams).map(|(channel, streams)| channel.decode(streams, &map));
         let images = images.collect::<Option<Vec<_>>>()?;
         let images = Images::new(storage, images);
-        let sizes = map.pieces.iter().map(|piece| piece.texel_size()).collect();
-        Some(Self { positions, triangles: node.surface.triangles.clone(), map, sizes, images })
+        let triangles = node.surface.triangles.clone();
+        // A palette is shown by so many texels.
+        let area = 0.5 * doubled_areas(&positions, &triangles).sum::<f64>();
+        let even = (area / (TEXELS_OF_EVEN * triangles.len() as f64)).sqrt();
+        let size = |piece: &Piece| if piece.is_even() { even } else { piece.texel_size() };
+        let sizes = map.pieces.iter().map(size).collect();
+        Some(Self { positions, triangles, map, sizes, images })
     }
 
     /// The size of the texels of a triangle, lattice units.
@@ -42,10 +56,8 @@ impl KnownTop {
 
     /// The size of its texels if all were alike and there were as many.
     fn mean_size(&self) -> f64 {
-        let corners = |&corners: &[u32; 3]| corners.map(|vertex| self.positions[vertex as usize]);
-        let doubled = self.triangles.iter().map(corners).map(|[a, b, c]| (b - a).cross(c - a).length());
         let (mut area, mut texels) = (0.0, 0.0);
-        for (triangle, doubled) in doubled.enumerate() {
+        for (triangle, doubled) in doubled_areas(&self.positions, &self.triangles).enumerate() {
             let size = self.texel_size(triangle);
             (area, texels) = (area + doubled, texels + doubled / (size * size));
         }

@@ -2,7 +2,7 @@
 
 use super::heights;
 use super::images::{self, ImageSummary};
-use super::objects::drawn::{DrawnObjects, Wanted, drawn_of as objects_of};
+use super::objects::drawn::{DrawnObjects, Wanted, drawn_of as objects_of, of_cut};
 use super::open::{Opened, Source, in_file, open_any, open_ground, tolerance_in, tolerance_in_heights};
 use super::print_json;
 use crate::args::{ExtractArgs, GroundChoice, ImagesChoice, NormalsChoice, OutputFormat, TexelsChoice};
@@ -293,6 +293,18 @@ fn mesh_of(
         let (textured, coarser) = in_file(&args.file, shown)?;
         Ok(Drawn { coarser, ..Drawn::textured(textured, look.clone(), cut) })
     };
+    if finishing.is_none_or(|most| cut.triangle_count <= most)
+        && (format == MeshFormat::Glb || format == MeshFormat::Obj && channels.is_empty())
+        && file.objects().is_some_and(|objects| objects.count() > 1)
+    {
+        match of_cut(&args.file, file, &cut, &channels)? {
+            Some(objects) => return Ok((Drawn::of_objects(file, objects, look, &channels), cut.nodes.len() as u64)),
+            None => messages::tell(
+                "note",
+                "objects are merged in groups of this cut: ask for a finer one, or pass --object '*', to keep them apart",
+            ),
+        }
+    }
     // What is simplified has all its texels: from these come fewer.
     let mut drawn = draw(&cut, finishing.is_some_and(|most| cut.triangle_count > most))?;
     let known: Vec<&ChannelInfo> =
@@ -317,18 +329,16 @@ fn drawn_objects(
     format: MeshFormat,
     args: &ExtractArgs,
 ) -> Result<(Drawn, u64)> {
-    // Materials of OBJ belong to one mesh.
-    let channels = if format == MeshFormat::Obj { &[] } else { channels };
+    let channels = channels_of_objects(format, channels);
     let wanted = Wanted { path: &args.file, patterns: &args.objects, tolerance, triangles: args.triangles, channels };
-    let DrawnObjects { mesh, textured, cut, parts } = objects_of(file, &wanted)?;
-    let leaves = cut.nodes.len() as u64;
-    let drawn = match textured {
-        Some(textured) => Drawn::textured(textured, look, &cut),
-        None => Drawn::new(mesh.clone(), &cut),
-    };
-    let known = channels.iter().filter_map(|&channel| file.channels().get(usize::from(channel)));
-    let numbers = known.cloned().enumerate().filter(|(_, channel)| is_number(channel)).collect();
-    Ok((Drawn { numbers, objects: Some((mesh, parts)), ..drawn }, leaves))
+    let objects = objects_of(file, &wanted)?;
+    let leaves = objects.cut.nodes.len() as u64;
+    Ok((Drawn::of_objects(file, objects, look, channels), leaves))
+}
+
+/// The channels that objects are written with: materials of OBJ belong to one mesh.
+fn channels_of_objects(format: MeshFormat, channels: &[u8]) -> &[u8] {
+    if format == MeshFormat::Obj { &[] } else { channels }
 }
 
 /// The mesh that is written.
@@ -379,6 +389,18 @@ impl Drawn {
     /// A cut as it is, with its look.
     fn textured(textured: TexturedMesh, look: Look, cut: &Cut) -> Self {
         Self { textured: Some((textured.clone(), look)), ..Self::new(textured.mesh, cut) }
+    }
+
+    /// Objects, with their look if they have these channels.
+    fn of_objects(file: &lodpack::File<Source>, objects: DrawnObjects, look: Look, channels: &[u8]) -> Self {
+        let DrawnObjects { mesh, textured, cut, parts } = objects;
+        let drawn = match textured {
+            Some(textured) => Self::textured(textured, look, &cut),
+            None => Self::new(mesh.clone(), &cut),
+        };
+        let known = channels.iter().filter_map(|&channel| file.channels().get(usize::from(channel)));
+        let numbers = known.cloned().enumerate().filter(|(_, channel)| is_number(channel)).collect();
+        Self { numbers, objects: Some((mesh, parts)), ..drawn }
     }
 
     /// Whether it carries more than its shape.

@@ -1,4 +1,4 @@
-//! `lodpack extract --object`: the islands of some objects, each leaf at one of its own levels.
+//! Objects that `lodpack extract` writes apart: those of a cut, or some that are named, each leaf at a level of its own.
 
 use super::super::open::{Source, in_file};
 use super::Nodes;
@@ -66,6 +66,23 @@ pub fn drawn_of(file: &lodpack::File<Source>, wanted: &Wanted<'_>) -> Result<Dra
         return Ok(arranged(&mesh, textured, cut, &of_triangles, &found, &nodes));
     }
     bail!("{}: it has no level", path.display())
+}
+
+/// All objects of a cut, if the file has some and none of its groups is drawn: these belong to several.
+pub fn of_cut(path: &Path, file: &lodpack::File<Source>, cut: &Cut, channels: &[u8]) -> Result<Option<DrawnObjects>> {
+    for node in &cut.nodes {
+        if !in_file(path, file.children(node.root))?.is_empty() {
+            return Ok(None);
+        }
+    }
+    let Some(nodes) = Nodes::read(path, file)? else { return Ok(None) };
+    let (mesh, of_triangles) = in_file(path, file.extract_objects(cut))?;
+    let textured = match channels {
+        [] => None,
+        channels => Some(in_file(path, file.extract_textured(cut, channels))?),
+    };
+    let found = of_triangles.iter().copied().collect();
+    Ok(Some(arranged(&mesh, textured, cut.clone(), &of_triangles, &found, &nodes)))
 }
 
 /// The level of each leaf: the coarsest within the tolerance, and none finer than `finest` unless it has no other.
