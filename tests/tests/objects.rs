@@ -8,7 +8,6 @@ use lodpack::index::Scale;
 use lodpack::source::Fetched;
 use lodpack::write::ObjectNode;
 use lodpack::{File, islands};
-use lodpack_cli::mesh::srgb::srgb_byte;
 use lodpack_tests::scene::{COLOURS, Scene, Shape, Sharing, plant, write_glb, write_obj};
 
 use super::{build_file, open};
@@ -180,7 +179,8 @@ fn each_object_has_its_colour_at_every_level() {
     let file = open(&bytes);
     let fetched = all_of(&bytes);
     let objects = file.index().objects().unwrap();
-    let byte_of = |shape: &Shape| COLOURS[shape.colour].1.map(|light| srgb_byte(light as f32));
+    // OBJ files have colours as screens encode them.
+    let byte_of = |shape: &Shape| COLOURS[shape.colour].1.map(|share| (share * 255.0).round() as u8);
     let mut of_paths: BTreeMap<String, BTreeSet<[u8; 3]>> = BTreeMap::new();
     let (mut paths, mut all): (Vec<String>, BTreeSet<[u8; 3]>) = (vec![], BTreeSet::new());
     for node in &scene.nodes {

@@ -5,12 +5,14 @@
 
 use crate::channels::save_coloured;
 use crate::commands::lodpack;
+use lodpack::index::Ray;
 use lodpack_cli::job::{BuildOptions, build_mesh};
 use lodpack_cli::measure::selftest::shapes::Random;
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::pipeline::ModelOptions;
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{rough_sphere, save_ply, torus};
+use lodpack_tests::scene::{Sharing, plant, write_glb};
 use lodpack_tests::terrain::{Fractal, Grid};
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -484,6 +486,48 @@ fn another_renderer_draws_the_tiles_in_chromium() {
             let drawn = fine["box"][k + 3].as_f64().expect("a number") - fine["box"][k].as_f64().expect("a number");
             assert!((drawn / (high[k] - low[k]) - 1.0).abs() < 0.1, "{fine}, {low:?} to {high:?}");
         }
+    }
+}
+
+#[test]
+fn another_renderer_knows_the_names_of_objects_that_it_meets() {
+    if has_tools("chromium") {
+        let folder = tempfile::tempdir().expect("a temporary directory");
+        let (input, file) = (folder.path().join("plant.glb"), folder.path().join("plant.lodpack"));
+        write_glb(&plant(60), Sharing::Meshes, &input).expect("writable");
+        let tiles = folder.path().join("tiles");
+        lodpack().arg("build").args([&input, Path::new("-o"), &file]).args(["--tolerance", "0.002"]).assert().success();
+        lodpack()
+            .arg("export")
+            .args([&file, Path::new("-o"), &tiles])
+            .args(["--as", "3dtiles", "--up", "z"])
+            .assert()
+            .success();
+        let tiles = tiles.to_str().expect("test paths are UTF-8");
+        let checked = node("check.js", &[tiles]);
+        assert_eq!((&checked["errors"], &checked["warnings"]), (&0.into(), &0.into()), "{checked}");
+        let drawn = node("draw.js", &[tiles, "0.01", "picks"]);
+        let bytes = fs::read(&file).expect("built");
+        let file = crate::open(&bytes);
+        let objects = file.objects().expect("the plant has objects");
+        let numbers = |value: &Value| -> [f64; 3] {
+            let numbers = value.as_array().expect("three numbers").iter().map(|x| x.as_f64().expect("a number"));
+            numbers.collect::<Vec<_>>().try_into().expect("three numbers")
+        };
+        let (mut same, mut other) = (0, vec![]);
+        for pick in drawn["picks"].as_array().expect("a list") {
+            let ray = Ray { origin: numbers(&pick["origin"]), direction: numbers(&pick["direction"]) };
+            let found = file.pick(ray).expect("sound").and_then(|pick| pick.object);
+            let node = found.map(|object| objects.node(object).expect("sound")).unwrap_or_default();
+            let text = |key: &str| pick[key].as_str().filter(|text| !text.is_empty()).map(str::to_owned);
+            if (text("name"), text("id")) == (node.name.clone(), node.id.clone()) {
+                same += 1;
+            } else {
+                other.push((pick.clone(), node));
+            }
+        }
+        // Single precision may meet another object beside an edge.
+        assert!(same > 100 && other.len() * 50 < same, "{same} {other:?}");
     }
 }
 

@@ -1,5 +1,5 @@
 // Draws a folder of 3D Tiles in headless Chromium with 3d-tiles-renderer: node draw.js FOLDER [ERROR_IN_PIXELS
-// [PICTURE.png]]. Prints what was drawn and what it took as JSON.
+// [PICTURE.png | picks]]. Prints what was drawn and what it took as JSON; with `picks` also the objects that are seen.
 
 import { fileURLToPath } from 'node:url';
 import { chromium } from 'playwright-core';
@@ -22,10 +22,11 @@ page.on('response', async (response) => {
 });
 let state = { problems: [] };
 try {
-  await page.goto(`${server.url}/page.html?error=${error}`);
+  const picks = picture === 'picks' ? '&picks' : '';
+  await page.goto(`${server.url}/page.html?error=${error}${picks}`);
   await page.waitForFunction(() => globalThis.lodpackTiles?.isDone, undefined, { timeout: 120_000 });
   state = await page.evaluate(() => globalThis.lodpackTiles);
-  if (picture) await page.screenshot({ path: picture });
+  if (picture && !picks) await page.screenshot({ path: picture });
 } catch (thrown) {
   problems.push(String(thrown));
 }

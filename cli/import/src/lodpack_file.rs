@@ -1,24 +1,28 @@
 //! Reads a lodpack file as an input: its finest surface, with what it carries. So a file can be built again with
 //! another tolerance, without channels, or together with others, when its own input is gone.
 
+use std::collections::HashMap;
 use std::fs::File;
 
 use glam::DVec3;
-use lodpack::decode::TexturedMesh;
+use lodpack::decode::texels::{Image, Map};
+use lodpack::decode::{Drawing, TexturedMesh};
 use lodpack::index::{ChannelInfo, ChannelKind};
 use lodpack::{Cut, Limits, Query};
 
 use super::error::{ImportError, Parsed};
 use super::sink::MeshSink;
 use super::source::Source;
+use lodpack_mesh::NONE;
 use lodpack_mesh::appearance::{
     AlphaMode, COLOUR, EMISSIVE, METALLIC, Material, NORMAL, OCCLUSION, ROUGHNESS, TextureUse, Wrap,
 };
-use lodpack_mesh::attributes::AttributeLayout;
+use lodpack_mesh::attributes::{AttributeLayout, ObjectNode};
 use lodpack_mesh::encoded::png;
 use lodpack_mesh::images::ImageSource;
 use lodpack_mesh::layers::{Layer, Look};
 use lodpack_mesh::pages::{PagedMesh, Part};
+use lodpack_mesh::srgb::LINEAR_OF_BYTE;
 
 /// Bytes that decoding and joining take for a triangle, at most, without images.
 const TRIANGLE_BYTES: u64 = 160;
@@ -39,16 +43,56 @@ pub(super) fn read_lodpack(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let texels = if channels.is_empty() { 0 } else { TEXEL_BYTES * source.bytes.len() as u64 };
     sink.hold_whole(source, cut.triangle_count.saturating_mul(TRIANGLE_BYTES).saturating_add(texels))?;
     note_error(source, &cut);
+    let objects = if sink.wants_objects() { objects_of(&file, &cut, sink).map_err(fault)? } else { vec![] };
     if channels.is_empty() {
         let mesh = file.extract(&cut).map_err(fault)?;
         sink.reserve(mesh.positions.len(), mesh.triangles.len())?;
         mesh.positions.into_iter().try_for_each(|position| sink.push_vertex(DVec3::from_array(position)))?;
-        return mesh.triangles.into_iter().try_for_each(|triangle| sink.push_triangle(triangle));
+        return mesh.triangles.into_iter().enumerate().try_for_each(|(number, triangle)| {
+            objects.get(number).iter().for_each(|&&object| sink.set_object(object));
+            sink.push_triangle(triangle)
+        });
     }
     let textured = file.extract_textured(&cut, &channels).map_err(fault)?;
     let infos = channels.iter().filter_map(|&number| file.channels().get(usize::from(number)));
     let records = Records::new(&textured, &infos.collect::<Vec<_>>(), sink);
-    push_textured(source, &textured, &look, &records, sink)
+    let textures = || textured.textures.iter().filter_map(|texture| texture.map.as_ref());
+    // Materials without images have no occlusion.
+    let has_occlusion = file.channels().iter().any(|channel| channel.name == OCCLUSION);
+    let are_palettes = textures().next().is_some() && textures().all(Map::is_palette) && !has_occlusion;
+    push_textured(source, (&textured, &objects), (&look, are_palettes), &records, sink)
+}
+
+/// Adds the objects of a file; returns which one each triangle of a cut of leaves belongs to, in the sink's numbers.
+/// Without objects there are none.
+fn objects_of(file: &lodpack::File<File>, cut: &Cut, sink: &mut MeshSink) -> lodpack::Result<Vec<u32>> {
+    let Some(objects) = file.objects() else { return Ok(vec![]) };
+    let mut nodes = vec![];
+    for page in 0..objects.page_count() {
+        nodes.extend(objects.page(page)?);
+    }
+    let mut numbers: Vec<Option<u32>> = vec![None; nodes.len()];
+    for node in 0..nodes.len() {
+        // Parents come first. Reading has checked that there are no circles.
+        let mut waiting = vec![node];
+        while let Some(&last) = waiting.last() {
+            let parent = nodes[last].parent.map(|parent| parent as usize);
+            match parent.filter(|&parent| parent < nodes.len() && numbers[parent].is_none()) {
+                Some(parent) if waiting.len() <= nodes.len() => waiting.push(parent),
+                _ => {
+                    waiting.pop();
+                    if numbers[last].is_none() {
+                        let parent = parent.and_then(|parent| *numbers.get(parent)?);
+                        let lodpack::objects::ObjectNode { name, id, .. } = std::mem::take(&mut nodes[last]);
+                        numbers[last] = Some(sink.add_node(ObjectNode { name, id, parent }));
+                    }
+                }
+            }
+        }
+    }
+    let (_, of_triangles) = file.extract_objects_with_borders(cut, 0)?;
+    let number = |object: u32| numbers.get(object as usize).copied().flatten();
+    Ok(of_triangles.into_iter().map(|object| object.and_then(number).unwrap_or(NONE)).collect())
 }
 
 /// Certified errors of the new file are to this surface, not to the one that it was made from.
@@ -137,17 +181,22 @@ impl Records {
 
 fn push_textured(
     source: &Source,
-    textured: &TexturedMesh,
-    look: &Look,
+    (textured, objects): (&TexturedMesh, &[u32]),
+    (look, are_palettes): (&Look, bool),
     records: &Records,
     sink: &mut MeshSink,
 ) -> Parsed<()> {
     let has_records = records.layout.stride > 0;
     let paged = PagedMesh::new(textured, look, PAGE_SIDE);
     let parts = paged.parts();
-    let has_images = !look.layers.is_empty();
-    let is_painted = has_images || !paged.drawings.is_empty();
-    let first = if is_painted { Some(add_materials(source, &paged, &parts, sink)?) } else { None };
+    let has_images = !look.layers.is_empty() && !are_palettes;
+    let is_painted = !look.layers.is_empty() || !paged.drawings.is_empty();
+    let even = are_palettes.then(|| EvenMaterials::of(&paged, &parts));
+    let first = match even.as_ref() {
+        Some(even) => Some(sink.attributes.add_materials(even.materials.clone())?),
+        None if is_painted => Some(add_materials(source, &paged, &parts, sink)?),
+        None => None,
+    };
     if has_images {
         let mut layout = AttributeLayout::default();
         layout.add_uv(1);
@@ -166,6 +215,11 @@ fn push_textured(
             sink.set_material(if part.page < paged.pages.len() { first + number } else { 0 });
         }
         for &triangle in part.triangles.iter() {
+            let (of_textured, _) = paged.corners[triangle[0] as usize];
+            objects.get(of_textured as usize).iter().for_each(|&&object| sink.set_object(object));
+            if let (Some(even), Some(first)) = (&even, first) {
+                sink.set_material(even.of_triangle(of_textured).map_or(0, |number| first + number));
+            }
             if has_images {
                 triangle.iter().for_each(|&vertex| sink.attributes.push_corner(&paged.places[vertex as usize]));
             }
@@ -173,6 +227,69 @@ fn push_textured(
         }
     }
     Ok(())
+}
+
+/// Materials of palettes: one for each look, without images.
+struct EvenMaterials {
+    materials: Vec<Material>,
+    /// Of each triangle of the textured mesh, if it has one.
+    of_triangles: HashMap<u32, usize>,
+}
+
+impl EvenMaterials {
+    fn of(paged: &PagedMesh, parts: &[Part]) -> Self {
+        let mut this = Self { materials: vec![], of_triangles: HashMap::new() };
+        let mut known: HashMap<(Vec<u8>, Option<u16>), usize> = HashMap::new();
+        for part in parts {
+            let Some(page) = paged.pages.get(part.page) else { continue };
+            for triangle in part.triangles.iter() {
+                let mut bytes = vec![];
+                let mut material = Material { alpha: AlphaMode::Opaque, ..Material::default() };
+                for (layer, image) in page {
+                    let texel = texel_at(image, paged.places[triangle[0] as usize]);
+                    bytes.extend_from_slice(texel);
+                    dress(&mut material, *layer, texel);
+                }
+                part.drawing.into_iter().for_each(|drawing| material.draw(drawing));
+                let number = *known.entry((bytes, part.drawing.map(Drawing::number))).or_insert_with(|| {
+                    this.materials.push(material);
+                    this.materials.len() - 1
+                });
+                this.of_triangles.insert(paged.corners[triangle[0] as usize].0, number);
+            }
+        }
+        this
+    }
+
+    fn of_triangle(&self, triangle: u32) -> Option<usize> {
+        self.of_triangles.get(&triangle).copied()
+    }
+}
+
+/// The texel at a place, a share of an image's width and height.
+fn texel_at(image: &Image<u8>, place: [f32; 2]) -> &[u8] {
+    let [x, y] = [0, 1].map(|k| ((place[k] * image.size[k] as f32) as u32).min(image.size[k].saturating_sub(1)));
+    image.texel(x, y)
+}
+
+/// Gives a material what a texel of a layer says.
+fn dress(material: &mut Material, layer: Layer, texel: &[u8]) {
+    let [red, green, blue] = [0, 1, 2].map(|k| texel.get(k).copied().unwrap_or_default());
+    match layer {
+        Layer::Colour => {
+            let alpha = texel.get(3).map_or(1.0, |&alpha| f32::from(alpha) / 255.0);
+            let [red, green, blue] = [red, green, blue].map(|byte| LINEAR_OF_BYTE[usize::from(byte)]);
+            material.base_colour = [red, green, blue, alpha];
+            if texel.len() == 4 {
+                material.alpha = AlphaMode::Unstated;
+            }
+        }
+        Layer::Emissive => material.emissive = [red, green, blue].map(|byte| LINEAR_OF_BYTE[usize::from(byte)]),
+        Layer::Factors => {
+            (material.roughness, material.metallic) = (f32::from(green) / 255.0, f32::from(blue) / 255.0);
+        }
+        Layer::Normal => {}
+    }
 }
 
 /// Adds a material for each part; returns the number of the first.

@@ -61,9 +61,7 @@ impl Features {
 
     /// Names, ids and paths. An object that has none has an empty text.
     pub fn properties(&self) -> [Property; 3] {
-        let text = |text: fn(&ObjectNode) -> &Option<String>| {
-            move |node| text(node).as_deref().unwrap_or_default()
-        };
+        let text = |text: fn(&ObjectNode) -> &Option<String>| move |node| text(node).as_deref().unwrap_or_default();
         [
             property("name", self.nodes.iter().map(text(|node| &node.name))),
             property("id", self.nodes.iter().map(text(|node| &node.id))),

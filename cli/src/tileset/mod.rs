@@ -223,7 +223,7 @@ impl<S: ReadAt> Writer<'_, S> {
             let of_node = textured.mesh.triangle_nodes[begin..].iter().take_while(|&&other| other == node);
             let own = begin..begin + of_node.count();
             begin = own.end;
-            let triangles = own.len().try_into().unwrap_or(u32::MAX);
+            let count = own.len().try_into().unwrap_or(u32::MAX);
             let uri = tree.tiles[number].uri("glb");
             let of_own: Option<Vec<u32>> = objects.get(own.clone()).and_then(|all| all.iter().copied().collect());
             let cannot_write = |source| TilesetError::Write { path: folder.join(&uri), source };
@@ -237,7 +237,8 @@ impl<S: ReadAt> Writer<'_, S> {
                 write(folder, &uri, glb)?;
             }
             let bytes = content.glb.map_or(0, |glb| glb.len() as u64);
-            written.push(Written { number, bounds: content.bounds, triangles, bytes, error: tree.tiles[number].error });
+            let (bounds, error) = (content.bounds, tree.tiles[number].error);
+            written.push(Written { number, bounds, triangles: count, bytes, error });
             progress.advance(1);
         }
         Ok(written)

@@ -33,10 +33,9 @@ pub struct DrawnObjects {
 /// Finds and draws what is wanted.
 pub fn drawn_of(file: &lodpack::File<Source>, wanted: &Wanted<'_>) -> Result<DrawnObjects> {
     let path = wanted.path;
-    let Some((nodes, objects)) = Nodes::read(path, file)?.zip(file.objects()) else {
+    let Some(((nodes, found), objects)) = Nodes::found(path, file, wanted.patterns)?.zip(file.objects()) else {
         bail!("{}: it has no objects; build it with --objects keep, or omit --object", path.display());
     };
-    let found = nodes.matching(path, wanted.patterns)?;
     let mut leaves = BTreeSet::new();
     for &object in &found {
         leaves.extend(in_file(path, objects.leaves(object))?);
@@ -129,7 +128,7 @@ fn arranged(
             if numbers.contains_key(&number) {
                 continue;
             }
-            let Some(node) = nodes.all.get(number as usize) else { continue };
+            let Some(node) = nodes.known.get(&number) else { continue };
             numbers.insert(number, parts.len());
             let first = order.partition_point(|&(other, _)| other < number);
             let end = order.partition_point(|&(other, _)| other <= number);

@@ -65,7 +65,7 @@ pub fn collect(path: &Path, file: &lodpack::File<Source>) -> Result<Option<Vec<L
             triangles: sum.map(|sum| sum[1]),
         }
     };
-    Ok(Some((0..).zip(&nodes.all).map(listed).collect()))
+    Ok(Some(nodes.known.iter().map(|(&number, node)| (number, node)).map(listed).collect()))
 }
 
 /// Prints a line for each.

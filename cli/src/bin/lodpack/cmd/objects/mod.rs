@@ -6,34 +6,75 @@ pub mod list;
 use super::open::{Source, in_file};
 use anyhow::{Result, bail};
 use lodpack::objects::ObjectNode;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
-/// All nodes of a file, whose parents are numbers in this list.
+/// Nodes of a file by their numbers: all of them, or those that were asked for with all that lies above them.
 pub struct Nodes {
-    pub all: Vec<ObjectNode>,
+    pub known: BTreeMap<u32, ObjectNode>,
     pub objects: u32,
 }
 
 impl Nodes {
-    /// Reads them; none if the file has no objects.
+    /// Reads all of them; none if the file has no objects.
     pub fn read(path: &Path, file: &lodpack::File<Source>) -> Result<Option<Self>> {
         let Some(objects) = file.objects() else { return Ok(None) };
-        let mut all = vec![];
+        let mut known = BTreeMap::new();
         for page in 0..objects.page_count() {
-            all.extend(in_file(path, objects.page(page))?);
+            known.extend((known.len() as u32..).zip(in_file(path, objects.page(page))?));
         }
-        Ok(Some(Self { all, objects: objects.count() }))
+        Ok(Some(Self { known, objects: objects.count() }))
+    }
+
+    /// The objects that patterns name, as [`Nodes::matching`] finds them. Names and ids without stars are looked up, so
+    /// that of a million nodes a few pages are read; none if the file has no objects.
+    pub fn found(
+        path: &Path,
+        file: &lodpack::File<Source>,
+        patterns: &[String],
+    ) -> Result<Option<(Self, BTreeSet<u32>)>> {
+        let Some(objects) = file.objects() else { return Ok(None) };
+        let mut waiting = vec![];
+        for pattern in patterns {
+            let number = pattern.strip_prefix('#').and_then(|number| number.parse::<u32>().ok());
+            let mut named: Vec<u32> = number.filter(|&number| number < objects.node_count()).into_iter().collect();
+            if number.is_none() && !pattern.contains('*') {
+                named = in_file(path, objects.find_name(pattern))?;
+                named.extend(in_file(path, objects.find_id(pattern))?);
+            }
+            // Perhaps it names a path, or nothing.
+            if named.is_empty() {
+                let Some(nodes) = Self::read(path, file)? else { return Ok(None) };
+                let found = nodes.matching(path, patterns)?;
+                return Ok(Some((nodes, found)));
+            }
+            waiting.extend(named);
+        }
+        let mut nodes = Self { known: BTreeMap::new(), objects: objects.count() };
+        let mut below = BTreeSet::new();
+        while let Some(number) = waiting.pop() {
+            if below.insert(number) {
+                waiting.extend(in_file(path, objects.children(Some(number)))?);
+                let above = in_file(path, objects.above(number))?;
+                for number in above.into_iter().chain([number]) {
+                    if !nodes.known.contains_key(&number) {
+                        nodes.known.insert(number, in_file(path, objects.node(number))?);
+                    }
+                }
+            }
+        }
+        below.retain(|&number| number < nodes.objects);
+        Ok(Some((nodes, below)))
     }
 
     /// What lies above a node, from the top down.
     pub fn above(&self, number: u32) -> Vec<u32> {
         let mut above = vec![];
-        let mut node = self.all.get(number as usize);
+        let mut node = self.known.get(&number);
         // A file may lie about its tree.
-        while let Some(parent) = node.and_then(|node| node.parent).filter(|_| above.len() < self.all.len()) {
+        while let Some(parent) = node.and_then(|node| node.parent).filter(|_| above.len() < self.known.len()) {
             above.push(parent);
-            node = self.all.get(parent as usize);
+            node = self.known.get(&parent);
         }
         above.reverse();
         above
@@ -41,25 +82,25 @@ impl Nodes {
 
     /// The names of what lies above a node, joined by slashes.
     pub fn path_above(&self, number: u32) -> String {
-        let name = |&number: &u32| self.all.get(number as usize).and_then(|node| node.name.clone()).unwrap_or_default();
+        let name = |number: &u32| self.known.get(number).and_then(|node| node.name.clone()).unwrap_or_default();
         self.above(number).iter().map(name).collect::<Vec<_>>().join("/")
     }
 
-    /// The objects that patterns name: by number (#12), name, id, or names of all above and its own joined by slashes;
+    /// The objects among these nodes, which are all, that patterns name: by number (#12), name, id, or names of all above and its own joined by slashes;
     /// a star stands for any text. An assembly stands for everything in it.
     ///
     /// # Errors
     /// If a pattern names nothing.
     pub fn matching(&self, path: &Path, patterns: &[String]) -> Result<BTreeSet<u32>> {
         let mut children: HashMap<u32, Vec<u32>> = HashMap::new();
-        for (number, node) in (0..).zip(&self.all) {
+        for (&number, node) in &self.known {
             node.parent.iter().for_each(|&parent| children.entry(parent).or_default().push(number));
         }
         let mut found = BTreeSet::new();
         for pattern in patterns {
             let mut waiting: Vec<u32> = match pattern.strip_prefix('#').and_then(|number| number.parse::<u32>().ok()) {
-                Some(number) => Some(number).filter(|&number| (number as usize) < self.all.len()).into_iter().collect(),
-                None => (0..self.all.len() as u32).filter(|&number| self.is_named(number, pattern)).collect(),
+                Some(number) => Some(number).filter(|number| self.known.contains_key(number)).into_iter().collect(),
+                None => self.known.keys().copied().filter(|&number| self.is_named(number, pattern)).collect(),
             };
             if waiting.is_empty() {
                 let file = path.display();
@@ -79,7 +120,7 @@ impl Nodes {
     }
 
     fn is_named(&self, number: u32, pattern: &str) -> bool {
-        let Some(node) = self.all.get(number as usize) else { return false };
+        let Some(node) = self.known.get(&number) else { return false };
         let is_it = |text: &Option<String>| text.as_ref().is_some_and(|text| matches(pattern, text));
         if is_it(&node.name) || is_it(&node.id) {
             return true;
@@ -140,7 +181,7 @@ mod tests {
             node("HALL", Some("h"), None),
             node("LINE", None, Some(3)),
         ];
-        let nodes = Nodes { all, objects: 3 };
+        let nodes = Nodes { known: (0..).zip(all).collect(), objects: 3 };
         let found = |patterns: &[&str]| {
             let patterns: Vec<String> = patterns.iter().map(|&pattern| pattern.into()).collect();
             nodes.matching(Path::new("x"), &patterns).map(|found| found.into_iter().collect::<Vec<u32>>())
