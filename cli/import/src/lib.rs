@@ -44,6 +44,7 @@ use std::path::{Path, PathBuf};
 
 use lodpack_mesh::Mesh;
 use lodpack_mesh::appearance::{COLOUR, Channels};
+use lodpack_mesh::attributes::Surface;
 use lodpack_runtime::progress::{FewNotes, Progress, Silent};
 
 pub use attributes::MAX_MATERIALS;
@@ -112,6 +113,24 @@ pub fn import_shape(paths: &[PathBuf], raster: &RasterOptions, progress: &dyn Pr
         Imported::Memory(surface) => Ok(surface.mesh),
         // Unlimited memory never spills.
         Imported::Spilled(_) => Ok(Mesh::default()),
+    }
+}
+
+/// Like [`import_shape`], with the objects that the inputs name, and nothing else that they carry.
+///
+/// # Errors
+///
+/// Those of [`import_meshes`].
+pub fn import_named(
+    paths: &[PathBuf],
+    raster: &RasterOptions,
+    progress: &dyn Progress,
+) -> Result<Surface, ImportError> {
+    let options = ImportOptions { raster: raster.clone(), objects: Objects::Keep, ..ImportOptions::shape() };
+    match import_large_meshes(paths, &Room::memory_alone(), &options, progress)? {
+        Imported::Memory(surface) => Ok(surface),
+        // Unlimited memory never spills.
+        Imported::Spilled(_) => Ok(Surface::default()),
     }
 }
 

@@ -9,10 +9,12 @@ mod cuts;
 pub mod distance;
 mod errors;
 mod nodes;
+mod objects;
 mod polygon;
 mod topology;
 mod tree;
 
+pub use objects::{NamedMesh, verify_objects};
 pub use topology::{EdgeReport, inspect_edges};
 
 use crate::mesh::Mesh;
@@ -78,6 +80,8 @@ pub struct VerifyReport {
     pub ratio_median: Option<f64>,
     /// Random cuts whose errors were compared, besides the levels.
     pub measured_cuts: u32,
+    /// Objects that were compared one by one with those of the input.
+    pub objects: u64,
     /// Nodes whose error was compared, over all levels and measured cuts.
     pub nodes: u64,
     /// Of these, nodes for which the search ended before their error was either refuted or proven.

@@ -1,6 +1,8 @@
 //! Texels of groups above regions: means of those of the tops of regions, since the input is not at hand where regions
 //! are joined.
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 use lodpack::decode::texels::{Map, Piece};
 use lodpack::write::RootRecord;
@@ -8,7 +10,10 @@ use lodpack::write::RootRecord;
 use super::super::drawn::DrawnBlocks;
 use super::Node;
 use lodpack_stage::bake::exponent_of;
-use lodpack_stage::bake::{BakedPatch, Baker, Images, Located, MAX_EXPONENT, MAX_TEXELS, Points, Source, Storage};
+use lodpack_stage::bake::{
+    BakedPatch, Baker, Images, Located, MAX_EXPONENT, MAX_TEXELS, Palette, Points, Source, Storage,
+};
+use lodpack_stage::certify::{Hint, Surface};
 
 /// Texels for each triangle that is of one colour.
 const TEXELS_OF_EVEN: f64 = 4.0;
@@ -97,6 +102,7 @@ pub(super) fn paint_above(
         if !size.is_finite() {
             continue;
         }
+        let even = EvenTops::of(&known, storage);
         let own = (0..).zip(&known).flat_map(|(top, known)| (0..known.triangles.len() as u32).map(move |t| [top, t]));
         let mut source = Located::new(TopSource { own: own.collect(), known: &known });
         for (level, (block, drawn)) in record.blocks.iter_mut().zip(&drawn[number]).enumerate() {
@@ -109,11 +115,60 @@ pub(super) fn paint_above(
                 finer: 0,
                 is_sharp: false,
             };
+            if let Some(streams) = even.as_ref().and_then(|even| even.streams(&patch, storage)) {
+                block.texels = streams;
+                continue;
+            }
             let steps = (bottom - level as f64).max(0.0) as u32;
             let exponent = (exponent_of(size) + 2 * steps).min(MAX_EXPONENT);
             let baked = baker.bake_closest(&patch, &mut source, exponent);
             block.texels = baked.map_or(vec![], |baked| baked.streams);
         }
+    }
+}
+
+/// The triangles of several tops of which each has a palette.
+struct EvenTops {
+    positions: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    /// The look of each triangle, and the values of each look.
+    looks: Vec<u32>,
+    values: BTreeMap<u32, Vec<f32>>,
+}
+
+impl EvenTops {
+    /// None if one of them is no palette.
+    fn of(known: &[&KnownTop], storage: &Storage) -> Option<Self> {
+        let mut all = Self { positions: vec![], triangles: vec![], looks: vec![], values: BTreeMap::new() };
+        for top in known {
+            if !top.map.is_palette() {
+                return None;
+            }
+            let (first, first_look) = (all.positions.len() as u32, all.values.len() as u32);
+            all.positions.extend_from_slice(&top.positions);
+            all.triangles.extend(top.triangles.iter().map(|corners| corners.map(|vertex| first + vertex)));
+            all.looks.extend(top.map.labels.iter().map(|&label| first_look + u32::from(label)));
+            for (look, piece) in (first_look..).zip(&top.map.pieces) {
+                let mut values = Vec::with_capacity(storage.count());
+                let [[left, above], [right, below]] = piece.range();
+                top.images.sample([0.5 * (left + right), 0.5 * (above + below)], piece.range(), 0.0, &mut values);
+                all.values.insert(look, values);
+            }
+        }
+        Some(all)
+    }
+
+    /// The streams of a patch whose triangles look like those that are nearest to their middles.
+    fn streams(&self, patch: &BakedPatch<'_>, storage: &Storage) -> Option<Vec<Vec<u8>>> {
+        let surface = Surface::new(&self.positions, &self.triangles);
+        let mut hint = Hint::default();
+        let look = |corners: &[u32; 3]| {
+            let corner = |vertex: u32| DVec3::from(patch.positions[vertex as usize].map(|x| x as f64));
+            let middle = corners.iter().map(|&vertex| corner(vertex)).sum::<DVec3>() / 3.0;
+            self.looks.get(surface.bvh().closest(middle, &mut hint).triangle as usize).copied()
+        };
+        let looks: Vec<u32> = patch.triangles.iter().map(look).collect::<Option<_>>()?;
+        Palette::of_looks(&looks, &self.values, storage)?.streams(patch)
     }
 }
 

@@ -11,11 +11,13 @@ use crate::messages;
 use crate::output::{count, length, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result};
-use lodpack_cli::import::import_shape;
 use lodpack_cli::import::raster::is_raster;
-use lodpack_cli::measure::verify::{Problem, VerifyOptions, VerifyReport, verify};
+use lodpack_cli::import::{import_named, import_shape};
+use lodpack_cli::measure::verify::{NamedMesh, Problem, VerifyOptions, VerifyReport, verify, verify_objects};
+use lodpack_cli::mesh::Mesh;
+use lodpack_cli::mesh::attributes::{ObjectNode, Surface};
 use lodpack_cli::progress::Progress;
-use lodpack_cli::stage::repair::repair;
+use lodpack_cli::stage::repair::{repair, repair_with_origins};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -47,12 +49,23 @@ pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
         progress.begin("import", 0);
         // Stored errors are distances to the repaired surface; repair moves no point and drops no area.
         let raster = args.raster.options().like_file(opened.as_ref().ok().and_then(|file| file.placement()));
-        Some(repair(import_shape(meshes, &raster, &progress)?).0)
+        let has_objects = opened.as_ref().is_ok_and(|file| file.objects().is_some());
+        Some(if has_objects {
+            Against::with_objects(import_named(meshes, &raster, &progress)?)
+        } else {
+            let (mesh, ..) = repair(import_shape(meshes, &raster, &progress)?);
+            Against { mesh, ..Against::default() }
+        })
     };
     let report = match opened {
         Ok(file) => {
             let options = VerifyOptions { cuts: args.cuts, seed: args.seed };
-            in_file(name, verify(&file, against.as_ref(), &options, &progress))?
+            let mesh = against.as_ref().map(|against| &against.mesh);
+            let mut report = in_file(name, verify(&file, mesh, &options, &progress))?;
+            if let Some(Against { mesh, objects, nodes }) = against.as_ref().filter(|_| report.problems.is_empty()) {
+                in_file(name, verify_objects(&file, &NamedMesh { mesh, objects, nodes }, &mut report, &progress))?;
+            }
+            report
         }
         Err(error) => {
             let problem = Problem { location: "file".into(), what: messages::with_reasons(&error) };
@@ -75,6 +88,23 @@ pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
         }
     }
     Ok(if problems == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// What a file is compared with: its repaired input, and the objects of that if the file has some.
+#[derive(Default)]
+struct Against {
+    mesh: Mesh,
+    objects: Vec<u32>,
+    nodes: Vec<ObjectNode>,
+}
+
+impl Against {
+    fn with_objects(Surface { mesh, attributes, .. }: Surface) -> Self {
+        let of_triangles: Vec<u32> = (0..mesh.triangles.len() as u32).map(|t| attributes.object(t)).collect();
+        let (mesh, .., origins) = repair_with_origins(mesh, &of_triangles);
+        let objects = origins.iter().map(|&(triangle, _)| of_triangles[triangle as usize]).collect();
+        Self { mesh, objects, nodes: attributes.nodes }
+    }
 }
 
 /// The file, and the meshes that it is compared with. If no file comes before `--against`, its last value is the file.
@@ -101,6 +131,9 @@ fn print(report: &VerifyReport, file: &Path) -> Result<()> {
     }
     if let Some(ratio) = report.ratio_median {
         say!("stored over measured error, median over all roots and levels: {ratio:.3}");
+    }
+    if report.objects > 0 {
+        say!("{} objects compared one by one", count(report.objects));
     }
     if let Some(boundary_edges) = report.boundary_edges {
         say!(
