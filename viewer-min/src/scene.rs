@@ -449,7 +449,7 @@ impl Scene {
 
     /// Draws what the view shows, as far as it is loaded; an error if a budget cannot be kept.
     pub fn follow(&mut self, view: &View) -> Result<Report> {
-        let query = Query { view: Some(*view), ..self.query };
+        let query = Query { view: Some(*view), ..self.query.clone() };
         let (streamed, [error_px, texel_px]) = match &mut self.content {
             Content::Mesh(mesh) => {
                 let streamed = mesh.streamer.frame(&query)?;
@@ -547,7 +547,7 @@ impl Scene {
     pub(crate) fn select(&self, view: &View) -> Result<Cut> {
         Ok(lodpack::select::select_in(
             self.mesh()?.streamer.follower().hierarchy(),
-            &Query { view: Some(*view), ..self.query },
+            &Query { view: Some(*view), ..self.query.clone() },
         )?)
     }
 
@@ -564,7 +564,7 @@ impl Scene {
             bail!("there is no tile {},{} of {columns}x{rows} in {width}x{height} pixels", at[0], at[1]);
         }
         let tiles = TileTree::new((columns * rows).trailing_zeros())?;
-        let queries = tiles.queries(&Query { view: Some(*view), ..self.query })?;
+        let queries = tiles.queries(&Query { view: Some(*view), ..self.query.clone() })?;
         let adapter = |query| Adapter::new(mesh.streamer.follower().hierarchy().clone(), query, STILL);
         let adapters: Vec<Adapter> = queries.iter().map(adapter).collect::<lodpack::Result<_>>()?;
         let unified = unify_cuts(&adapters, Unification::Quality)?;

@@ -178,6 +178,7 @@ pub fn checked(query: &Query) -> Result<lodpack::Query, Failure> {
         max_triangles: budget(query.max_triangles),
         max_nodes: budget(query.max_nodes),
         max_bytes: budget(query.max_bytes),
+        ..lodpack::Query::default()
     })
 }
 

@@ -43,6 +43,10 @@ impl<'i> Objects<'i> {
         self.open
     }
 
+    pub(crate) fn index(&self) -> &'i Index {
+        self.index
+    }
+
     fn check(&self, number: u32, count: u32, what: &str) -> Result<()> {
         if number < count {
             return Ok(());
