@@ -123,6 +123,22 @@ impl<S: ReadAt> FileObjects<'_, S> {
         self.ask(|objects, fetched| objects.children(parent, fetched))
     }
 
+    /// The pages of nodes in which children of an object or assembly are.
+    ///
+    /// # Errors
+    /// As [`Self::node`].
+    pub fn child_pages(&self, parent: Option<u32>) -> Result<Vec<u32>> {
+        self.ask(|objects, fetched| objects.child_pages(parent, fetched))
+    }
+
+    /// The children of an object or assembly in a page of nodes, ascending.
+    ///
+    /// # Errors
+    /// As [`Self::node`].
+    pub fn children_in(&self, parent: Option<u32>, page: u32) -> Result<Vec<u32>> {
+        self.ask(|objects, fetched| objects.children_in(parent, page, fetched))
+    }
+
     /// The objects among some nodes and everything below these, ascending.
     ///
     /// # Errors

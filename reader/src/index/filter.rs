@@ -68,12 +68,14 @@ impl Objects<'_> {
         let only = choice.only.as_deref().map(&mut below).transpose()?;
         let [hidden, marked] = [below(&choice.hidden)?, below(&choice.marked)?];
         lacking.finish()?;
-        let rest = if only.is_some() { ObjectState::Hidden } else { ObjectState::Shown };
+        let is_rest_hidden = only.is_some() || choice.only_marked;
+        let rest = if is_rest_hidden { ObjectState::Hidden } else { ObjectState::Shown };
         let has = |objects: &[u32], object: u32| objects.binary_search(&object).is_ok();
         let state = |object: u32| match &only {
             _ if has(&hidden, object) => ObjectState::Hidden,
             Some(only) if !has(only, object) => ObjectState::Hidden,
             _ if has(&marked, object) => ObjectState::Marked,
+            _ if choice.only_marked => ObjectState::Hidden,
             _ => ObjectState::Shown,
         };
         let mut filter = ObjectFilter {

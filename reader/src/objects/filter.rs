@@ -16,6 +16,9 @@ pub struct ObjectChoice {
     pub hidden: Vec<u32>,
     /// Objects and assemblies that are told apart where they are drawn, as a selection is.
     pub marked: Vec<u32>,
+    /// Whether nothing is drawn but what is marked, of what would be drawn without this: a selection as a picture of its
+    /// own.
+    pub only_marked: bool,
 }
 
 impl ObjectChoice {
@@ -31,7 +34,7 @@ impl ObjectChoice {
 
     /// Whether it draws everything alike.
     pub fn is_everything(&self) -> bool {
-        self.only.is_none() && self.hidden.is_empty() && self.marked.is_empty()
+        self.only.is_none() && self.hidden.is_empty() && self.marked.is_empty() && !self.only_marked
     }
 }
 

@@ -54,11 +54,13 @@ fn below(file: &File<&[u8]>, nodes: &[u32]) -> BTreeSet<u32> {
 fn state_of(file: &File<&[u8]>, choice: &ObjectChoice) -> impl Fn(u32) -> ObjectState + use<> {
     let only = choice.only.as_ref().map(|only| below(file, only));
     let [hidden, marked] = [&choice.hidden, &choice.marked].map(|nodes| below(file, nodes));
+    let only_marked = choice.only_marked;
     move |object| match () {
         () if hidden.contains(&object) || only.as_ref().is_some_and(|only| !only.contains(&object)) => {
             ObjectState::Hidden
         }
         () if marked.contains(&object) => ObjectState::Marked,
+        () if only_marked => ObjectState::Hidden,
         () => ObjectState::Shown,
     }
 }
@@ -70,7 +72,8 @@ fn random_choice(file: &File<&[u8]>, random: &mut Random) -> ObjectChoice {
         (0..most).map(|_| random.below(count) as u32).collect()
     };
     let (hidden, marked, only) = (some(count / 4 + 1), some(count / 8 + 1), some(count / 3 + 1));
-    ObjectChoice { only: (only.len() % 3 == 1).then_some(only), hidden, marked }
+    let only = (only.len() % 3 == 1).then_some(only);
+    ObjectChoice { only, hidden, marked, only_marked: random.below(6) == 0 }
 }
 
 /// The leaves below a root.
@@ -367,6 +370,22 @@ fn boxes_of_objects_hold_them_and_little_else() {
             }
         }
         assert_eq!(objects.bounds(&[]).unwrap(), None);
+    }
+}
+
+#[test]
+fn children_come_page_by_page() {
+    for bytes in files() {
+        let file = open(&bytes);
+        let objects = file.objects().unwrap();
+        let parents = (0..objects.node_count()).map(Some).chain([None]);
+        for parent in parents {
+            let pages = objects.child_pages(parent).unwrap();
+            let of_page = |page: u32| objects.children_in(parent, page).unwrap();
+            let all: Vec<u32> = pages.into_iter().flat_map(of_page).collect();
+            assert_eq!(all, objects.children(parent).unwrap());
+        }
+        assert!(objects.children_in(None, objects.page_count()).is_err());
     }
 }
 
