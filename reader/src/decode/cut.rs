@@ -106,7 +106,8 @@ pub(super) fn joined(
             }
         }
     }
-    if filter.is_some() {
+    if let Some(filter) = filter {
+        filter.is_there();
         stitcher.drop_unused();
     }
     let origins = stitcher.take_origins();

@@ -5,7 +5,7 @@ use std::{cmp::Reverse, ops::Range, sync::Arc};
 use crate::{
     error::{Error, Result},
     index::{Index, Objects},
-    objects::{LeafOwners, ObjectChoice, ObjectFilter, ObjectState},
+    objects::{LeafOwners, ObjectChoice, ObjectFilter, ObjectState, has_filters},
     sorted::{SortedMap, SortedSet},
     source::{Fetched, requests::plan},
 };
@@ -60,8 +60,9 @@ impl Objects<'_> {
     /// choice, and the index blocks of these leaves and of the groups above them.
     ///
     /// # Errors
-    /// As [`Self::below`].
+    /// As [`Self::below`]; [`Error::Unsupported`] without the feature `channels`.
     pub fn filter(&self, choice: &ObjectChoice, fetched: &Fetched) -> Result<Arc<ObjectFilter>> {
+        let proof = has_filters()?;
         let mut lacking = Lacking::default();
         let mut below =
             |nodes: &[u32]| -> Result<Vec<u32>> { Ok(lacking.note(self.below(nodes, fetched))?.unwrap_or_default()) };
@@ -84,6 +85,7 @@ impl Objects<'_> {
             rest,
             roots: SortedMap::new(),
             leaves: SortedMap::new(),
+            has: proof,
         };
         let named: SortedSet<u32> = only.iter().flatten().chain(&hidden).chain(&marked).copied().collect();
         for cluster in self.clusters_of(named.iter().copied().filter(|&object| state(object) != rest), fetched)? {

@@ -66,11 +66,34 @@ pub struct ObjectFilter {
     pub(crate) roots: SortedMap<u32, Option<ObjectState>>,
     /// Leaves of several states: for each level with a block the states of its islands.
     pub(crate) leaves: SortedMap<u32, Vec<(u8, Vec<ObjectState>)>>,
+    pub(crate) has: HasFilters,
+}
+
+/// What has this needs the feature `channels`. Without the feature nothing has it, and compilers leave out all code for
+/// what nothing has.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum HasFilters {
+    #[cfg(feature = "channels")]
+    Yes,
+}
+
+/// Proof that this reader draws some of a file's objects.
+///
+/// # Errors
+/// [`Error::Unsupported`] without the feature `channels`.
+pub(crate) fn has_filters() -> Result<HasFilters> {
+    #[cfg(feature = "channels")]
+    return Ok(HasFilters::Yes);
+    #[cfg(not(feature = "channels"))]
+    return Err(Error::Unsupported {
+        what: "this one hides no objects (it was compiled without its feature `channels`)".into(),
+    });
 }
 
 /// Two filters of a file are the same if their choices are.
 impl PartialEq for ObjectFilter {
     fn eq(&self, other: &Self) -> bool {
+        self.is_there();
         self.file == other.file && self.choice == other.choice
     }
 }
@@ -83,8 +106,18 @@ impl ObjectFilter {
         &self.choice
     }
 
+    /// What comes after this is compiled only where filters are.
+    #[inline(always)]
+    pub(crate) fn is_there(&self) {
+        match self.has {
+            #[cfg(feature = "channels")]
+            HasFilters::Yes => {}
+        }
+    }
+
     /// How all of a root is drawn; None if it shows objects of several states.
     pub fn state(&self, root: u32) -> Option<ObjectState> {
+        self.is_there();
         self.roots.get(&root).copied().unwrap_or(Some(self.rest))
     }
 
@@ -95,6 +128,7 @@ impl ObjectFilter {
 
     /// The states of the islands of a leaf at a level; None unless it is of several states and has a block there.
     pub(crate) fn islands(&self, root: u32, level: u8) -> Option<&[ObjectState]> {
+        self.is_there();
         let levels = self.leaves.get(&root)?;
         levels.iter().find(|(at, _)| *at == level).map(|(_, states)| &states[..])
     }
@@ -104,6 +138,7 @@ impl ObjectFilter {
     /// # Errors
     /// [`Error::Query`] if the root is a group of several states; [`Error::Format`].
     pub(crate) fn states(&self, root: u32, level: u8, triangles: &[[u32; 3]]) -> Result<TriangleStates<'_>> {
+        self.is_there();
         if let Some(state) = self.state(root) {
             return Ok(TriangleStates { all: state, islands: None });
         }

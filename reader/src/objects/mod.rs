@@ -27,6 +27,7 @@ mod verify;
 #[cfg(feature = "write")]
 mod write;
 
+pub(crate) use filter::has_filters;
 pub use filter::{ObjectChoice, ObjectFilter, ObjectState};
 pub(crate) use open::OpenObjects;
 pub(crate) use owners::{LeafOwners, LeafShape};

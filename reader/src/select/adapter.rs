@@ -103,8 +103,11 @@ impl Adapter {
         let scope = query.scope()?;
         let goal = query.goal(self.coherence.hysteresis);
         let before = self.adaptation.front.evaluation_count();
-        if query.objects != self.query.objects {
-            return self.show_others(query);
+        if let Some(filter) = query.objects.as_ref().or(self.query.objects.as_ref()) {
+            filter.is_there();
+            if query.objects != self.query.objects {
+                return self.show_others(query);
+            }
         }
         let is_new = query.has_budget() != self.query.has_budget()
             || query.outside != self.query.outside

@@ -240,6 +240,7 @@ impl Hierarchy {
     }
 
     fn filtered(&self, filter: &Arc<ObjectFilter>) -> Self {
+        filter.is_there();
         let mut this = Self {
             sample_counts: self.sample_counts.clone(),
             level_count: self.level_count,

@@ -68,6 +68,7 @@ impl<'i, 'k> Known<'i, 'k> {
     /// groups has one state. Where nothing is below, in the beginning of a file, nothing is drawn.
     pub fn split_mixed(&mut self) -> Result<()> {
         let Some(filter) = self.filter else { return Ok(()) };
+        filter.is_there();
         loop {
             let mixed: Vec<u32> = self.roots().into_iter().filter(|&root| filter.splits(root)).collect();
             if mixed.is_empty() {

@@ -159,7 +159,7 @@ impl Content for FileContent {
             let surface = DrawnSurface::new(wanted, entry, (&loops, sides), patch, (&index.lattice(), self.has_light));
             let location = || format!("root {}, level {}", wanted.root, wanted.level);
             let mut surface = surface.map_err(|error| error.at(location))?;
-            if index.objects().is_some() && entry.child_count == 0 {
+            if cfg!(feature = "channels") && index.objects().is_some() && entry.child_count == 0 {
                 surface.find_islands();
             }
             if index.channels().is_empty() {

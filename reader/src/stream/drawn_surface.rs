@@ -312,10 +312,11 @@ impl DrawnSurface {
     /// The surface as a filter shows it; `before` is what the last frame drew, which may be that already. A group that
     /// only stands in for what is below it is drawn as it is.
     pub(crate) fn filtered(self: &Arc<Self>, filter: Option<&ObjectFilter>, before: Option<&Arc<Self>>) -> Arc<Self> {
-        let states = filter.map_or(vec![], |filter| match filter.state(self.root) {
+        let Some(filter) = filter else { return Arc::clone(self) };
+        let states = match filter.state(self.root) {
             Some(state) => vec![state],
             None => filter.islands(self.root, self.level).unwrap_or_default().to_vec(),
-        });
+        };
         if states.iter().all(|&state| state == ObjectState::Shown) {
             return Arc::clone(self);
         }
