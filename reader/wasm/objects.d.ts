@@ -52,7 +52,7 @@ export class Objects {
   nodes(numbers: Iterable<number | ObjectNode>, options?: Cancel): Promise<ObjectNode[]>;
   /** The numbers of what has exactly this name or, if nothing has, this id. */
   find(text: string, options?: Cancel): Promise<number[]>;
-  /** What a node consists of, or without one what is a part of nothing: page by page, each read when it is asked for. */
+  /** What a node consists of, or without one what is a part of nothing: page by page, each read when asked for. */
   children(parent?: number | ObjectNode | null, options?: Cancel): AsyncGenerator<ObjectNode[]>;
   /** What a node is a part of, from the top down. */
   above(number: number | ObjectNode, options?: Cancel): Promise<ObjectNode[]>;

@@ -111,8 +111,8 @@ impl Controls {
         (moved <= CLICK * CLICK).then_some(to)
     }
 
-    /// Handles a key that goes down or up. Returns its letter if the window must handle it: more letters where an object
-    /// is selected.
+    /// Handles a key that goes down or up. Returns its letter if the window must handle it: more letters where an
+    /// object is selected.
     pub fn key(&mut self, event: &KeyEvent, has_selected: bool) -> Option<String> {
         let is_down = event.state == ElementState::Pressed;
         if let PhysicalKey::Code(code) = event.physical_key

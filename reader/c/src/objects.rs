@@ -217,8 +217,8 @@ pub extern "C" fn lodpack_free_filter(filter: *mut ObjectFilter) {
     release(filter);
 }
 
-/// What a ray meets first of the finest surface, from either side. `origin` and `direction` have three numbers; a filter
-/// lets it pass what it hides, and may be null.
+/// What a ray meets first of the finest surface, from either side. `origin` and `direction` have three numbers; a
+/// filter lets it pass what it hides, and may be null.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_pick_surface(
     file: *const File,

@@ -49,8 +49,8 @@ pub fn extract_objects(index: &Index, cut: &Cut, fetched: &Fetched) -> Result<(M
 }
 
 /// A world box around some objects and assemblies with everything below them; None if there are none. Of roots that
-/// show nothing else it is the index's box, which is around the input, too; of leaves with other objects besides that of
-/// their triangles at the finest level, and as much larger as the leaf's error.
+/// show nothing else it is the index's box, which is around the input, too; of leaves with other objects besides that
+/// of their triangles at the finest level, and as much larger as the leaf's error.
 ///
 /// # Errors
 /// As [`super::extract`] and [`crate::index::Objects::filter`]; [`Error::Query`] if the file has no objects.

@@ -88,8 +88,8 @@ impl<'i> Objects<'i> {
         self.open.children(parent, fetched)
     }
 
-    /// The pages of 1024 nodes in which children of an object or assembly are, ascending: who shows a tree need not read
-    /// all at once ([`Self::children_in`]).
+    /// The pages of 1024 nodes in which children of an object or assembly are, ascending: who shows a tree need not
+    /// read all at once ([`Self::children_in`]).
     ///
     /// # Errors
     /// As [`Self::node`].

@@ -16,8 +16,8 @@ pub struct ObjectChoice {
     pub hidden: Vec<u32>,
     /// Objects and assemblies that are told apart where they are drawn, as a selection is.
     pub marked: Vec<u32>,
-    /// Whether nothing is drawn but what is marked, of what would be drawn without this: a selection as a picture of its
-    /// own.
+    /// Whether nothing is drawn but what is marked, of what would be drawn without this: a selection as a picture of
+    /// its own.
     pub only_marked: bool,
 }
 

@@ -97,8 +97,8 @@ impl Adapter {
     /// Adapts the cut to a query.
     ///
     /// # Errors
-    /// [`crate::Error::Query`] if something in the query is not a number or makes no sense, or its objects are not those
-    /// that the hierarchy was made for ([`Hierarchy::for_query`]); the cut stays as it is.
+    /// [`crate::Error::Query`] if something in the query is not a number or makes no sense, or its objects are not
+    /// those that the hierarchy was made for ([`Hierarchy::for_query`]); the cut stays as it is.
     pub fn update(&mut self, query: &Query) -> Result<AdaptReport> {
         let scope = query.scope()?;
         let goal = query.goal(self.coherence.hysteresis);

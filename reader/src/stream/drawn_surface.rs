@@ -300,7 +300,7 @@ impl DrawnSurface {
     }
 
     /// The surface with all objects.
-    pub(crate) fn whole<'s>(self: &'s Arc<Self>) -> &'s Arc<Self> {
+    pub(crate) fn whole(self: &Arc<Self>) -> &Arc<Self> {
         self.whole.as_ref().unwrap_or(self)
     }
 

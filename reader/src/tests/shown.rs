@@ -82,8 +82,8 @@ fn leaves(file: &File<&[u8]>, root: u32) -> Vec<u32> {
     if children.is_empty() { vec![root] } else { children.flat_map(|child| leaves(file, child)).collect() }
 }
 
-/// Checks the nodes of a filtered cut, and returns the triangles that are to be drawn: leaf by leaf by their owners, and
-/// of groups all.
+/// Checks the nodes of a filtered cut, and returns the triangles that are to be drawn: leaf by leaf by their owners,
+/// and of groups all.
 fn expected(file: &File<&[u8]>, nodes: &[Node], state: &dyn Fn(u32) -> ObjectState) -> Vec<Triangle> {
     let objects = file.objects().unwrap();
     let states = |leaf: u32| objects.of_leaf(leaf).unwrap().into_iter().map(state);

@@ -1,5 +1,5 @@
-// What the input named: found, picked, hidden, shown alone. A module of its own, for programs that want it; index.d.ts
-// of this folder's parent says what it does.
+// What the input named: found, picked, hidden, shown alone. A module of its own, for programs that want it;
+// objects.d.ts says what it does.
 
 import { LodpackError } from './errors.js';
 import { packQuery } from './query.js';

@@ -1,5 +1,5 @@
-// Objects in three.js: a LodpackMesh of which some are hidden, shown alone or highlighted, and that is picked. A module of
-// its own, for programs that want it; three.d.ts says what it does.
+// Objects in three.js: a LodpackMesh of which some are hidden, shown alone or highlighted, and that is picked. A module
+// of its own, for programs that want it; three-objects.d.ts says what it does.
 
 import { Matrix4, MeshStandardMaterial, Ray, Vector3 } from 'three';
 import { objectsOf } from './objects.js';

@@ -140,8 +140,9 @@ class File(OpenFile[_lodpack.Reader]):
         `bbox`: smallest and largest corner; every root whose box touches it is drawn whole. A box beside the surface
         gives an empty cut.
         `context`: what is outside the box is drawn, too, at its coarsest.
-        `hide`: objects and assemblies that are not drawn, with everything below them: numbers as `objects` has them, names, or
-        ids. `only`: nothing else is drawn. Budgets then count whole roots, and the mesh may have fewer triangles.
+        `hide`: objects and assemblies that are not drawn, with everything below them: numbers as `objects` has them,
+        names, or ids. `only`: nothing else is drawn. Budgets then count whole roots, and the mesh may have fewer
+        triangles.
 
         The cut is one that the file holds: with a budget of triangles it is a mixture of levels, which is up to 2.6
         times worse in RMS than what ``lodpack extract --triangles`` makes by simplifying a finer cut as a whole.

@@ -79,12 +79,13 @@ class Objects:
         return self._native.above(self._number(number))
 
     def bounds(self, objects: int | str | Iterable[int | str]) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
-        """The box around some objects and assemblies, named as for `File.extract`, with everything below them: smallest and
-        largest corner; None around nothing."""
+        """The box around some objects and assemblies, named as for `File.extract`, with everything below them: smallest
+        and largest corner; None around nothing."""
         return self._native.bounds(self.numbers(objects, "objects"))
 
     def numbers(self, objects: int | str | Iterable[int | str], name: str) -> list[int]:
-        """The numbers of objects and assemblies that a caller means: numbers, names, or ids where nothing has the name."""
+        """The numbers of objects and assemblies that a caller means: numbers, names, or ids where nothing has the
+        name."""
         found: list[int] = []
         for wanted in [objects] if isinstance(objects, (int, str)) else objects:
             if not isinstance(wanted, str):
