@@ -37,7 +37,7 @@ HOUSES = {
         (
             "lodpack_view",
             "viewer-min/src",
-            "main window headless check controls present overlay draw pool scene channel texels blocks gpu picture args camera".split(),
+            "main window headless check controls present overlay draw pool scene objects channel texels blocks gpu picture args camera".split(),
         )
     ],
 }

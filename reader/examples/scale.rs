@@ -108,7 +108,7 @@ fn frames(file: &Opened<'_>, query: Query) -> Result<Vec<Row>, Box<dyn Error>> {
         let mut view = View { pixel_tolerance: 0.8, ..view };
         view.position[0] += f64::from(frame) / 60.0 * 0.025 * view.near * 200.0;
         view.orbit(view.position, 0.1 * f64::from(frame) / 60.0, 0.0);
-        Query { view: Some(view), ..query }
+        Query { view: Some(view), ..query.clone() }
     };
     let hierarchy = file.hierarchy_for(&query(0))?;
     let mut adapter = Adapter::new(Arc::clone(&hierarchy), &query(0), Coherence::default())?;

@@ -165,3 +165,149 @@ fn a_pick_among_many_objects_reads_little() {
     println!("requests {requests:?}, bytes {read:?}");
     assert!(requests[requests.len() / 2] <= 6 && read[read.len() / 2] <= 200_000, "{requests:?} {read:?}");
 }
+
+/// Two spheres of many triangles as one OBJ of two objects, each in an assembly-less list.
+fn spheres(side: u32) -> String {
+    let mut text = String::new();
+    let mut first = 1;
+    for (name, x) in [("a", 0.0), ("b", 1.5)] {
+        text += &format!("o {name}\n");
+        let (rows, columns) = (side, 2 * side);
+        let point = |row: u32, column: u32| {
+            let [theta, phi] = [f64::from(row) / f64::from(rows), 2.0 * f64::from(column) / f64::from(columns)]
+                .map(|x| x * std::f64::consts::PI);
+            let bump = 1.0 + 0.05 * (9.0 * theta).sin() * (7.0 * phi).cos() * theta.sin();
+            [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()].map(|x| x * bump)
+        };
+        let mut count = 0;
+        let mut vertex = |text: &mut String, [px, y, z]: [f64; 3]| {
+            *text += &format!("v {} {y} {z}\n", px + x);
+            count += 1;
+            first + count - 1
+        };
+        let top = vertex(&mut text, point(0, 0));
+        let inner: Vec<Vec<u32>> =
+            (1..rows).map(|row| (0..columns).map(|column| vertex(&mut text, point(row, column))).collect()).collect();
+        let bottom = vertex(&mut text, point(rows, 0));
+        for column in 0..columns as usize {
+            let next = (column + 1) % columns as usize;
+            text += &format!("f {top} {} {}\n", inner[0][column], inner[0][next]);
+            for pair in inner.windows(2) {
+                let [a, b, c, d] = [pair[0][column], pair[1][column], pair[1][next], pair[0][next]];
+                text += &format!("f {a} {b} {c}\nf {a} {c} {d}\n");
+            }
+            let last = &inner[inner.len() - 1];
+            text += &format!("f {} {bottom} {}\n", last[column], last[next]);
+        }
+        first += count;
+    }
+    text
+}
+
+/// Edges that have not as many triangles on one side as on the other.
+fn open_edges(mesh: &lodpack::Mesh) -> usize {
+    let mut edges: BTreeMap<[u32; 2], i64> = BTreeMap::new();
+    for triangle in &mesh.triangles {
+        for k in 0..3 {
+            let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
+            *edges.entry([a.min(b), a.max(b)]).or_default() += if a < b { 1 } else { -1 };
+        }
+    }
+    edges.values().filter(|&&count| count != 0).count()
+}
+
+#[test]
+fn what_is_left_of_objects_that_are_hidden_is_closed_at_every_mix_of_levels() {
+    let folder = tempfile::tempdir().expect("a temporary directory");
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path("two.obj"), spheres(90)).expect("writable");
+    let words = "build two.obj -o two.lodpack --objects keep --tolerance 0.00005";
+    lodpack().current_dir(folder.path()).args(words.split(' ')).assert().success();
+    let bytes = std::fs::read(path("two.lodpack")).expect("built");
+    let file = File::open(bytes.as_slice(), Limits::default()).expect("sound");
+    assert!(file.root_count() > 20, "{}", file.root_count());
+    let objects = file.objects().expect("two objects");
+    let [a, b] = ["a", "b"].map(|name| objects.find_name(name).expect("sound")[0]);
+    let [low, high] = objects.bounds(&[b]).expect("sound").expect("there");
+    assert!(low[0] > 0.3 && high[0] < 2.7 && low[0] < 0.55 && high[0] > 2.45, "{low:?} {high:?}");
+    let hierarchy = std::sync::Arc::new(file.hierarchy().expect("sound"));
+    let mut session = file.session(lodpack::stream::Options { light: true, ..Default::default() }).expect("sound");
+    let mut simulation = lodpack::stream::Simulation::new(file.source(), std::time::Duration::ZERO);
+    let mut follower = lodpack::stream::Follower::new(hierarchy, Default::default(), std::time::Duration::ZERO);
+    for filter in
+        [file.hide(&[a]), file.only(&[a]), file.hide(&[b]), file.hide(&[])].map(|filter| filter.expect("sound"))
+    {
+        for share in [1.0, 0.3, 0.1, 0.01, 0.0] {
+            // Near one end of the model finely, and coarsely elsewhere.
+            let view = lodpack::View {
+                position: [-1.2, 0.1, 0.2],
+                forward: [1.0, 0.0, 0.0],
+                up: [0.0, 0.0, 1.0],
+                pixel_tolerance: 100.0 * share,
+                ..Default::default()
+            };
+            let query = lodpack::Query {
+                view: Some(view),
+                outside: lodpack::Outside::Coarsest,
+                objects: Some(std::sync::Arc::clone(&filter)),
+                ..Default::default()
+            };
+            let cut = file.select(&query).expect("sound");
+            let (mesh, owners) = file
+                .extract_objects(&cut)
+                .map_or_else(|_| (file.extract(&cut).expect("sound"), vec![]), |(mesh, owners)| (mesh, owners));
+            let choice = filter.choice();
+            assert!(owners.iter().all(|owner| !choice.hidden.contains(owner)));
+            assert!(owners.iter().all(|owner| choice.only.as_ref().is_none_or(|only| only.contains(owner))));
+            assert!(!mesh.triangles.is_empty());
+            assert_eq!(open_edges(&mesh), 0, "{choice:?} {share}");
+            let side = |x: f64| {
+                if choice.hidden == [a] {
+                    x > 0.3
+                } else if choice.hidden == [b] || choice.only.is_some() {
+                    x < 1.2
+                } else {
+                    true
+                }
+            };
+            assert!(mesh.positions.iter().all(|position| side(position[0])));
+            let (cut, _) = follower.follow(&query, std::time::Duration::ZERO).expect("sound");
+            session.show_objects(Some(std::sync::Arc::clone(&filter))).expect("sound");
+            for _ in 0..3 {
+                simulation.frame(&mut session, &cut.nodes, &[]).expect("sound");
+                simulation.settle(&session);
+            }
+            assert_eq!(session.picture().nodes(), cut.nodes);
+            let drawn = session.picture().mesh();
+            assert_eq!((open_edges(&drawn), drawn.triangles.is_empty()), (0, false));
+            assert!(drawn.positions.iter().zip(0_u32..).all(|(position, number)| {
+                side(position[0]) || !drawn.triangles.iter().flatten().any(|&vertex| vertex == number)
+            }));
+            for root in session.picture().roots() {
+                let lit = root.lit().expect("light");
+                assert_eq!(lit.triangles.len(), root.joined().1.len());
+                assert!(lit.triangles.iter().flatten().all(|&vertex| (vertex as usize) < lit.positions.len()));
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_hidden_and_what_is_taken_out_are_the_whole() {
+    let folder = Folder::new(300);
+    let all = folder.json("extract plant.lodpack -o all.ply")["triangles"].as_u64().expect("a number");
+    for pattern in ["AREA-01/*", "#7", "*VALVE*"] {
+        let triangles = |how: &str| {
+            folder.json(&format!("extract plant.lodpack -o part.ply --force --{how} {pattern}"))["triangles"].as_u64()
+        };
+        let [kept, hidden] = ["object", "hide"].map(triangles);
+        assert_eq!(kept.zip(hidden).map(|(kept, hidden)| kept + hidden), Some(all), "{pattern}");
+        assert!(kept > Some(0) && hidden > Some(0));
+    }
+    // Coarsely and within a box, too.
+    folder.run("extract plant.lodpack -o part.ply --force --hide AREA-01/* --tolerance 0.5");
+    let mut everything = lodpack();
+    everything.current_dir(folder.0.path()).args("extract plant.lodpack -o x.ply --hide *".split(' '));
+    let said = String::from_utf8_lossy(&everything.assert().code(2).get_output().stderr).into_owned();
+    assert!(said.contains("nothing is left of it"), "{said}");
+}

@@ -54,6 +54,7 @@ Keys in the window
   X   screenshot     R   record a path    C             camera: recent, back
   O   whole model    Y   read again what failed
   H   this card      Esc close            drop a file   open it
+  click   select an object; then   H   hide it   I   show it alone   J   show all   Esc   select nothing
 ";
 
 /// The text below the options.
@@ -124,6 +125,15 @@ pub struct Args {
     /// Shade triangles flat where the file stores no normals, instead of smoothly
     #[arg(long)]
     pub flat: bool,
+    /// Do not draw the objects of this name or id, or number (#12); may come several times
+    #[arg(long, value_name = "NAME|ID|#N")]
+    pub hide: Vec<String>,
+    /// Draw only the objects of this name or id, or number; may come several times
+    #[arg(long, value_name = "NAME|ID|#N")]
+    pub only: Vec<String>,
+    /// Select the object of this name or id, or number; without --camera, look at it
+    #[arg(long, value_name = "NAME|ID|#N")]
+    pub find: Option<String>,
     /// Draw one tile of the picture: tile X,Y of WxH tiles, counted from the upper left corner
     #[arg(long, value_name = "X,Y/WxH", value_parser = parse_tile, overrides_with = "tiles")]
     pub tile: Option<Tile>,

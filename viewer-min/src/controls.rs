@@ -30,6 +30,8 @@ pub struct Controls {
     wants_speed: bool,
     held: HashSet<KeyCode>,
     pointer: Option<[f64; 2]>,
+    /// Where the pointer was when a button went down.
+    pressed: Option<[f64; 2]>,
 }
 
 /// The direction in which each key flies: right, up, forward.
@@ -52,6 +54,10 @@ const TOGGLES: [(&str, Overlay); 8] = [
     ("i", Overlay::Text),
     ("h", Overlay::Keys),
 ];
+/// Keys that concern an object while one is selected.
+const OF_OBJECTS: [&str; 2] = ["h", "i"];
+/// Pixels that the pointer may move in a click.
+const CLICK: f64 = 3.0;
 /// Radians per pixel of a drag.
 const TURN: f64 = 0.006;
 
@@ -94,8 +100,20 @@ impl Controls {
         let _ = self.performance.as_mut().map(|mode| mode.record(times));
     }
 
-    /// Handles a key that goes down or up. Returns its letter if the window must handle it.
-    pub fn key(&mut self, event: &KeyEvent) -> Option<String> {
+    /// Handles a button that goes down or up. Returns where it was clicked, if the pointer has not moved meanwhile.
+    pub fn clicked(&mut self, is_pressed: bool) -> Option<[f64; 2]> {
+        if is_pressed {
+            self.pressed = self.pointer;
+            return None;
+        }
+        let (from, to) = (self.pressed.take()?, self.pointer?);
+        let moved = (0..2).map(|k| (to[k] - from[k]).powi(2)).sum::<f64>();
+        (moved <= CLICK * CLICK).then_some(to)
+    }
+
+    /// Handles a key that goes down or up. Returns its letter if the window must handle it: more letters where an
+    /// object is selected.
+    pub fn key(&mut self, event: &KeyEvent, has_selected: bool) -> Option<String> {
         let is_down = event.state == ElementState::Pressed;
         if let PhysicalKey::Code(code) = event.physical_key
             && FLYING.iter().any(|(key, _)| *key == code)
@@ -108,7 +126,8 @@ impl Controls {
             Key::Character(text) => text.to_lowercase(),
             _ => return None,
         };
-        if is_down && !event.repeat && !self.takes(&letter) { Some(letter) } else { None }
+        let is_of_objects = has_selected && OF_OBJECTS.contains(&letter.as_str());
+        if is_down && !event.repeat && (is_of_objects || !self.takes(&letter)) { Some(letter) } else { None }
     }
 
     /// Handles a letter that concerns how the model is drawn. Returns whether it did.

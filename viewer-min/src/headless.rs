@@ -28,7 +28,9 @@ pub fn draw_picture(args: &Args) -> Result<()> {
     let mut scene = Scene::open_with(open_source(address)?, looks).with_context(|| address.to_string())?;
     scene.limit(args);
     scene.choose_channel(args).with_context(|| address.to_string())?;
-    let mut path = args.views(scene.extent())?;
+    scene.choose_objects(args).with_context(|| address.to_string())?;
+    scene.objects.selected.iter().for_each(|selected| eprintln!("lodpack-view: {}", selected.text));
+    let mut path = args.views(scene.first_extent()?)?;
     let gpu = Arc::new(Gpu::headless()?);
     let mut renderer = Renderer::new(&gpu, args.way());
     let (mut size, mut tile_nodes) = (args.size, None);

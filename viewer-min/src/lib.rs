@@ -14,6 +14,7 @@ mod controls;
 mod draw;
 pub mod gpu;
 mod headless;
+mod objects;
 mod overlay;
 pub mod picture;
 mod pool;

@@ -16,6 +16,7 @@ use crate::{
     args::{Args, Tile},
     camera::{Bounds, Extent, Subject},
     channel::{ShownChannel, after, channels_of_heights, drawing, find, normals},
+    objects::{Selected, ShownObjects, ray_at},
 };
 
 /// The bytes of a file.
@@ -113,6 +114,8 @@ pub struct Scene {
     content: Content,
     /// What a mesh stands on, drawn into the same picture.
     ground: Option<Box<GroundScene>>,
+    /// What is drawn of its objects.
+    pub(crate) objects: ShownObjects,
 }
 
 /// The ground of a mesh: a scene of its own, which is looked at in its own space.
@@ -249,7 +252,8 @@ impl Scene {
                 let has_light = !is_flat && normals(file.channels()).is_none();
                 let mesh = MeshContent::new(file, Options { light: has_light, ..session(mode) })?;
                 let query = Query { outside, ..Query::default() };
-                Ok(Self { bounds, query, channel: None, has_light, content: Content::Mesh(Box::new(mesh)), ground })
+                let (content, objects) = (Content::Mesh(Box::new(mesh)), ShownObjects::default());
+                Ok(Self { bounds, query, channel: None, has_light, content, ground, objects })
             }
             Opened::Heights(file) => Self::of_heights(file, mode, sample_px),
         }
@@ -263,7 +267,8 @@ impl Scene {
         let streamer = HeightsStreamer::new(Arc::clone(file.index()), source, options)?;
         let channels = channels_of_heights(file.ramp().is_some() || file.drape().is_some());
         let content = Content::Heights(Box::new(HeightsContent { streamer, channels, file }));
-        Ok(Self { bounds, query: Query::default(), channel: None, has_light: false, content, ground: None })
+        let (query, objects) = (Query::default(), ShownObjects::default());
+        Ok(Self { bounds, query, channel: None, has_light: false, content, ground: None, objects })
     }
 
     /// The mesh of the file.
@@ -307,6 +312,59 @@ impl Scene {
             }
         };
         Extent::of(self.bounds, subject)
+    }
+
+    /// What the first view has to know: of what the command line finds, or of all of it.
+    pub(crate) fn first_extent(&self) -> Result<Extent> {
+        let extent = self.extent();
+        let (Some(selected), Ok(mesh)) = (&self.objects.selected, self.mesh()) else { return Ok(extent) };
+        let objects = mesh.file.objects().context("this file has no objects")?;
+        let bounds = objects.bounds(&[selected.number])?.unwrap_or(extent.bounds);
+        Ok(Extent { bounds, ..extent })
+    }
+
+    /// Draws the objects of the command line, and selects the one that it finds.
+    ///
+    /// # Errors
+    /// If the file has no such objects.
+    pub fn choose_objects(&mut self, args: &Args) -> Result<()> {
+        if args.hide.is_empty() && args.only.is_empty() && args.find.is_none() {
+            return Ok(());
+        }
+        self.objects = ShownObjects::of_args(&self.mesh()?.file, args)?;
+        self.show_objects()
+    }
+
+    fn show_objects(&mut self) -> Result<()> {
+        let choice = &self.objects.choice;
+        let is_everything = choice.is_everything();
+        self.query.objects = if is_everything { None } else { Some(self.mesh()?.file.filter_objects(choice)?) };
+        Ok(())
+    }
+
+    /// Carries out what a key asks of what is selected.
+    ///
+    /// # Errors
+    /// If the file is damaged or cannot be read.
+    pub(crate) fn obey_objects(&mut self, letter: &str) -> Result<()> {
+        if self.objects.obey(letter) { self.show_objects() } else { Ok(()) }
+    }
+
+    /// Selects what a place of the picture shows of the mesh: 0 to 1 from the upper left corner. Nothing where it shows
+    /// nothing, or in a file without objects.
+    ///
+    /// # Errors
+    /// If the file is damaged or cannot be read.
+    pub(crate) fn pick_object(&mut self, view: &View, place: [f64; 2]) -> Result<()> {
+        self.objects.selected = None;
+        let Ok(mesh) = self.mesh() else { return Ok(()) };
+        if mesh.file.index().objects().is_none() {
+            return Ok(());
+        }
+        let pick = mesh.file.pick_shown(ray_at(view, place), self.query.objects.as_deref())?;
+        let object = pick.and_then(|pick| pick.object);
+        self.objects.selected = object.map(|number| Selected::new(&mesh.file, number)).transpose()?;
+        Ok(())
     }
 
     /// The picture to draw, unless [`Scene::overview`] returns a mesh.
@@ -449,7 +507,7 @@ impl Scene {
 
     /// Draws what the view shows, as far as it is loaded; an error if a budget cannot be kept.
     pub fn follow(&mut self, view: &View) -> Result<Report> {
-        let query = Query { view: Some(*view), ..self.query };
+        let query = Query { view: Some(*view), ..self.query.clone() };
         let (streamed, [error_px, texel_px]) = match &mut self.content {
             Content::Mesh(mesh) => {
                 let streamed = mesh.streamer.frame(&query)?;
@@ -547,7 +605,7 @@ impl Scene {
     pub(crate) fn select(&self, view: &View) -> Result<Cut> {
         Ok(lodpack::select::select_in(
             self.mesh()?.streamer.follower().hierarchy(),
-            &Query { view: Some(*view), ..self.query },
+            &Query { view: Some(*view), ..self.query.clone() },
         )?)
     }
 
@@ -564,7 +622,7 @@ impl Scene {
             bail!("there is no tile {},{} of {columns}x{rows} in {width}x{height} pixels", at[0], at[1]);
         }
         let tiles = TileTree::new((columns * rows).trailing_zeros())?;
-        let queries = tiles.queries(&Query { view: Some(*view), ..self.query })?;
+        let queries = tiles.queries(&Query { view: Some(*view), ..self.query.clone() })?;
         let adapter = |query| Adapter::new(mesh.streamer.follower().hierarchy().clone(), query, STILL);
         let adapters: Vec<Adapter> = queries.iter().map(adapter).collect::<lodpack::Result<_>>()?;
         let unified = unify_cuts(&adapters, Unification::Quality)?;

@@ -94,7 +94,8 @@ impl App {
             let looks = Looks { mode: Mode::AsynchronousWithPrefetch, is_flat: args.flat, ..Looks::default() };
             let mut scene = Scene::open_with(open_source(&address)?, looks)?;
             scene.choose_channel(&args)?;
-            Ok(Looked { camera: args.first_view(scene.extent())?, address, scene })
+            scene.choose_objects(&args)?;
+            Ok(Looked { camera: args.first_view(scene.first_extent()?)?, address, scene })
         };
         let named = address.clone();
         let thread = std::thread::spawn(move || open(named.clone()).context(named));
@@ -193,6 +194,8 @@ impl App {
         let mut texts: Vec<(&str, _)> = self.messages.iter().rev().map(|(_, text)| (text.as_str(), WARNING)).collect();
         let opening = self.opening.as_ref().map(|(address, _)| format!("opening {address} ..."));
         texts.extend(opening.as_deref().map(|text| (text, INK)));
+        let selected = self.looked.as_ref().and_then(|looked| looked.scene.objects.selected.as_ref());
+        texts.extend(selected.map(|selected| (selected.text.as_str(), INK)));
         texts.extend(self.controls.args.has(Overlay::Keys).then_some((KEY_CARD, INK)));
         texts.iter().fold(size[1], |bottom, &(text, ink)| write_above(&mut canvas, bottom, text, ink));
         present.show(window, &canvas);
@@ -207,9 +210,21 @@ impl App {
         result
     }
 
+    /// Selects what lies at a pixel.
+    fn click(&mut self, at: [f64; 2]) {
+        let (Some(window), Some(Looked { scene, camera, .. })) = (&self.window, &mut self.looked) else { return };
+        let viewport: [u32; 2] = window.inner_size().into();
+        let view = View { viewport, ..*camera };
+        let picked = scene.pick_object(&view, [0, 1].map(|k| at[k] / f64::from(viewport[k].max(1))));
+        if let Err(error) = picked {
+            self.say(format!("{error:#}"));
+        }
+    }
+
     /// Carries out what a key asks of the window.
     fn obey(&mut self, letter: &str, event_loop: &ActiveEventLoop) -> Result<()> {
-        if letter == "escape" {
+        let has_selected = self.looked.as_ref().is_some_and(|looked| looked.scene.objects.selected.is_some());
+        if letter == "escape" && !has_selected {
             event_loop.exit();
         }
         if let ("x", Some(present)) = (letter, &self.present) {
@@ -243,6 +258,8 @@ impl App {
                 let name = looked.scene.channel.as_ref().map(|channel| channel.info.name.clone());
                 self.say(name.map_or("no channel".into(), |name| format!("channel {name}")));
             }
+            "h" | "i" | "j" => looked.scene.obey_objects(letter)?,
+            "escape" => looked.scene.objects.selected = None,
             "y" => looked.scene.retry_failed(),
             "f" => self.controls.frozen = self.controls.frozen.xor(Some(looked.camera)),
             _ => (),
@@ -271,14 +288,20 @@ impl ApplicationHandler for App {
             WindowEvent::DroppedFile(path) => self.open(path.to_string_lossy().into_owned()),
             WindowEvent::RedrawRequested => self.frame(event_loop),
             WindowEvent::KeyboardInput { event, .. } => {
-                if let Some(letter) = self.controls.key(&event)
+                let has_selected = self.looked.as_ref().is_some_and(|looked| looked.scene.objects.selected.is_some());
+                if let Some(letter) = self.controls.key(&event, has_selected)
                     && let Err(error) = self.obey(&letter, event_loop)
                 {
                     self.say(format!("{error:#}"));
                 }
             }
             WindowEvent::MouseInput { button, state, .. } => {
-                self.controls.dragging = (state == ElementState::Pressed).then_some(button == MouseButton::Left);
+                let is_pressed = state == ElementState::Pressed;
+                self.controls.dragging = is_pressed.then_some(button == MouseButton::Left);
+                let clicked = self.controls.clicked(is_pressed);
+                if let Some(at) = clicked.filter(|_| button == MouseButton::Left) {
+                    self.click(at);
+                }
             }
             event => {
                 let Some(Looked { scene, camera, .. }) = &mut self.looked else { return };

@@ -107,6 +107,7 @@ void main() {
     float pixels = about.y * projection.w / view.z;
     base = mix(vec3(1.0), hue(clamp(0.333 - 0.167 * pixels / mode.z, 0.0, 0.333)), 0.6);
   }
+  if (mode.x == 3.0) base = vec3(1.0, 0.6, 0.15);
   vec3 colour = sqrt(clamp(base * base * light, 0.0, 1.0));
   vec4 nearest = channel.x > 0.0 ? texelFetch(texels, ivec2(clamp(at, bounds.xy, bounds.zw)), 0) : vec4(0.0);
   vec4 texel = channel.x == 2.0 || channel.x == 0.0 ? nearest : mean_at(texels);
@@ -191,7 +192,7 @@ export class Renderer {
     gl.viewport(0, 0, width, height);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const perTangent = 1 / Math.tan(VERTICAL_FOV / 2);
-    const drawOne = ({ pool, camera, origin, levelCount, image }, isLines) => {
+    const drawOne = ({ pool, camera, origin, levelCount, image, isMarked }, isLines) => {
       const [right, up, forward] = camera.axes;
       gl.uniform3fv(places.camera, sub(camera.position, origin));
       gl.uniform3fv(places.right, right);
@@ -199,7 +200,7 @@ export class Renderer {
       gl.uniform3fv(places.forward, forward);
       gl.uniform4f(places.projection, (perTangent * height) / width, perTangent, camera.near, (perTangent * height) / 2);
       gl.uniformMatrix3fv(places.axes, true, [...right, ...up, ...forward]);
-      gl.uniform4f(places.mode, COLOURS[colour] ?? 0, levelCount, tolerance, isLines ? 1 : 0);
+      gl.uniform4f(places.mode, isMarked ? 3 : COLOURS[colour] ?? 0, levelCount, tolerance, isLines ? 1 : 0);
       for (const slab of pool.slabs) {
         const { array, count } = isLines ? this.#lines(slab) : this.#upload(slab);
         gl.bindVertexArray(array);
@@ -212,19 +213,21 @@ export class Renderer {
         gl.drawElements(isLines ? gl.LINES : gl.TRIANGLES, count, gl.UNSIGNED_INT, 0);
       }
     };
-    const draw = (isLines) => surfaces.forEach((surface) => drawOne(surface, isLines));
-    if (wireframe) {
-      gl.enable(gl.POLYGON_OFFSET_FILL);
-      gl.polygonOffset(1, 1);
-    }
+    const draw = (isLines) => surfaces.forEach((surface) => {
+      if (surface.isMarked && isLines) return;
+      // What is selected lies on what it is.
+      const offset = (wireframe ? 1 : 0) - (surface.isMarked ? 1 : 0);
+      gl.polygonOffset(isLines ? 0 : offset, isLines ? 0 : offset);
+      gl.depthFunc(isLines || surface.isMarked ? gl.LEQUAL : gl.LESS);
+      drawOne(surface, isLines);
+    });
+    gl.enable(gl.POLYGON_OFFSET_FILL);
     draw(false);
+    gl.disable(gl.POLYGON_OFFSET_FILL);
     if (wireframe) {
-      gl.disable(gl.POLYGON_OFFSET_FILL);
       gl.enable(gl.BLEND);
       gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
-      gl.depthFunc(gl.LEQUAL);
       draw(true);
-      gl.depthFunc(gl.LESS);
       gl.disable(gl.BLEND);
     }
     gl.bindVertexArray(null);

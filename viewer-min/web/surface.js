@@ -32,6 +32,17 @@ export class Surface {
     this.file.close();
   }
 
+  /** A second one of the same file, in one colour, for what is selected in it. Ends without the file. */
+  async above() {
+    const stream = await this.file.stream({ light: true, byteCache: 8 << 20, decodedCache: 32 << 20 });
+    return Object.assign(new Surface(this.file, stream, this.renderer), { isMarked: true });
+  }
+
+  end() {
+    this.pool.slabs.forEach((slab) => this.renderer.forget(slab));
+    this.stream.close();
+  }
+
   /** The box around it in the space of the picture, or null. */
   get bounds() {
     const { file: { bounds, frame } } = this;
@@ -58,7 +69,7 @@ export class Surface {
     const own = frame ? {
       position: frame.pointOfGround(camera.position), axes: camera.axes.map((axis) => unit(frame.offsetOfGround(axis))), near: camera.near / frame.scale,
     } : camera;
-    return { pool, origin, camera: own, levelCount: heights?.depthCount ?? levels.length, image: channel ? IMAGES[channel.kind] ?? 'colours' : undefined };
+    return { pool, origin, camera: own, levelCount: heights?.depthCount ?? levels.length, isMarked: this.isMarked, image: channel ? IMAGES[channel.kind] ?? 'colours' : undefined };
   }
 
   /**

@@ -4,6 +4,7 @@ import { EtagMismatch, open } from 'lodpack';
 import { Camera, VERTICAL_FOV } from './camera.js';
 import { Controls } from './controls.js';
 import { Measure } from './measure.js';
+import { ObjectPanel } from './objects.js';
 import { Renderer } from './renderer.js';
 import { Surface, joinedFrames } from './surface.js';
 
@@ -11,6 +12,7 @@ const $ = (id) => document.getElementById(id);
 const canvas = $('canvas');
 const camera = new Camera();
 const measure = new Measure($('marks'));
+const objects = new ObjectPanel($('objects'), $('name'), { changed: () => ask(), fly: flyTo, failed: (error) => complain('The objects cannot be read', error.message) });
 let renderer;
 let shown = null; // The open file: { file, stream, pool, from, name, surfaces }; stream and pool are those of the first surface.
 let opening = null; // Aborts what is being opened.
@@ -50,6 +52,7 @@ async function show(from, name) {
       camera.showAll(bounds(), upAxis(), canvas.clientWidth / canvas.clientHeight);
       listChannels();
       applyAddress();
+      objects.open(shown.surfaces[0]).catch((error) => complain('The objects cannot be read', error.message));
     }
     ask();
   } catch (error) {
@@ -60,6 +63,7 @@ async function show(from, name) {
 
 function close() {
   if (!shown) return;
+  objects.close();
   shown.surfaces.forEach((surface) => surface.close());
   shown = null;
   last = null;
@@ -111,10 +115,20 @@ async function follow() {
   const { stream, surfaces, file, name, from } = shown;
   try {
     const seen = view();
-    const frames = await Promise.all(surfaces.map((surface) => surface.ask(seen)));
+    const { marked } = objects;
+    const asked = marked ? [...surfaces, marked] : surfaces;
+    // What is selected may end meanwhile.
+    const frames = await Promise.all(asked.map((surface) => surface.ask(seen).catch((error) => {
+      if (surface !== marked) throw error;
+      return null;
+    })));
     if (shown?.stream !== stream) return;
     const begun = performance.now();
-    surfaces.forEach(({ pool }, k) => pool.update(frames[k]));
+    asked.forEach(({ pool }, k) => frames[k] && pool.update(frames[k]));
+    if (marked) {
+      const ofMarked = frames.pop();
+      if (ofMarked?.uploads.length + ofMarked?.drops.length > 0) isDirty = true;
+    }
     times.update = performance.now() - begun;
     last = joinedFrames(frames);
     if (last.hasChanges) isDirty = true;
@@ -208,7 +222,8 @@ function frame(now) {
   follow();
   if (!isDirty || renderer.isLost) return;
   isDirty = false;
-  renderer.draw((shown?.surfaces ?? []).map((surface) => surface.drawn(camera)), {
+  const drawn = shown ? [...shown.surfaces, objects.marked].filter(Boolean) : [];
+  renderer.draw(drawn.map((surface) => surface.drawn(camera)), {
     colour: $('colour').value, tolerance: 2 ** Number($('tolerance').value), wireframe: $('wireframe').checked, isUnlit: !$('light').checked,
   });
   measure.draw(camera, [canvas.clientWidth, canvas.clientHeight], VERTICAL_FOV);
@@ -280,7 +295,10 @@ function pickPoint(x, y) {
 }
 
 function click(x, y) {
-  if (!$('measure').checked) return;
+  if (!$('measure').checked) {
+    if (shown) objects.pick(camera.position, camera.ray(x, y, canvas.clientWidth / canvas.clientHeight));
+    return;
+  }
   const hit = pick(x, y);
   if (hit) measure.add(hit.surface.place(hit));
   isDirty = true;
@@ -313,16 +331,23 @@ $('choose').addEventListener('change', () => {
   if (file) show(file, file.name);
 });
 const upAxis = () => ($('up').value === 'z' ? [0, 0, 1] : [0, 1, 0]);
+function flyTo(box) {
+  camera.showAll(box, upAxis(), canvas.clientWidth / canvas.clientHeight);
+  moved();
+}
 function whole() {
   if (shown && bounds()) camera.showAll(bounds(), upAxis(), canvas.clientWidth / canvas.clientHeight);
   moved();
 }
 
 addEventListener('keydown', ({ key, target, ctrlKey, metaKey, altKey }) => {
-  if (ctrlKey || metaKey || altKey || target.matches?.('select, input[type=range], input[type=number]')) return;
+  if (ctrlKey || metaKey || altKey || target.matches?.('select, input[type=range], input[type=number], input[type=search]')) return;
   const box = { f: 'fly', m: 'measure', x: 'wireframe', l: 'light' }[key];
   if (box) $(box).click();
-  if (key === 'h') whole();
+  const act = { i: 'isolate', j: 'all', g: 'go', Escape: 'none' }[key];
+  if (act) objects.act(act);
+  if (key === 'h' && objects.selected) objects.act('hide');
+  else if (key === 'h') whole();
 });
 for (const name of ['dragover', 'dragleave', 'drop']) {
   addEventListener(name, (event) => {
@@ -347,4 +372,4 @@ try {
 }
 
 /** For tests, and for whoever looks at the console. */
-globalThis.lodpackViewer = { camera, measure, pick, show, times, get shown() { return shown; }, get last() { return last; }, get renderer() { return renderer; } };
+globalThis.lodpackViewer = { camera, measure, objects, pick, show, times, get shown() { return shown; }, get last() { return last; }, get renderer() { return renderer; } };

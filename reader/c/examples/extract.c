@@ -1,4 +1,5 @@
-/* Writes what a file shows at an error as OBJ to stdout, a mesh with the ground that it stands on: extract FILE_OR_ADDRESS TOLERANCE
+/* Writes what a file shows at an error as OBJ to stdout, a mesh with the ground that it stands on: extract FILE_OR_ADDRESS TOLERANCE [NAME]
+ * With the name or id of an object it writes everything but that one.
  *
  *     cargo build --release -p lodpack-c
  *     cc -I reader/c/include reader/c/examples/extract.c -L target/release -llodpack_c -Wl,-rpath,target/release -o extract
@@ -64,8 +65,8 @@ static size_t write_heights(const lodpack_file *file, double tolerance, const lo
 }
 
 int main(int argc, char **argv) {
-    if (argc != 3) {
-        fprintf(stderr, "usage: extract FILE_OR_ADDRESS TOLERANCE\n");
+    if (argc != 3 && argc != 4) {
+        fprintf(stderr, "usage: extract FILE_OR_ADDRESS TOLERANCE [NAME]\n");
         return 2;
     }
     double tolerance = atof(argv[2]);
@@ -81,10 +82,19 @@ int main(int argc, char **argv) {
 
     lodpack_query query = lodpack_query_default();
     query.tolerance = tolerance;
+    lodpack_object_filter *hidden = NULL;
+    if (argc == 4) {
+        uint32_t numbers[64];
+        size_t count;
+        check(lodpack_find_objects(file, argv[3], numbers, 64, &count));
+        check(lodpack_hide_objects(file, numbers, count < 64 ? count : 64, &hidden));
+        query.objects = hidden;
+    }
     lodpack_cut *cut;
     check(lodpack_select(file, &query, &cut));
     size_t written = write_cut(file, cut, NULL, 0);
     lodpack_free_cut(cut);
+    lodpack_free_filter(hidden);
 
     lodpack_file *ground;
     lodpack_ground_frame frame;

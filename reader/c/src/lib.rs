@@ -6,6 +6,7 @@
 //! | `channels` | what the surface carries besides positions |
 //! | `query` | queries and cuts |
 //! | `heights` | the same of files of heights, and their samples |
+//! | `objects` | what the input named: found, picked, hidden and shown alone |
 //! | `ground` | the heights that a mesh stands on |
 //! | `mesh` | decoding, and copies into the caller's memory |
 //! | `pages` | meshes of which each vertex has a place in an image |
@@ -19,6 +20,7 @@ mod file;
 mod ground;
 mod heights;
 mod mesh;
+mod objects;
 mod pages;
 mod pointer;
 mod query;

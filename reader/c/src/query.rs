@@ -1,10 +1,13 @@
 //! Queries and cuts.
 #![expect(unsafe_code, reason = "the names are C's")]
 
+use std::sync::Arc;
+
 use lodpack::heights::HeightsCut;
 
 use crate::{
     file::File,
+    objects::ObjectFilter,
     pointer::{borrow, give, release, write},
     status::{Failure, Status, guard},
 };
@@ -79,6 +82,9 @@ pub struct Query {
     pub max_bytes: u64,
     /// A lodpack_outside; by default LODPACK_OUTSIDE_DROP.
     pub outside: i32,
+    /// Which objects are drawn: a filter of lodpack_hide_objects() or lodpack_show_only(), or null, by default, for
+    /// all. Budgets then count whole roots.
+    pub objects: *const ObjectFilter,
 }
 
 /// What is known of a cut before anything is decoded.
@@ -133,6 +139,7 @@ pub extern "C" fn lodpack_query_default() -> Query {
         max_nodes: u64::MAX,
         max_bytes: u64::MAX,
         outside: Outside::Drop as i32,
+        objects: std::ptr::null(),
     }
 }
 
@@ -178,6 +185,10 @@ pub fn checked(query: &Query) -> Result<lodpack::Query, Failure> {
         max_triangles: budget(query.max_triangles),
         max_nodes: budget(query.max_nodes),
         max_bytes: budget(query.max_bytes),
+        objects: match query.objects.is_null() {
+            true => None,
+            false => Some(Arc::clone(&borrow(query.objects, "query->objects")?.0)),
+        },
     })
 }
 

@@ -204,6 +204,22 @@ fn the_example_of_the_readme_draws_a_file() {
 }
 
 #[test]
+fn objects_are_found_hidden_shown_alone_and_picked_without_a_leak() {
+    if !is_there("cc") {
+        return;
+    }
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let program = compile("objects.c", false, dir.path());
+    let files =
+        ["objects", "object_by_hand", "torus", "heights/cell"].map(|name| vectors().join(format!("{name}.lodpack")));
+    let said = succeeds(Command::new(&program).args(&files));
+    assert!(number(&said, "nodes") > 20 && number(&said, "picks") > 5, "{said}");
+    if is_there("valgrind") {
+        succeeds(Command::new("valgrind").args(VALGRIND).arg(&program).args(&files[1..]));
+    }
+}
+
+#[test]
 fn queries_are_answered_as_in_every_other_language() {
     if !is_there("cc") {
         return;

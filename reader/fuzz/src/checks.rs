@@ -190,10 +190,10 @@ pub fn tree(bytes: &[u8]) {
     if let Ok(mesh) = file.extract(&cut) {
         check_indices(&mesh);
     }
-    let query = queries(&file, bytes)[seed as usize % 3];
+    let query = queries(&file, bytes)[seed as usize % 3].clone();
     let Ok(hierarchy) = file.hierarchy_for(&query) else { return };
     let Ok(mut adapter) = Adapter::new(hierarchy, &query, Coherence::default()) else { return };
-    let finer = Query { tolerance: query.tolerance.map(|tolerance| tolerance * 0.5), ..query };
+    let finer = Query { tolerance: query.tolerance.map(|tolerance| tolerance * 0.5), ..query.clone() };
     for query in [query, finer] {
         if adapter.update(&query).is_ok() {
             check_cut(&adapter.cut(), &query);

@@ -1,6 +1,10 @@
 //! What the input named: objects and assemblies of an open file.
 
-use crate::{error::exception, reader::run, source::Source};
+use crate::{
+    error::exception,
+    reader::{Point, run},
+    source::Source,
+};
 use lodpack::{Error, File, FileObjects, source::Counting};
 use pyo3::{PyResult, Python, pyclass, pymethods};
 use std::sync::Arc;
@@ -60,6 +64,11 @@ impl NativeObjects {
 
     fn above(&self, py: Python<'_>, number: u32) -> PyResult<Vec<u32>> {
         self.ask(py, move |objects| objects.above(number))
+    }
+
+    fn bounds(&self, py: Python<'_>, numbers: Vec<u32>) -> PyResult<Option<(Point, Point)>> {
+        let bounds = self.ask(py, move |objects| objects.bounds(&numbers))?;
+        Ok(bounds.map(|[low, high]| (low.into(), high.into())))
     }
 
     fn leaves(&self, py: Python<'_>, number: u32) -> PyResult<Vec<u32>> {

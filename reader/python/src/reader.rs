@@ -13,6 +13,7 @@ use crate::{
 use lodpack::{
     Cut, Error, File, Ground, Limits, Mesh, Opened, Opener, Outside, Query, ReadAt,
     index::Ray,
+    objects::ObjectChoice,
     source::{Counting, Within},
 };
 use pyo3::{
@@ -269,7 +270,7 @@ impl Reader {
     }
 
     /// Finds the cut for a query.
-    #[pyo3(signature = (*, tolerance=None, bbox=None, context=false, max_triangles=None, max_nodes=None, max_bytes=None))]
+    #[pyo3(signature = (*, tolerance=None, bbox=None, context=false, max_triangles=None, max_nodes=None, max_bytes=None, hide=None, only=None))]
     #[expect(clippy::too_many_arguments, reason = "all are named in Python")]
     fn select(
         &self,
@@ -280,8 +281,10 @@ impl Reader {
         max_triangles: Option<u64>,
         max_nodes: Option<u64>,
         max_bytes: Option<u64>,
+        hide: Option<Vec<u32>>,
+        only: Option<Vec<u32>>,
     ) -> PyResult<NativeCut> {
-        let query = Query {
+        let mut query = Query {
             volume: bbox.map(Into::into),
             outside: if context { Outside::Coarsest } else { Outside::Drop },
             tolerance,
@@ -290,7 +293,12 @@ impl Reader {
             max_bytes,
             ..Query::default()
         };
-        Ok(NativeCut(Arc::new(self.ask(py, self.is_slow, move |file| file.select(&query))?)))
+        let choice = choice(hide, only);
+        let select = move |file: &File<Counting<Source>>| {
+            query.objects = choice.map(|choice| file.filter_objects(&choice)).transpose()?;
+            file.select(&query)
+        };
+        Ok(NativeCut(Arc::new(self.ask(py, self.is_slow, select)?)))
     }
 
     /// Positions, triangles, and for each triangle the number of its node.
@@ -328,8 +336,21 @@ impl Reader {
     }
 
     /// What a ray meets first: object, point, distance, error and root.
-    fn pick(&self, py: Python<'_>, origin: [f64; 3], direction: [f64; 3]) -> PyResult<Option<Picked>> {
-        let found = self.ask(py, self.is_slow, move |file| file.pick(Ray { origin, direction }))?;
+    #[pyo3(signature = (origin, direction, hide=None, only=None))]
+    fn pick(
+        &self,
+        py: Python<'_>,
+        origin: [f64; 3],
+        direction: [f64; 3],
+        hide: Option<Vec<u32>>,
+        only: Option<Vec<u32>>,
+    ) -> PyResult<Option<Picked>> {
+        let choice = choice(hide, only);
+        let pick = move |file: &File<Counting<Source>>| {
+            let filter = choice.map(|choice| file.filter_objects(&choice)).transpose()?;
+            file.pick_shown(Ray { origin, direction }, filter.as_deref())
+        };
+        let found = self.ask(py, self.is_slow, pick)?;
         Ok(found.map(|pick| (pick.object, pick.point.into(), pick.distance, pick.error, pick.root)))
     }
 
@@ -347,6 +368,13 @@ impl Reader {
             (overview.error, positions, triangles, nodes)
         }))
     }
+}
+
+/// What is drawn of objects, if somebody said.
+fn choice(hide: Option<Vec<u32>>, only: Option<Vec<u32>>) -> Option<ObjectChoice> {
+    let hidden = hide.unwrap_or_default();
+    let choice = ObjectChoice { only, hidden, ..ObjectChoice::default() };
+    (!choice.is_everything()).then_some(choice)
 }
 
 pub fn arrays(mesh: Mesh) -> (Array, Array, Array) {

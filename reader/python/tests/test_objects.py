@@ -11,6 +11,12 @@ from .served import SMALL, VECTORS
 BOXES = VECTORS / "objects.lodpack"
 
 
+def triangles(mesh):
+    """The corners of each triangle, from the least one on, ascending."""
+    corners = [[tuple(point) for point in triangle] for triangle in mesh.positions[mesh.triangles].tolist()]
+    return sorted(min(tuple(of[first:] + of[:first]) for first in range(3)) for of in corners)
+
+
 class Objects(unittest.TestCase):
     def setUp(self):
         self.file = lodpack.open(BOXES)
@@ -44,6 +50,46 @@ class Objects(unittest.TestCase):
                 self.objects[wrong]
         with self.assertRaises(lodpack.Error):
             self.objects.find(7)
+
+    def test_what_is_hidden_and_what_is_shown_alone_are_the_whole(self):
+        whole = set(triangles(self.file.extract()))
+        for some in ([3], [0, 7, self.objects.node_count - 1], range(0, 60, 2), []):
+            rest = triangles(self.file.extract(hide=some))
+            own = triangles(self.file.extract(only=some))
+            self.assertEqual((set(rest) | set(own), len(rest) + len(own)), (whole, len(whole)))
+            self.assertEqual(bool(own), bool(list(some)))
+        coarse = self.file.extract(tolerance=1e9, hide=[3])
+        self.assertLess(len(coarse.triangles), len(whole))
+        named = next(node.name for node in map(self.objects.__getitem__, range(60)) if node.name)
+        numbers = self.objects.find(named)
+        self.assertEqual(triangles(self.file.extract(only=named)), triangles(self.file.extract(only=numbers)))
+        low, high = self.objects.bounds(named)
+        positions = self.file.extract(only=named).positions
+        self.assertTrue((positions >= low).all() and (positions <= high).all())
+        self.assertIsNone(self.objects.bounds([]))
+        with self.assertRaises(lodpack.QueryError):
+            self.file.extract(hide="no such name")
+        with self.assertRaises(IndexError):
+            self.file.extract(hide=[self.objects.node_count])
+        with self.assertRaises(lodpack.QueryError):
+            lodpack.open(SMALL).extract(hide=[0])
+
+    def test_a_ray_passes_what_is_hidden(self):
+        hits = 0
+        for number in range(0, 60, 7):
+            low, high = map(np.array, self.objects.bounds(number))
+            origin = high + 1000
+            direction = (low + high) / 2 - origin
+            pick = self.file.pick(origin, direction, only=number)
+            if pick is None:
+                continue
+            hits += 1
+            self.assertEqual(pick.object, number)
+            first = self.file.pick(origin, direction)
+            self.assertLessEqual(first.distance, pick.distance)
+            past = self.file.pick(origin, direction, hide=first.object)
+            self.assertTrue(past is None or past.object != first.object)
+        self.assertGreater(hits, 3)
 
     def test_a_ray_meets_what_the_mesh_has_there(self):
         mesh = self.file.extract()

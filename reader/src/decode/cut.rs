@@ -14,6 +14,7 @@ use crate::{
         Index,
         needs::{self, Wanted},
     },
+    objects::ObjectState,
     select::{Cut, Node},
     source::Fetched,
 };
@@ -65,6 +66,8 @@ pub(super) fn joined(
     mut visit: Option<&mut Visit<'_>>,
 ) -> Result<(Mesh, Vec<u32>)> {
     index.id().check_cut(cut.file)?;
+    let filter = cut.objects.as_deref();
+    filter.map_or(Ok(()), |filter| index.id().check_filter(filter.file))?;
     let border_level = border_level.min(index.level_count().saturating_sub(1) as u8);
     let mut drawn = Drawn::new(index, &cut.nodes, border_level)?;
     let mut decoding = Decoding::new(index, fetched, &drawn.wanted)?;
@@ -72,7 +75,7 @@ pub(super) fn joined(
         drawn.corner_levels = decoding.corner_levels(&drawn.wanted, border_level)?;
     }
     let mut stitcher = Stitcher::new(index.lattice(), decoding.triangle_estimate()?);
-    if visit.is_some() {
+    if visit.is_some() || filter.is_some() {
         stitcher = stitcher.with_origins();
     }
     // Clusters ascend, and so do their roots.
@@ -91,10 +94,21 @@ pub(super) fn joined(
                 let node = Node { root: wanted.root, level: wanted.level };
                 visit(node, &patch, border.chain(patch.interior.iter().copied()).collect())?;
             }
+            let (location, before) =
+                (|| format!("root {}, level {}", wanted.root, wanted.level), stitcher.triangle_count());
             stitcher
                 .add_root(node, entry, wanted.level, &patch, &drawn, decoded)
-                .map_err(|error| error.at(|| format!("root {}, level {}", wanted.root, wanted.level)))?;
+                .map_err(|error| error.at(location))?;
+            if let Some(filter) = filter {
+                let states = filter.states(wanted.root, wanted.level, &patch.triangles);
+                let states = states.map_err(|error| error.at(location))?;
+                stitcher.retain(before, |triangle| states.of(triangle) != ObjectState::Hidden);
+            }
         }
+    }
+    if let Some(filter) = filter {
+        filter.is_there();
+        stitcher.drop_unused();
     }
     let origins = stitcher.take_origins();
     Ok((stitcher.finish(), origins))

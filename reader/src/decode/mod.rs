@@ -33,12 +33,12 @@ pub use arc_contents::{ArcContents, ArcPoint, Borders, borders};
 pub use border::{BorderKey, BorderVertex};
 pub use cut::{RootPatch, decode_root, extract, extract_with_borders, own_bytes};
 pub use drawing::{AlphaMode, DEFAULT_CUTOFF, Drawing, coverages};
-pub use objects::{extract_objects, extract_objects_with_borders};
+pub use objects::{extract_objects, extract_objects_with_borders, object_bounds};
 pub use overview::{Overview, overview};
 pub use pages::PagedMesh;
 #[cfg(test)]
 pub(crate) use pick::meets;
-pub use pick::{Pick, pick};
+pub use pick::{Pick, pick, pick_shown};
 pub use stitch::Mesh;
 pub use textured::{
     ChannelImage, Texture, TexturedMesh, extract_textured, extract_textured_scaled, extract_textured_with_borders,

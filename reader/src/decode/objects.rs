@@ -1,12 +1,15 @@
 //! The triangles of a cut with the objects that they belong to.
 
+use std::sync::Arc;
+
 use super::{Mesh, cut::joined};
 use crate::{
     codec::patch::Patch,
     error::{Error, Result},
     index::Index,
     islands::islands,
-    select::{Cut, Node},
+    objects::ObjectChoice,
+    select::{Cut, Node, Query, select_cut},
     source::Fetched,
 };
 
@@ -71,4 +74,50 @@ fn owned(index: &Index, cut: &Cut, border_level: u8, fetched: &Fetched) -> Resul
     };
     let objects = mesh.triangle_nodes.iter().zip(&origins).map(object).collect();
     Ok((mesh, objects))
+}
+
+/// A world box around some objects and assemblies with everything below them; None if there are none. Of roots that
+/// show nothing else it is the index's box, which is around the input, too; of leaves with other objects besides that
+/// of their triangles at the finest level, and as much larger as the leaf's error.
+///
+/// # Errors
+/// As [`super::extract`] and [`crate::index::Objects::filter`]; [`Error::Query`] if the file has no objects.
+pub fn object_bounds(index: &Index, nodes: &[u32], fetched: &Fetched) -> Result<Option<[[f64; 3]; 2]>> {
+    let what = || Error::Query { what: "this file has no objects; build it with --objects keep".into() };
+    let filter = index.objects().ok_or_else(what)?.filter(&ObjectChoice::only(nodes), fetched)?;
+    let query = Query { tolerance: Some(f64::MAX), objects: Some(Arc::clone(&filter)), ..Query::default() };
+    let coarsest = select_cut(index, &query)?;
+    let (alone, shared): (Vec<Node>, Vec<Node>) =
+        coarsest.nodes.iter().partition(|node| filter.state(node.root).is_some());
+    let mut around: Option<[[f64; 3]; 2]> = None;
+    let mut add = |[from, to]: [[f64; 3]; 2]| {
+        let [low, high] = around.unwrap_or([from, to]);
+        around = Some([[0, 1, 2].map(|k| low[k].min(from[k])), [0, 1, 2].map(|k| high[k].max(to[k]))]);
+    };
+    for node in alone {
+        add(index.root_bounds(node.root)?);
+    }
+    let mut errors = Vec::with_capacity(shared.len());
+    let mut finest = vec![];
+    for node in shared {
+        let blocks = index.root_contents(node.root)?.blocks;
+        let block = blocks.last().ok_or_else(|| Error::format("a root has no block"))?;
+        errors.push(block.error + block.border_deviation);
+        finest.push(Node { level: block.level, ..node });
+    }
+    let cut = Cut { nodes: finest, objects: Some(filter), ..Cut::default() };
+    let mesh = super::extract(index, &cut, fetched)?;
+    let mut is_there = vec![false; cut.nodes.len()];
+    for (corners, &node) in mesh.triangles.iter().zip(&mesh.triangle_nodes) {
+        is_there[node as usize] = true;
+        for &corner in corners {
+            let (at, error) = (mesh.positions[corner as usize], errors[node as usize]);
+            add([at.map(|x| x - error), at.map(|x| x + error)]);
+        }
+    }
+    // An object may be so small that nothing of it is left.
+    for (node, _) in cut.nodes.iter().zip(is_there).filter(|(_, is_there)| !is_there) {
+        add(index.root_bounds(node.root)?);
+    }
+    Ok(around)
 }

@@ -6,6 +6,7 @@ use crate::{
     error::{Error, Result},
     index::{Index, Ray},
     islands::islands,
+    objects::{ObjectFilter, ObjectState},
     select::{Cut, Node},
     source::{Fetched, requests::plan},
 };
@@ -34,8 +35,18 @@ pub struct Pick {
 /// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if the ray has no direction;
 /// [`Error::Format`], [`Error::Limit`].
 pub fn pick(index: &Index, ray: Ray, fetched: &Fetched) -> Result<Option<Pick>> {
+    pick_shown(index, ray, None, fetched)
+}
+
+/// As [`pick`], past the objects that a filter hides.
+///
+/// # Errors
+/// As [`pick`]; [`Error::Query`] if the filter is one of another file.
+pub fn pick_shown(index: &Index, ray: Ray, filter: Option<&ObjectFilter>, fetched: &Fetched) -> Result<Option<Pick>> {
+    filter.map_or(Ok(()), |filter| index.id().check_filter(filter.file))?;
     let ray = ray.unit()?;
-    let leaves = index.leaves_along(&ray)?;
+    let leaves =
+        index.leaves_along(&ray, |root| filter.is_none_or(|filter| filter.state(root) != Some(ObjectState::Hidden)))?;
     let mut best: Option<(Pick, u32)> = None;
     let mut rest = &leaves[..];
     while let Some((&(enters, root), others)) = rest.split_first() {
@@ -43,10 +54,10 @@ pub fn pick(index: &Index, ray: Ray, fetched: &Fetched) -> Result<Option<Pick>> 
         if reached < enters {
             break;
         }
-        let leaf = match Leaf::new(index, root, fetched) {
+        let leaf = match Leaf::new(index, root, filter, fetched) {
             Err(Error::Missing { mut ranges }) => {
                 for &(_, root) in others.iter().take(AT_ONCE - 1).take_while(|leaf| leaf.0 <= reached) {
-                    match Leaf::new(index, root, fetched) {
+                    match Leaf::new(index, root, filter, fetched) {
                         Err(Error::Missing { ranges: more }) => ranges.extend(more),
                         Err(error) => return Err(error),
                         Ok(_) => {}
@@ -86,15 +97,25 @@ struct Leaf {
 }
 
 impl Leaf {
-    fn new(index: &Index, root: u32, fetched: &Fetched) -> Result<Self> {
+    fn new(index: &Index, root: u32, filter: Option<&ObjectFilter>, fetched: &Fetched) -> Result<Self> {
         let level = finest_level(index, root)?;
         let cut = Cut { nodes: vec![Node { root, level }], ..Cut::default() };
         let mut of_patch = vec![];
+        let states = filter.and_then(|filter| filter.islands(root, level));
         let mut visit = |_, patch: &Patch, _| {
             of_patch = islands(&patch.triangles).0;
             Ok(())
         };
-        let (mesh, origins) = joined(index, &cut, u8::MAX, fetched, Some(&mut visit))?;
+        let (mut mesh, mut origins) = joined(index, &cut, u8::MAX, fetched, Some(&mut visit))?;
+        if let Some(states) = states {
+            let is_shown = |origin: &u32| {
+                let island = of_patch.get(*origin as usize).copied().unwrap_or(0);
+                states.get(island as usize) != Some(&ObjectState::Hidden)
+            };
+            let mut of_triangles = origins.iter();
+            mesh.triangles.retain(|_| of_triangles.next().is_none_or(is_shown));
+            origins.retain(is_shown);
+        }
         let block = index.root_contents(root)?.blocks.last().copied();
         let error = block.map_or(0.0, |block| match block.border_deviation {
             0.0 => block.error,

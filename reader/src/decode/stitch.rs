@@ -89,6 +89,43 @@ impl Stitcher {
         self.mesh
     }
 
+    /// How many triangles there are so far.
+    pub fn triangle_count(&self) -> usize {
+        self.mesh.triangles.len()
+    }
+
+    /// Takes out those triangles of the last roots, from one on, that lie in some of their patches. Needs what
+    /// [`Self::with_origins`] remembers.
+    pub fn retain(&mut self, from: usize, keeps: impl Fn(u32) -> bool) {
+        let Some(origins) = &mut self.origins else { return };
+        let mut end = from;
+        for at in from..origins.len().min(self.mesh.triangles.len()) {
+            if keeps(origins[at]) {
+                (origins[end], self.mesh.triangles[end]) = (origins[at], self.mesh.triangles[at]);
+                self.mesh.triangle_nodes[end] = self.mesh.triangle_nodes[at];
+                end += 1;
+            }
+        }
+        origins.truncate(end);
+        self.mesh.triangles.truncate(end);
+        self.mesh.triangle_nodes.truncate(end);
+    }
+
+    /// Takes out vertices that no triangle has.
+    pub fn drop_unused(&mut self) {
+        const UNUSED: u32 = u32::MAX;
+        let mut numbers = vec![UNUSED; self.mesh.positions.len()];
+        self.mesh.triangles.iter().flatten().for_each(|&vertex| numbers[vertex as usize] = 0);
+        let mut next = 0;
+        for (vertex, number) in numbers.iter_mut().enumerate().filter(|(_, number)| **number != UNUSED) {
+            self.mesh.positions[next as usize] = self.mesh.positions[vertex];
+            *number = next;
+            next += 1;
+        }
+        self.mesh.positions.truncate(next as usize);
+        self.mesh.triangles.iter_mut().flatten().for_each(|vertex| *vertex = numbers[*vertex as usize]);
+    }
+
     /// Takes what [`Self::with_origins`] remembers.
     pub fn take_origins(&mut self) -> Vec<u32> {
         self.origins.take().unwrap_or_default()

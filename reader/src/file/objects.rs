@@ -1,11 +1,13 @@
 //! The objects of an open file, which reads what an answer needs.
 
+use std::sync::Arc;
+
 use super::File;
 use crate::{
     decode::{self, Mesh, Pick},
-    error::Result,
+    error::{Error, Result},
     index::{Objects, Ray},
-    objects::ObjectNode,
+    objects::{ObjectChoice, ObjectFilter, ObjectNode},
     select::Cut,
     source::{Fetched, ReadAt},
 };
@@ -45,6 +47,40 @@ impl<S: ReadAt> File<S> {
     /// As [`decode::pick`]; [`crate::Error::Io`].
     pub fn pick(&self, ray: Ray) -> Result<Option<Pick>> {
         self.ask(|index, fetched| decode::pick(index, ray, fetched))
+    }
+
+    /// As [`File::pick`], past the objects that a filter hides.
+    ///
+    /// # Errors
+    /// As [`decode::pick_shown`]; [`crate::Error::Io`].
+    pub fn pick_shown(&self, ray: Ray, filter: Option<&ObjectFilter>) -> Result<Option<Pick>> {
+        self.ask(|index, fetched| decode::pick_shown(index, ray, filter, fetched))
+    }
+
+    /// What a choice of objects says of this file's roots, for [`crate::Query::objects`]: it is found once, and queries
+    /// and extractions read no more of the objects.
+    ///
+    /// # Errors
+    /// As [`Objects::filter`]; [`crate::Error::Io`]; [`Error::Query`] if the file has no objects.
+    pub fn filter_objects(&self, choice: &ObjectChoice) -> Result<Arc<ObjectFilter>> {
+        let what = || Error::Query { what: "this file has no objects; build it with --objects keep".into() };
+        self.objects().ok_or_else(what)?.ask(|objects, fetched| objects.filter(choice, fetched))
+    }
+
+    /// A filter that hides some objects and assemblies, with everything below them.
+    ///
+    /// # Errors
+    /// As [`File::filter_objects`].
+    pub fn hide(&self, nodes: &[u32]) -> Result<Arc<ObjectFilter>> {
+        self.filter_objects(&ObjectChoice::hide(nodes))
+    }
+
+    /// A filter that shows nothing but some objects and assemblies, with everything below them.
+    ///
+    /// # Errors
+    /// As [`File::filter_objects`].
+    pub fn only(&self, nodes: &[u32]) -> Result<Arc<ObjectFilter>> {
+        self.filter_objects(&ObjectChoice::only(nodes))
     }
 }
 
@@ -93,6 +129,38 @@ impl<S: ReadAt> FileObjects<'_, S> {
     /// As [`Self::node`].
     pub fn children(&self, parent: Option<u32>) -> Result<Vec<u32>> {
         self.ask(|objects, fetched| objects.children(parent, fetched))
+    }
+
+    /// The pages of nodes in which children of an object or assembly are.
+    ///
+    /// # Errors
+    /// As [`Self::node`].
+    pub fn child_pages(&self, parent: Option<u32>) -> Result<Vec<u32>> {
+        self.ask(|objects, fetched| objects.child_pages(parent, fetched))
+    }
+
+    /// The children of an object or assembly in a page of nodes, ascending.
+    ///
+    /// # Errors
+    /// As [`Self::node`].
+    pub fn children_in(&self, parent: Option<u32>, page: u32) -> Result<Vec<u32>> {
+        self.ask(|objects, fetched| objects.children_in(parent, page, fetched))
+    }
+
+    /// The objects among some nodes and everything below these, ascending.
+    ///
+    /// # Errors
+    /// As [`Self::node`].
+    pub fn below(&self, nodes: &[u32]) -> Result<Vec<u32>> {
+        self.ask(|objects, fetched| objects.below(nodes, fetched))
+    }
+
+    /// A world box around some objects and assemblies with everything below them; None if the file has nothing of them.
+    ///
+    /// # Errors
+    /// As [`decode::object_bounds`]; [`crate::Error::Io`].
+    pub fn bounds(&self, nodes: &[u32]) -> Result<Option<[[f64; 3]; 2]>> {
+        self.file.ask(|index, fetched| decode::object_bounds(index, nodes, fetched))
     }
 
     /// What an object or assembly is a part of: its parent, that one's parent, and so on.

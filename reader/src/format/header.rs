@@ -164,6 +164,17 @@ impl FileId {
             _ => Ok(()),
         }
     }
+
+    /// Refuses a filter of objects that was made for another file.
+    ///
+    /// # Errors
+    /// [`Error::Query`].
+    pub(crate) fn check_filter(self, file: FileId) -> Result<()> {
+        match file == self {
+            true => Ok(()),
+            false => Err(Error::Query { what: "this filter of objects is one of another file".into() }),
+        }
+    }
 }
 
 /// Header and directory.

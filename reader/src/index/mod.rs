@@ -5,6 +5,7 @@
 //! ranges. So the same code serves blocking and asynchronous readers.
 
 mod contents;
+mod filter;
 pub(crate) mod lists;
 pub(crate) mod needs;
 pub(crate) mod objects;

@@ -43,6 +43,10 @@ impl<'i> Objects<'i> {
         self.open
     }
 
+    pub(crate) fn index(&self) -> &'i Index {
+        self.index
+    }
+
     fn check(&self, number: u32, count: u32, what: &str) -> Result<()> {
         if number < count {
             return Ok(());
@@ -82,6 +86,25 @@ impl<'i> Objects<'i> {
     pub fn children(&self, parent: Option<u32>, fetched: &Fetched) -> Result<Vec<u32>> {
         parent.map_or(Ok(()), |parent| self.check(parent, self.node_count(), "object or assembly"))?;
         self.open.children(parent, fetched)
+    }
+
+    /// The pages of 1024 nodes in which children of an object or assembly are, ascending: who shows a tree need not
+    /// read all at once ([`Self::children_in`]).
+    ///
+    /// # Errors
+    /// As [`Self::node`].
+    pub fn child_pages(&self, parent: Option<u32>, fetched: &Fetched) -> Result<Vec<u32>> {
+        parent.map_or(Ok(()), |parent| self.check(parent, self.node_count(), "object or assembly"))?;
+        self.open.child_pages(parent, fetched)
+    }
+
+    /// The children of an object or assembly in a page of nodes, ascending.
+    ///
+    /// # Errors
+    /// As [`Self::node`].
+    pub fn children_in(&self, parent: Option<u32>, page: u32, fetched: &Fetched) -> Result<Vec<u32>> {
+        self.check(page, self.node_count().div_ceil(1024), "page of nodes")?;
+        self.open.children_in(parent, page, fetched)
     }
 
     /// What an object or assembly is a part of: its parent, that one's parent, and so on.

@@ -49,14 +49,18 @@ impl Ray {
 }
 
 impl Index {
-    /// The leaves whose boxes a ray meets, with the distance where it enters them, the nearest first.
+    /// The leaves whose boxes a ray meets, with the distance where it enters them, the nearest first. Roots that do not
+    /// take part are left out with all below them.
     ///
     /// # Errors
     /// [`Error::Missing`], [`Error::Format`].
-    pub(crate) fn leaves_along(&self, ray: &Ray) -> Result<Vec<(f64, u32)>> {
+    pub(crate) fn leaves_along(&self, ray: &Ray, takes_part: impl Fn(u32) -> bool) -> Result<Vec<(f64, u32)>> {
         let (mut found, mut missing) = (vec![], vec![]);
         let mut waiting: Vec<u32> = self.tops_along(ray, &mut missing)?;
         while let Some(root) = waiting.pop() {
+            if !takes_part(root) {
+                continue;
+            }
             let look = || {
                 let Some(enters) = ray.enters(self.root_bounds(root)?) else { return Ok(None) };
                 Ok(Some((enters, self.children(root)?)))

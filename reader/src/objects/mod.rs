@@ -10,10 +10,12 @@
 //! - `page`: names, ids and parents of nodes, and `text`: what foresees their letters,
 //! - `pairs`: pages of what is looked for and where it is,
 //! - `bits`: what codes them, in both directions,
+//! - `filter`: what is drawn of objects,
 //! - `open`: what is known of the objects of an open file, and answers; `verify` compares all lists,
 //! - `write`: both sections.
 
 mod bits;
+mod filter;
 mod list;
 mod open;
 mod owners;
@@ -25,6 +27,8 @@ mod verify;
 #[cfg(feature = "write")]
 mod write;
 
+pub(crate) use filter::has_filters;
+pub use filter::{ObjectChoice, ObjectFilter, ObjectState};
 pub(crate) use open::OpenObjects;
 pub(crate) use owners::{LeafOwners, LeafShape};
 #[cfg(feature = "write")]

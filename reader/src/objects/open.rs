@@ -294,8 +294,18 @@ impl OpenObjects {
 
     /// The children of a node, or the nodes without a parent.
     pub fn children(&self, parent: Option<u32>, fetched: &Fetched) -> Result<Vec<u32>> {
-        let pages = self.places(ListKind::Children, parent.map_or(0, |parent| parent + 1), fetched)?;
+        let pages = self.child_pages(parent, fetched)?;
         self.in_pages(pages, fetched, |node| node.parent == parent)
+    }
+
+    /// The pages of nodes in which a node has children, ascending; without a node, those with nodes without a parent.
+    pub fn child_pages(&self, parent: Option<u32>, fetched: &Fetched) -> Result<Vec<u32>> {
+        self.places(ListKind::Children, parent.map_or(0, |parent| parent + 1), fetched)
+    }
+
+    /// The children of a node in a page.
+    pub fn children_in(&self, parent: Option<u32>, page: u32, fetched: &Fetched) -> Result<Vec<u32>> {
+        self.in_pages(vec![page], fetched, |node| node.parent == parent)
     }
 
     /// The nodes above a node, its parent first.

@@ -67,6 +67,8 @@ pub struct AdaptReport {
 /// [`AdaptReport::exceeded`] names it.
 #[derive(Clone, Debug)]
 pub struct Adapter {
+    /// What is chosen from where a query wants other objects.
+    whole: Arc<Hierarchy>,
     adaptation: Adaptation,
     coherence: Coherence,
     query: Query,
@@ -87,19 +89,26 @@ impl Adapter {
     /// # Errors
     /// As for [`Adapter::update`].
     pub fn new(hierarchy: Arc<Hierarchy>, query: &Query, coherence: Coherence) -> Result<Self> {
-        let shown = vec![ABSENT; hierarchy.node_count() as usize];
         let adaptation = start(&hierarchy, query, coherence)?;
-        Ok(Self { adaptation, coherence, query: *query, shown, rest: 0, is_fresh: true })
+        let shown = vec![ABSENT; adaptation.front.hierarchy.node_count() as usize];
+        Ok(Self { whole: hierarchy, adaptation, coherence, query: query.clone(), shown, rest: 0, is_fresh: true })
     }
 
     /// Adapts the cut to a query.
     ///
     /// # Errors
-    /// [`crate::Error::Query`] if something in the query is not a number or makes no sense; the cut stays as it is.
+    /// [`crate::Error::Query`] if something in the query is not a number or makes no sense, or its objects are not
+    /// those that the hierarchy was made for ([`Hierarchy::for_query`]); the cut stays as it is.
     pub fn update(&mut self, query: &Query) -> Result<AdaptReport> {
         let scope = query.scope()?;
         let goal = query.goal(self.coherence.hysteresis);
         let before = self.adaptation.front.evaluation_count();
+        if let Some(filter) = query.objects.as_ref().or(self.query.objects.as_ref()) {
+            filter.is_there();
+            if query.objects != self.query.objects {
+                return self.show_others(query);
+            }
+        }
         let is_new = query.has_budget() != self.query.has_budget()
             || query.outside != self.query.outside
             || query.volume != self.query.volume
@@ -107,7 +116,7 @@ impl Adapter {
         if is_new {
             let hierarchy = Arc::clone(&self.adaptation.front.hierarchy);
             self.adaptation = start(&hierarchy, query, self.coherence)?;
-            (self.query, self.is_fresh) = (*query, false);
+            (self.query, self.is_fresh) = (query.clone(), false);
             let everything = 0..hierarchy.node_count();
             let evaluation_count = self.adaptation.front.evaluation_count();
             return Ok(self.report(everything.collect(), evaluation_count));
@@ -130,6 +139,23 @@ impl Adapter {
         nodes.dedup();
         let evaluation_count = self.adaptation.front.evaluation_count() - before;
         Ok(self.report(nodes, evaluation_count))
+    }
+
+    /// Starts from scratch for a query that wants other objects, which have nodes of other numbers.
+    fn show_others(&mut self, query: &Query) -> Result<AdaptReport> {
+        let adaptation = start(&self.whole, query, self.coherence)?;
+        let before = std::mem::replace(&mut self.adaptation, adaptation).front.hierarchy;
+        let hierarchy = Arc::clone(&self.adaptation.front.hierarchy);
+        let shown = std::mem::replace(&mut self.shown, vec![ABSENT; hierarchy.node_count() as usize]);
+        (self.query, self.is_fresh, self.rest) = (query.clone(), false, 0);
+        let was_drawn = (0..).zip(shown).filter(|&(_, level)| level != ABSENT);
+        let mut gone: BTreeMap<u32, u8> = was_drawn.map(|(node, level)| (before.id(node), level)).collect();
+        let evaluation_count = self.adaptation.front.evaluation_count();
+        let mut report = self.report((0..hierarchy.node_count()).collect(), evaluation_count);
+        report.changes.retain(|change| gone.remove(&change.root) != change.level);
+        report.changes.extend(gone.into_keys().map(|root| Change { root, level: None }));
+        report.changes.sort_unstable_by_key(|change| change.root);
+        Ok(report)
     }
 
     fn adapt(&mut self) {
@@ -159,7 +185,7 @@ impl Adapter {
         // Without trees no cut has other nodes than this one, so a node budget below these needs no second try.
         let node_count = if hierarchy.has_children() { 0 } else { front.node_count };
         adaptation.goal = Goal { nodes: goal.nodes.max(node_count), ..goal };
-        self.query = *query;
+        self.query = query.clone();
         due
     }
 
@@ -172,7 +198,12 @@ impl Adapter {
         self.query.goal(0.0).exceeded(&self.adaptation.front)
     }
 
-    /// The hierarchy that the cut is chosen from.
+    /// The hierarchy that it was made with.
+    pub(crate) fn whole(&self) -> &Arc<Hierarchy> {
+        &self.whole
+    }
+
+    /// The hierarchy that the cut is chosen from: that of the objects which the last query wanted.
     pub fn hierarchy(&self) -> &Arc<Hierarchy> {
         &self.adaptation.front.hierarchy
     }
@@ -229,8 +260,9 @@ impl Adapter {
 }
 
 fn start(hierarchy: &Arc<Hierarchy>, query: &Query, coherence: Coherence) -> Result<Adaptation> {
-    let weights = Weights::new(hierarchy, query.scope()?, coherence.play.clamp(0.0, 0.9));
-    let front = Front::new(Arc::clone(hierarchy), weights, query.outside == Outside::Coarsest);
+    let hierarchy = hierarchy.showing(query.objects.as_ref())?;
+    let weights = Weights::new(&hierarchy, query.scope()?, coherence.play.clamp(0.0, 0.9));
+    let front = Front::new(hierarchy, weights, query.outside == Outside::Coarsest);
     let goal = query.goal(coherence.hysteresis.clamp(0.0, 0.9));
     let goal = goal.within_reach(&front);
     let mut adaptation;

@@ -13,6 +13,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     format::header::FileId,
+    objects::ObjectFilter,
     select::{
         View,
         view::{Projection, Volume},
@@ -30,7 +31,7 @@ pub enum Outside {
 }
 
 /// What to draw, and how finely. The default asks for everything at the finest level.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Query {
     /// Roots whose boxes meet it are inside. Without a volume all roots are.
     pub volume: Option<Volume>,
@@ -46,6 +47,10 @@ pub struct Query {
     pub max_nodes: Option<u64>,
     /// Budget for the bytes of all pages that the cut's blocks and their coarser levels need.
     pub max_bytes: Option<u64>,
+    /// Which objects are drawn; all of them without a filter ([`crate::File::hide`], [`crate::File::only`],
+    /// [`crate::index::Objects::filter`]). Roots that show nothing else than hidden objects are not drawn, and groups
+    /// that show some of them are split. Budgets count whole roots, so the mesh may have fewer triangles.
+    pub objects: Option<Arc<ObjectFilter>>,
 }
 
 /// A root at a level. (Hierarchies that were not made from a file may have nodes that are no roots.)
@@ -108,6 +113,8 @@ pub struct Cut {
     pub exceeded: Option<Limiter>,
     /// The file that it was selected in: another file refuses it. None for cuts that were put together by hand.
     pub file: Option<FileId>,
+    /// Which objects its mesh has, as the query said. `triangle_count` and `byte_count` are of whole roots then.
+    pub objects: Option<Arc<ObjectFilter>>,
 }
 
 impl Cut {
@@ -180,8 +187,9 @@ pub fn select_in(hierarchy: &Arc<Hierarchy>, query: &Query) -> Result<Cut> {
 }
 
 pub(crate) fn adapt_from_scratch(hierarchy: &Arc<Hierarchy>, query: &Query) -> Result<Adaptation> {
-    let weights = Weights::new(hierarchy, query.scope()?, 0.0);
-    let front = Front::new(Arc::clone(hierarchy), weights, query.outside == Outside::Coarsest);
+    let hierarchy = hierarchy.showing(query.objects.as_ref())?;
+    let weights = Weights::new(&hierarchy, query.scope()?, 0.0);
+    let front = Front::new(hierarchy, weights, query.outside == Outside::Coarsest);
     let goal = query.goal(0.0);
     check_budgets(&goal, &front)?;
     if query.has_budget() {
@@ -218,7 +226,8 @@ impl Front {
     /// The cut as it is, whatever limits it.
     pub(crate) fn cut(&self) -> Cut {
         let (triangle_count, byte_count, file) = (self.triangle_count, self.byte_count, self.hierarchy.file());
-        let mut cut = Cut { triangle_count, byte_count, file, ..Cut::default() };
+        let objects = self.hierarchy.filter().cloned();
+        let mut cut = Cut { triangle_count, byte_count, file, objects, ..Cut::default() };
         let has_view = self.weights.scope().projection.is_some();
         for node in (0..self.hierarchy.node_count()).filter(|&node| self.is_drawn(node)) {
             let resolution = self.resolution(node);

@@ -23,6 +23,7 @@ use crate::{
     },
     index::Index,
     lattice::LatticePoint,
+    objects::ObjectState,
     sorted::SortedMap,
 };
 
@@ -55,14 +56,21 @@ fn walk(index: &Index, query: &Query, above: Above) -> Result<Adaptation> {
     let keeps_all = query.outside == Outside::Coarsest;
     let factor = |bounds: [LatticePoint; 2]| scope.factor(bounds.map(|point| index.lattice().world(point)));
     let meets = |bounds: [LatticePoint; 2]| keeps_all || factor(bounds) > 0.0;
-    look_ahead(index, query, &factor)?;
+    let filter = query.objects.as_ref();
+    filter.map_or(Ok(()), |filter| index.id().check_filter(filter.file))?;
+    // Where most objects are hidden, most of what a query probably needs is not drawn.
+    if filter.is_none_or(|filter| filter.rest != ObjectState::Hidden) {
+        look_ahead(index, query, &factor)?;
+    }
     let contents = Contents { with_bytes: query.max_bytes.is_some() };
-    let mut known = Known::tops(index, &meets)?;
+    let mut known = Known::tops(index, &meets, filter)?;
+    known.split_mixed()?;
     loop {
         if !(query.has_budget() || query.max_nodes.is_some()) {
             split_needed(index, &mut known, above, query, &factor)?;
         }
-        let hierarchy = Arc::new(hierarchy_of(index, &known.roots(), &|root| Ok(known.parent(root)), contents)?);
+        let hierarchy = hierarchy_of(index, &known.roots(), &|root| Ok(known.parent(root)), contents)?;
+        let hierarchy = Arc::new(hierarchy.of_objects(query.objects.clone()));
         let mut adaptation = adapt_from_scratch(&hierarchy, query)?;
         let open = open_roots(index, &known, &adaptation)?;
         if open.is_empty() {
@@ -260,7 +268,8 @@ pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
 
 impl Hierarchy {
     /// The part of a file that a query has to choose from: what [`select_cut`] walks through to the query's cut. A root
-    /// whose children are not in it is drawn itself, however fine a later query wants it. It has the bytes of blocks
+    /// whose children are not in it is drawn itself, however fine a later query wants it. Where the query has objects,
+    /// later queries have to have the same ones. It has the bytes of blocks
     /// only if the query has a byte budget.
     ///
     /// # Errors

@@ -1,11 +1,12 @@
 //! Hierarchies: nodes with several resolutions, the tree above them, and the borders that they share (Niski 2007,
 //! section 3.4). They hold no geometry.
 
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 
 use crate::{
     error::{Error, Result},
     format::{error_code::sum_of_bounds, header::FileId},
+    objects::{ObjectFilter, ObjectState},
 };
 
 /// One way to draw a node.
@@ -99,6 +100,8 @@ pub struct Hierarchy {
     ids: Vec<u32>,
     /// The file that it was made from, if it was made from one.
     file: Option<FileId>,
+    /// The objects that its nodes show; none where they show everything.
+    filter: Option<Arc<ObjectFilter>>,
 }
 
 /// Roots of a bundle: few enough for a tight box, many enough that looking at it saves work.
@@ -208,6 +211,76 @@ impl Hierarchy {
     /// Says which file it was made from.
     pub(crate) fn of_file(self, file: FileId) -> Self {
         Self { file: Some(file), ..self }
+    }
+
+    /// Says that its nodes are those that show these objects.
+    pub(crate) fn of_objects(self, filter: Option<Arc<ObjectFilter>>) -> Self {
+        Self { filter, ..self }
+    }
+
+    /// The objects that its nodes show.
+    pub(crate) fn filter(&self) -> Option<&Arc<ObjectFilter>> {
+        self.filter.as_ref()
+    }
+
+    /// The hierarchy of the nodes that show these objects: nodes with nothing of them are gone, and those below groups
+    /// that show some of them have no parent. A node that cannot be split here, as in the beginning of a file, is gone,
+    /// too.
+    ///
+    /// # Errors
+    /// [`Error::Query`] if the filter is of another file, or the nodes are those of another filter.
+    pub(crate) fn showing(self: &Arc<Self>, filter: Option<&Arc<ObjectFilter>>) -> Result<Arc<Self>> {
+        match (filter, &self.filter) {
+            (None, None) => Ok(Arc::clone(self)),
+            (Some(filter), Some(own)) if filter == own => Ok(Arc::clone(self)),
+            (Some(filter), None) if self.file == Some(filter.file) => Ok(Arc::new(self.filtered(filter))),
+            (Some(_), None) => Err(Error::Query { what: "the filter of objects is one of another file".into() }),
+            _ => Err(Error::Query { what: "the hierarchy was made for other objects than the query's".into() }),
+        }
+    }
+
+    fn filtered(&self, filter: &Arc<ObjectFilter>) -> Self {
+        filter.is_there();
+        let mut this = Self {
+            sample_counts: self.sample_counts.clone(),
+            level_count: self.level_count,
+            page_bytes: self.page_bytes.clone(),
+            file: self.file,
+            filter: Some(Arc::clone(filter)),
+            ..Self::default()
+        };
+        let mut numbers = vec![NONE; self.parents.len()];
+        let mut child_lists: Vec<Vec<u32>> = Vec::new();
+        for node in 0..self.node_count() {
+            let id = self.id(node);
+            if filter.state(id) == Some(ObjectState::Hidden) || filter.splits(id) {
+                continue;
+            }
+            let number = this.parents.len() as u32;
+            numbers[node as usize] = number;
+            child_lists.push(Vec::new());
+            this.ids.push(id);
+            this.bounds.push(self.bounds(node));
+            let parent = self.parent(node).map_or(NONE, |parent| numbers[parent as usize]);
+            this.parents.push(parent);
+            match child_lists.get_mut(parent as usize) {
+                Some(children) => children.push(number),
+                None => this.roots.push(number),
+            }
+            this.grade_starts.push(this.grades.len() as u32);
+            for (resolution, grade) in (0..).zip(self.grades(node)) {
+                this.grades.push(Grade { first_page: this.pages.len() as u32, ..*grade });
+                this.pages.extend(self.pages(node, resolution));
+            }
+            this.borders.push(self.borders(node).iter().copied());
+        }
+        this.bundle_roots();
+        child_lists.into_iter().for_each(|list| this.children.push(list));
+        for border in 0..self.border_count() as u32 {
+            let users = self.users(border).iter().map(|&user| numbers[user as usize]);
+            this.users.push(users.filter(|&user| user != NONE));
+        }
+        this
     }
 
     /// The file that it was made from.

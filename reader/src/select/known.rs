@@ -5,13 +5,14 @@
 //! of those roots alone that it wants finer; of the index it needs these roots' blocks, and the lists on the way to
 //! them.
 
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 
 use crate::{
     error::Result,
     format::{clusters::Entry, index_block::RootEntry},
     index::Index,
     lattice::LatticePoint,
+    objects::{ObjectFilter, ObjectState},
     sorted::SortedMap,
 };
 
@@ -22,6 +23,7 @@ pub(super) type Meets<'k> = dyn Fn([LatticePoint; 2]) -> bool + 'k;
 pub(super) struct Known<'i, 'k> {
     index: &'i Index,
     meets: &'k Meets<'k>,
+    filter: Option<&'k Arc<ObjectFilter>>,
     /// Each root's parent.
     roots: SortedMap<u32, Option<u32>>,
     /// Roots whose children are known, each with the number of children that take part.
@@ -30,8 +32,8 @@ pub(super) struct Known<'i, 'k> {
 
 impl<'i, 'k> Known<'i, 'k> {
     /// The tops.
-    pub fn tops(index: &'i Index, meets: &'k Meets<'k>) -> Result<Self> {
-        let mut known = Self { index, meets, roots: SortedMap::new(), split: SortedMap::new() };
+    pub fn tops(index: &'i Index, meets: &'k Meets<'k>, filter: Option<&'k Arc<ObjectFilter>>) -> Result<Self> {
+        let mut known = Self { index, meets, filter, roots: SortedMap::new(), split: SortedMap::new() };
         let tops = 0..index.top_count();
         for root in known.meeting(std::slice::from_ref(&tops))? {
             known.roots.insert(root, None);
@@ -60,6 +62,28 @@ impl<'i, 'k> Known<'i, 'k> {
     /// takes no part itself: its box is larger than what it stands for.
     pub fn split(&mut self, roots: &[u32]) -> Result<()> {
         self.walk_past(roots, true)
+    }
+
+    /// Puts what is below them in the place of all groups that show objects of several states. What is below other
+    /// groups has one state. Where nothing is below, in the beginning of a file, nothing is drawn.
+    pub fn split_mixed(&mut self) -> Result<()> {
+        let Some(filter) = self.filter else { return Ok(()) };
+        filter.is_there();
+        loop {
+            let mixed: Vec<u32> = self.roots().into_iter().filter(|&root| filter.splits(root)).collect();
+            if mixed.is_empty() {
+                return Ok(());
+            }
+            let mut open = Vec::new();
+            for root in mixed {
+                if self.is_open(root, self.index.root_entry(root)?) {
+                    open.push(root);
+                } else {
+                    self.roots.remove(&root);
+                }
+            }
+            self.replace(&open)?;
+        }
     }
 
     /// Puts the children of some open roots, ascending, in their place.
@@ -112,11 +136,13 @@ impl<'i, 'k> Known<'i, 'k> {
         let mut found = Vec::new();
         for cluster in clusters {
             let roots = (cluster.sums.first_root..).zip(&self.index.cluster_index(cluster.first_cluster)?.roots);
+            let is_shown = |root: u32| self.filter.is_none_or(|filter| filter.state(root) != Some(ObjectState::Hidden));
             let has_level = |entry: &RootEntry| {
                 entry.blocks.first().is_some_and(|block| usize::from(block.level) < self.index.level_count())
             };
             let takes_part = |&(root, entry): &(u32, &RootEntry)| {
-                in_ranges(root, root.saturating_add(1)) && has_level(entry) && (self.meets)(entry.bounds)
+                let takes_part = in_ranges(root, root.saturating_add(1)) && is_shown(root);
+                takes_part && has_level(entry) && (self.meets)(entry.bounds)
             };
             found.extend(roots.filter(takes_part).map(|(root, _)| root));
         }

@@ -159,6 +159,9 @@ impl Content for FileContent {
             let surface = DrawnSurface::new(wanted, entry, (&loops, sides), patch, (&index.lattice(), self.has_light));
             let location = || format!("root {}, level {}", wanted.root, wanted.level);
             let mut surface = surface.map_err(|error| error.at(location))?;
+            if cfg!(feature = "channels") && index.objects().is_some() && entry.child_count == 0 {
+                surface.find_islands();
+            }
             if index.channels().is_empty() {
                 surface.forget_origins();
             }

@@ -9,7 +9,7 @@
 //! half-arcs. It belongs to the strip of the first one. Where a finer root has such a corner as a vertex, the corner is
 //! inserted too.
 
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 
 use super::fans::{End, Fans};
 use crate::{
@@ -18,7 +18,9 @@ use crate::{
     error::{Error, Result},
     format::{index_block::RootEntry, records::HalfArc},
     index::needs::Wanted,
+    islands::islands,
     lattice::{Lattice, LatticePoint},
+    objects::{ObjectFilter, ObjectState},
     sorted::in_order,
 };
 
@@ -54,6 +56,12 @@ pub struct DrawnSurface {
     border: Vec<BorderTriangle>,
     /// In a session with light: what it has of that by itself.
     pub(super) fans: Option<Box<Fans>>,
+    /// Of a leaf with several islands in a file with objects: the island of each triangle, in the order of `origins`.
+    islands: Vec<u32>,
+    /// How each island is drawn, or all triangles; empty where all are drawn as always.
+    states: Vec<ObjectState>,
+    /// The surface with all objects, where some of them are not drawn, or marked.
+    whole: Option<Arc<DrawnSurface>>,
 }
 
 /// One half-arc of a surface.
@@ -122,6 +130,8 @@ pub struct Strip {
     /// In a session with light: for each of its own vertices the surface's vertex where the border edge begins that has
     /// it. They ascend.
     pub(super) edges: Vec<u32>,
+    /// Where objects of the surface are marked: whether each of its own vertices belongs to one.
+    pub marks: Vec<bool>,
 }
 
 impl DrawnSurface {
@@ -155,6 +165,9 @@ impl DrawnSurface {
             raised_corners: Vec::new(),
             border: Vec::new(),
             fans: None,
+            islands: Vec::new(),
+            states: Vec::new(),
+            whole: None,
         };
         for (side, BorderSide { half_arc, vertices, corner, corner_level }) in (0..).zip(sides) {
             if let (BorderKey::Corner(number), 1..) = (corner.key, corner_level) {
@@ -203,6 +216,9 @@ impl DrawnSurface {
             raised_corners,
             border,
             fans: None,
+            islands: Vec::new(),
+            states: Vec::new(),
+            whole: None,
         }
     }
 
@@ -273,6 +289,108 @@ impl DrawnSurface {
     /// Forgets which triangles of the patch these are: only maps need to know.
     pub(crate) fn forget_origins(&mut self) {
         self.origins = Vec::new();
+    }
+
+    /// Finds its islands, for the objects that own them. Needs its origins.
+    pub(crate) fn find_islands(&mut self) {
+        let (labels, count) = islands(&self.patch_triangles());
+        if count > 1 {
+            self.islands = self.origins.iter().map(|&origin| labels[origin as usize]).collect();
+        }
+    }
+
+    /// The surface with all objects.
+    pub(crate) fn whole(self: &Arc<Self>) -> &Arc<Self> {
+        self.whole.as_ref().unwrap_or(self)
+    }
+
+    /// How its objects are drawn: states of islands.
+    pub(crate) fn states(&self) -> &[ObjectState] {
+        &self.states
+    }
+
+    /// The surface as a filter shows it; `before` is what the last frame drew, which may be that already. A group that
+    /// only stands in for what is below it is drawn as it is.
+    pub(crate) fn filtered(self: &Arc<Self>, filter: Option<&ObjectFilter>, before: Option<&Arc<Self>>) -> Arc<Self> {
+        let Some(filter) = filter else { return Arc::clone(self) };
+        let states = match filter.state(self.root) {
+            Some(state) => vec![state],
+            None => filter.islands(self.root, self.level).unwrap_or_default().to_vec(),
+        };
+        if states.iter().all(|&state| state == ObjectState::Shown) {
+            return Arc::clone(self);
+        }
+        let is_it = |before: &&Arc<Self>| {
+            before.states == states && before.whole.as_ref().is_some_and(|whole| Arc::ptr_eq(whole, self))
+        };
+        before.filter(is_it).cloned().unwrap_or_else(|| Arc::new(self.with_states(states)))
+    }
+
+    /// The state of a triangle: of the inner ones, then of those at the border.
+    fn state_of(&self, triangle: usize) -> ObjectState {
+        let state = match &self.states[..] {
+            [all] => Some(all),
+            states => self.islands.get(triangle).and_then(|&island| states.get(island as usize)),
+        };
+        state.copied().unwrap_or_default()
+    }
+
+    /// Takes out the triangles of hidden objects. All vertices stay: neighbours take samples from them.
+    fn with_states(self: &Arc<Self>, states: Vec<ObjectState>) -> Self {
+        let mut this = Self { states, whole: Some(Arc::clone(self)), ..Self::clone(self) };
+        let (inner_count, count) = (this.triangles.len(), this.triangles.len() + this.border.len());
+        let stays: Vec<bool> = (0..count).map(|triangle| this.state_of(triangle) != ObjectState::Hidden).collect();
+        if stays.iter().all(|&stays| stays) {
+            return this;
+        }
+        /// Keeps the items of what stays.
+        fn retain<T>(items: &mut Vec<T>, stays: &[bool]) {
+            let mut stays = stays.iter();
+            items.retain(|_| stays.next() != Some(&false));
+        }
+        retain(&mut this.triangles, &stays);
+        retain(&mut this.border, &stays[inner_count..]);
+        retain(&mut this.origins, &stays);
+        retain(&mut this.islands, &stays);
+        // How many triangles at the border stay before each.
+        let mut next = 0;
+        let mut numbers = vec![0];
+        for &stays in &stays[inner_count..] {
+            next += u32::from(stays);
+            numbers.push(next);
+        }
+        for side in &mut this.sides {
+            let Range { start, end } = side.triangles.clone();
+            side.triangles = numbers[start as usize]..numbers[end as usize];
+            if side.triangles.is_empty() {
+                side.touches = Vec::new();
+            }
+        }
+        if let Some(fans) = &mut this.fans {
+            fans.retain_triangles(&stays);
+        }
+        this
+    }
+
+    /// Whether any object of it is marked.
+    pub fn has_marks(&self) -> bool {
+        self.states.contains(&ObjectState::Marked)
+    }
+
+    /// Which triangles belong to marked objects ([`crate::objects::ObjectChoice::marked`]): the inner ones, then those
+    /// at the border.
+    pub fn marks(&self) -> impl ExactSizeIterator<Item = bool> + '_ {
+        (0..self.triangles.len() + self.border.len()).map(|triangle| self.state_of(triangle) == ObjectState::Marked)
+    }
+
+    /// Which vertices belong to marked objects; none has vertices in common with others.
+    pub fn vertex_marks(&self) -> Vec<bool> {
+        let mut marks = vec![false; self.positions.len()];
+        let corners = self.triangles.iter().chain(self.border.iter().map(|triangle| &triangle.corners));
+        for (corners, _) in corners.zip(self.marks()).filter(|(_, is_marked)| *is_marked) {
+            corners.iter().for_each(|&vertex| marks[vertex as usize] = true);
+        }
+        marks
     }
 
     /// The triangles of the block's patch, in its order, if they are known.
@@ -367,7 +485,7 @@ impl DrawnSurface {
     pub(crate) fn byte_count(&self) -> u64 {
         let sides: usize = self.sides.iter().map(|side| size_of::<Side>() + 4 * (1 + side.touches.len())).sum();
         let bytes = size_of::<Self>() + 24 * self.positions.len() + 12 * self.triangles.len() + sides;
-        let bytes = bytes + 4 * self.origins.len() + 8 * self.places.len();
+        let bytes = bytes + 4 * (self.origins.len() + self.islands.len()) + 8 * self.places.len();
         let bytes = bytes + size_of::<RaisedCorner>() * self.raised_corners.len();
         let bytes = bytes + self.fans.as_ref().map_or(0, |fans| fans.byte_count());
         (bytes + size_of::<BorderKey>() * self.keys.len() + size_of::<BorderTriangle>() * self.border.len()) as u64
@@ -476,11 +594,19 @@ impl DrawnSurface {
         }
         let first = self.positions.len() as u32;
         let vertices: Vec<u32> = (first..first + strip.positions.len() as u32).collect();
+        let mut states = (self.triangles.len() + self.sides[side].triangles.start as usize)..;
+        if self.has_marks() {
+            strip.marks = vec![false; strip.positions.len()];
+        }
         for &BorderTriangle { corners, on_border } in triangles {
+            let is_marked = states.next().is_some_and(|number| self.state_of(number) == ObjectState::Marked);
             let extra = [0, 1, 2].map(|k| {
                 let found = inserted.binary_search_by_key(&corners[k], |&(from, _)| from);
                 found.ok().filter(|_| on_border[k]).map_or(&[][..], |found| &vertices[inserted[found].1.clone()])
             });
+            for &vertex in extra.into_iter().flatten().filter(|_| is_marked) {
+                strip.marks[(vertex - first) as usize] = true;
+            }
             insert_samples(corners, extra, &mut strip.triangles);
             if let Some(&origin) = origins.next() {
                 strip.origins.resize(strip.triangles.len(), origin);

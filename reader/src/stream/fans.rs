@@ -116,6 +116,22 @@ impl Sum {
 }
 
 impl Fans {
+    /// Forgets the corners of triangles that go, and numbers the others anew.
+    pub fn retain_triangles(&mut self, stays: &[bool]) {
+        let mut next = 0;
+        let number = |&stays: &bool| {
+            next += u64::from(stays);
+            stays.then(|| next - 1)
+        };
+        let numbers: Vec<Option<u64>> = stays.iter().map(number).collect();
+        let renumbered = |&entry: &u64| {
+            let (corner, fan) = (entry >> 32, entry & u64::from(u32::MAX));
+            let triangle = numbers.get((corner / 3) as usize).copied().flatten()?;
+            Some((3 * triangle + corner % 3) << 32 | fan)
+        };
+        self.corners = self.corners.iter().filter_map(renumbered).collect();
+    }
+
     /// The fans of triangles, and those of their corners. The first vertices are at the border; ends are not known yet.
     /// None if there are too many triangles to count their corners.
     pub fn new(points: &[Vec3], border_count: usize, triangles: &[[u32; 3]]) -> Option<(Self, Corners)> {

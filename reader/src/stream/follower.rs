@@ -41,7 +41,7 @@ impl Follower {
 
     /// Follows with a cut of a hierarchy that has other parts of the same file.
     pub fn replace(&mut self, adapter: Adapter) {
-        self.hierarchy = Arc::clone(adapter.hierarchy());
+        self.hierarchy = Arc::clone(adapter.whole());
         self.later = self.later.is_some().then(|| adapter.clone());
         self.now = Some(adapter);
     }

@@ -11,6 +11,7 @@ use super::{
 };
 use crate::{
     format::records::MAX_LEVELS,
+    objects::ObjectFilter,
     select::Node,
     sorted::{SortedMap, SortedSet, in_order},
 };
@@ -211,8 +212,10 @@ pub(crate) struct WantedCut {
     is_changed: bool,
     /// What was drawn then, by root.
     shown: Vec<Shown>,
-    /// Whether blocks that had been given up may be had again.
+    /// Whether blocks that had been given up may be had again, or are drawn otherwise.
     is_stale: bool,
+    /// Which objects are drawn.
+    filter: Option<Arc<ObjectFilter>>,
 }
 
 impl WantedCut {
@@ -270,6 +273,14 @@ impl WantedCut {
         self.is_stale = true;
     }
 
+    /// Draws other objects from the next frame on.
+    pub fn show_objects(&mut self, filter: Option<Arc<ObjectFilter>>) {
+        if self.filter != filter {
+            self.filter = filter;
+            (self.is_stale, self.is_changed) = (true, true);
+        }
+    }
+
     /// Demands what the cut needs, and finds the part that can be drawn.
     pub fn demand(
         &mut self,
@@ -291,7 +302,8 @@ impl WantedCut {
             let may_wait = may_stay_finer && choice.drawn != choice.target && !choice.drawn.is_some_and(is_finer);
             if may_wait && let Some(below) = cover(&content, loader, picture, node.root) {
                 choice = Choice { drawn: None, stays: true, ..choice };
-                self.staying.extend(below);
+                let filter = self.filter.as_deref();
+                self.staying.extend(below.iter().map(|drawn| drawn.whole().filtered(filter, Some(drawn))));
             }
             match choice.target {
                 Some(Block { unit, .. }) => {
@@ -324,7 +336,7 @@ impl WantedCut {
         let surface = drawn.and_then(|Block { root, unit }| {
             let surfaces = loader.take(unit)?;
             let place = surfaces.binary_search_by_key(&root, |surface| surface.root).ok()?;
-            surfaces.get(place).cloned()
+            Some(surfaces.get(place)?.filtered(self.filter.as_deref(), slot.surface.as_ref()))
         });
         let shown = surface.as_ref().map(Shown::of);
         self.is_changed |= slot.shown.map(Shown::node) != shown.map(Shown::node);

@@ -87,7 +87,7 @@ impl Expecter {
         let Pose { position, forward, up } = self.motion.predict(self.ahead)?;
         let expected = View { position, forward, up, ..view };
         // A prediction may be no view.
-        Projection::new(&expected).ok().map(|_| Query { view: Some(expected), ..*query })
+        Projection::new(&expected).ok().map(|_| Query { view: Some(expected), ..query.clone() })
     }
 }
 

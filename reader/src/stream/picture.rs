@@ -155,6 +155,16 @@ impl DrawnRoot {
         self.surface.triangles.len() + self.strips.iter().map(|strip| strip.triangles.len()).sum::<usize>()
     }
 
+    /// Which vertices of [`DrawnRoot::joined`] belong to marked objects; empty where none does.
+    pub fn marks(&self) -> Vec<bool> {
+        if !self.surface.has_marks() {
+            return Vec::new();
+        }
+        let mut marks = self.surface.vertex_marks();
+        self.strips.iter().for_each(|strip| marks.extend(&strip.marks));
+        marks
+    }
+
     /// One list of vertices and one of triangles, to draw at once: those of the surface, then those of each strip.
     pub fn joined(&self) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
         let (mut positions, mut triangles) = (self.surface.positions.clone(), self.surface.triangles.clone());
@@ -344,7 +354,9 @@ impl Picture {
         for surface in surfaces {
             match self.roots.get_mut(&surface.root) {
                 // It was decoded again, with the same result.
-                Some(drawn) if drawn.surface.level == surface.level => drawn.surface = surface,
+                Some(drawn) if drawn.surface.level == surface.level && drawn.surface.states() == surface.states() => {
+                    drawn.surface = surface;
+                }
                 _ => new.push(surface),
             }
         }

@@ -120,7 +120,14 @@ impl Streamer {
             Some(Err(error)) => self.session.report("the index".into(), error),
             None => {}
         }
-        let (wanted, expected) = self.follower.follow(query, self.loaders.now())?;
+        let mut query = std::borrow::Cow::Borrowed(query);
+        let known = self.follower.hierarchy().filter();
+        if self.walker.is_some() && known != query.objects.as_ref() {
+            // Until the walker has found what shows other objects, what was shown stays.
+            query.to_mut().objects = known.cloned();
+        }
+        let (wanted, expected) = self.follower.follow(&query, self.loaders.now())?;
+        self.session.show_objects(query.objects.clone())?;
         self.session.look_from(query.view.as_ref())?;
         let select_time = begun.elapsed();
         Ok(Streamed { select_time, exceeded: wanted.exceeded, ..self.draw(&wanted.nodes, &expected)? })

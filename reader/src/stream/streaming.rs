@@ -20,6 +20,7 @@ use crate::{
     decode::{Mesh, overview},
     error::{Error, Result},
     index::Index,
+    objects::ObjectFilter,
     select::{Node, Projection, View},
     source::ReadAt,
 };
@@ -120,6 +121,19 @@ impl Session {
         let rules = rules(&self.options, [texel_cache / 8, texel_cache]);
         self.shared.lock().show(content, rules);
         self.textures.restart(&mut self.picture);
+        Ok(())
+    }
+
+    /// Draws these objects from the next frame on: all of them without a filter, as at first. Triangles of hidden ones
+    /// are not in the picture; those of marked ones are told apart ([`super::DrawnRoot::marks`]). Choose the cuts with
+    /// the same filter ([`crate::Query::objects`]). Groups that stand in for what is not loaded yet show hidden objects
+    /// until it is.
+    ///
+    /// # Errors
+    /// [`Error::Query`] if the filter is one of another file.
+    pub fn show_objects(&mut self, filter: Option<Arc<ObjectFilter>>) -> Result<()> {
+        filter.as_ref().map_or(Ok(()), |filter| self.index().id().check_filter(filter.file))?;
+        self.wanted.show_objects(filter);
         Ok(())
     }
 

@@ -147,9 +147,9 @@ impl TexelContent {
         &self.index
     }
 
-    /// Notes the surface of a unit that is wanted.
+    /// Notes the surface of a unit that is wanted, whose maps are of all objects.
     pub fn add_surface(&self, unit: TexelUnit, surface: &Arc<DrawnSurface>) {
-        locked(&self.surfaces).insert(unit, Arc::clone(surface));
+        locked(&self.surfaces).insert(unit, Arc::clone(surface.whole()));
     }
 
     /// Forgets surfaces that are not wanted any more.

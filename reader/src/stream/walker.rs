@@ -71,9 +71,9 @@ impl Walker {
             self.failed = Some(Instant::now());
         }
         let is_due = self.failed.is_some_and(|failed| failed.elapsed() >= RETRY_DELAY);
-        if self.last != Some(*query) || is_due {
-            (self.last, self.failed) = (Some(*query), None);
-            state.asked = Some(*query);
+        if self.last.as_ref() != Some(query) || is_due {
+            (self.last, self.failed) = (Some(query.clone()), None);
+            state.asked = Some(query.clone());
             self.shared.changed.notify_all();
         }
         found
@@ -127,7 +127,7 @@ fn work(shared: &Shared, walk: &Walk, coherence: Coherence) {
         let further = Query {
             view: query.view.map(|view| View { pixel_tolerance: view.pixel_tolerance * TOLERANCE_SHARE, ..view }),
             tolerance: query.tolerance.map(|tolerance| tolerance * TOLERANCE_SHARE),
-            ..query
+            ..query.clone()
         };
         let found = walk(&further).and_then(|hierarchy| Adapter::new(hierarchy, &query, coherence));
         shared.lock().found = Some(found);

@@ -93,6 +93,7 @@ fn random_queries_keep_budgets_and_promises() {
                 tolerance: (view.is_none() && random.below(2) == 0).then(|| random.below(100) as f64 * 0.01),
                 max_triangles: (random.below(2) == 0).then(|| random.below(finest.triangle_count + 100)),
                 max_nodes: (random.below(4) == 0).then(|| random.below(u64::from(file.root_count()) + 3)),
+                objects: None,
             };
             let Some((cut, mesh)) = within_budgets(&file, &query) else { continue };
             let error = if view.is_some() { cut.pixel_error } else { cut.error };

@@ -110,11 +110,11 @@ fn a_cut_of_the_top_reads_the_index_of_the_top_alone() {
     let top = Query { max_nodes: Some(1), ..Query::default() };
     let coarsest = fresh().select(&Query { tolerance: Some(f64::MAX), ..Query::default() }).unwrap();
     let queries = [
-        top,
-        Query { max_nodes: Some(2), ..top },
+        top.clone(),
+        Query { max_nodes: Some(2), ..top.clone() },
         Query { tolerance: Some(f64::MAX), ..Query::default() },
         Query { max_triangles: Some(coarsest.triangle_count), ..Query::default() },
-        Query { max_nodes: Some(1), outside: Outside::Coarsest, ..top },
+        Query { max_nodes: Some(1), outside: Outside::Coarsest, ..top.clone() },
     ];
     for query in queries {
         let file = fresh();

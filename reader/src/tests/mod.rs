@@ -15,6 +15,7 @@ mod pieces;
 mod queries;
 mod requests;
 mod round_trip;
+mod shown;
 pub(crate) mod synthetic;
 pub(crate) mod terrain;
 mod trees;

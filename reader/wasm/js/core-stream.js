@@ -13,7 +13,7 @@ export class CoreStream {
   #options;
   #stream; // The session's number in the reader, once the index is there.
   #flying = new Map();
-  #channel; // What it shows, if it shows one.
+  #set = new Map(); // What it shows: calls by their names.
   #failure; // Why there will be no session.
   #overview;
   #hasOverview = false; // Whether whoever draws has the overview.
@@ -28,7 +28,7 @@ export class CoreStream {
         if (this.#isClosed) return;
         this.#stream = stream;
         this.#guard(() => {
-          if (this.#channel) core.call('show', stream, ...this.#channel);
+          for (const call of this.#set) core.call(call[0], stream, ...call[1]);
         });
         host.notify(number);
       },
@@ -141,19 +141,15 @@ export class CoreStream {
     }
   }
 
-  /** Shows a channel, or none: its number, the values of the ends of its ramp, and what comes with it. */
-  show(channel, [low, high], beside) {
-    this.#channel = [channel, low, high, beside];
-    if (this.#stream !== undefined) this.#core.call('show', this.#stream, ...this.#channel);
+  /** Says what it shows, once there is a session. */
+  set(name, ...args) {
+    this.#set.set(name, args);
+    if (this.#stream !== undefined) this.#core.call(name, this.#stream, ...args);
   }
 
   lose() {
     this.#hasOverview = false;
     if (this.#stream !== undefined) this.#core.call('lose', this.#stream);
-  }
-
-  retry() {
-    if (this.#stream !== undefined) this.#core.call('retry', this.#stream);
   }
 
   close() {

@@ -127,16 +127,21 @@ export class Core {
     const isNone = channel === NO_CHANNEL;
     const hasRamp = !isNone && !['colour', 'normal', 'label', 'factor', 'drawing'].includes(this.#channels[channel].kind);
     const values = hasRamp ? range ?? (await this.channelRange({ channel }, signal)) : null;
-    this.#stream(stream).show(channel, values ?? [0, 1], beside);
+    this.#stream(stream).set('show', channel, ...(values ?? [0, 1]), beside);
     return values;
+  }
+
+  /** Any call: to a stream, or of a question what it says. */
+  async ask({ call: [name, input, ...args], stream }, signal) {
+    if (stream) return this.#stream(stream).set(name, ...args);
+    return this.#ask((question) => {
+      if (input) this.write(input);
+      return { answer: this.call(name, question, ...args), output: this.take() };
+    }, signal);
   }
 
   async lose({ stream }) {
     this.#stream(stream).lose();
-  }
-
-  async retry({ stream }) {
-    this.#stream(stream).retry();
   }
 
   async closeStream({ stream }) {

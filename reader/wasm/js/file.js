@@ -127,6 +127,11 @@ export class LodpackFile {
     return cut.nodes;
   }
 
+  /** @private */
+  ask(call, signal, stream) {
+    return this.#reader.call('ask', { call, stream }, signal);
+  }
+
   get storesNormals() {
     return this.kind === 'heights' || this.channels.some(({ kind }) => kind === 'normal');
   }
@@ -163,13 +168,12 @@ export class LodpackFile {
 export class Stream {
   #reader;
   #reading;
-  #number;
   #channels;
   #closed;
 
   /** @private Use file.stream(). */
   constructor(reader, reading, number, origin, channels, closed) {
-    [this.#reader, this.#reading, this.#number, this.#channels, this.#closed] = [reader, reading, number, channels, closed];
+    [this.#reader, this.#reading, this.number, this.#channels, this.#closed] = [reader, reading, number, channels, closed];
     this.origin = origin;
     this.channel = null;
     this.range = null;
@@ -178,7 +182,7 @@ export class Stream {
 
   async frame(query) {
     const { failure } = this.#reading;
-    const frame = await this.#reader.call('frame', { stream: await this.#number, query: packQuery(query) });
+    const frame = await this.#reader.call('frame', { stream: await this.number, query: packQuery(query) });
     if (failure) frame.problems.push(failure.message);
     return frame;
   }
@@ -186,17 +190,17 @@ export class Stream {
   async show(channel, { range, normals = false, materials = false, signal } = {}) {
     const number = channelNumber(this.#channels, channel, normals ? 'normal' : undefined);
     const beside = (normals ? 1 : 0) + (materials && this.#channels[number]?.kind === 'colour' ? 2 : 0);
-    const values = await this.#reader.call('show', { stream: await this.#number, channel: number, range: checkedRange(range), beside }, signal);
+    const values = await this.#reader.call('show', { stream: await this.number, channel: number, range: checkedRange(range), beside }, signal);
     [this.channel, this.range] = [this.#channels[number] ?? null, values];
     this.notify();
   }
 
   async lose() {
-    return this.#reader.call('lose', { stream: await this.#number });
+    return this.#reader.call('lose', { stream: await this.number });
   }
 
   async retry() {
-    return this.#reader.call('retry', { stream: await this.#number });
+    return this.#reader.call('ask', { stream: await this.number, call: ['retry'] });
   }
 
   notify() {
@@ -204,7 +208,7 @@ export class Stream {
   }
 
   close() {
-    this.#number.then((stream) => {
+    this.number.then((stream) => {
       this.#closed(stream);
       return this.#reader.call('closeStream', { stream });
     }).catch(() => {}); // The file may be closed already.

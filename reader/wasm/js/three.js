@@ -88,7 +88,7 @@ export class LodpackMesh extends Object3D {
     this.boundingSphere = this.boundingBox.getBoundingSphere(new Sphere());
     this.#pool = new Pool({ normals: hasNormals ? 'vectors' : undefined, images: file.channels.length > 0 || file.kind === 'heights', ...(colorOf ? { infoSize: 3, infoOf: colorOf } : {}) });
     this.#pool.onremove = (slab) => this.#remove(slab);
-    this.#stream = stream;
+    this.#stream = this.stream = stream;
     stream.onprogress = () => {
       this.#hasMore = true;
       this.onchange?.();

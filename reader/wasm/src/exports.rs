@@ -220,7 +220,7 @@ pub extern "C" fn lodpack_frame(stream: u32, now_ms: f64) -> i32 {
     call(|state| {
         let (stream, input, output) = state.stream(stream)?;
         let query = query::unpack(floats(input))?;
-        stream.frame(&query, time(now_ms), output).map(|()| 0)
+        stream.frame(query, time(now_ms), output).map(|()| 0)
     })
 }
 
@@ -308,4 +308,93 @@ pub extern "C" fn lodpack_retry(stream: u32) -> i32 {
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_close_stream(stream: u32) -> i32 {
     call(|state| state.close_stream(stream))
+}
+
+/// The numbers of objects and of objects and assemblies; returns 0 if the file has none.
+#[cfg(feature = "channels")]
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_objects(_question: u32) -> i32 {
+    call(State::objects)
+}
+
+/// The nodes whose numbers are in the input: parents and lengths of names and ids, then these.
+#[cfg(feature = "channels")]
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_object_nodes(question: u32) -> i32 {
+    call(|state| state.object_nodes(question))
+}
+
+/// The nodes of the name, or else the id, in the input. Returns their number.
+#[cfg(feature = "channels")]
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_find_objects(question: u32) -> i32 {
+    call(|state| state.find_objects(question))
+}
+
+/// The pages of nodes in which a node has children. Returns their number.
+#[cfg(feature = "channels")]
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_object_child_pages(question: u32, parent: u32) -> i32 {
+    call(|state| state.object_child_pages(question, parent))
+}
+
+/// The children of a node in a page. Returns their number.
+#[cfg(feature = "channels")]
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_object_children(question: u32, parent: u32, page: u32) -> i32 {
+    call(|state| state.object_children(question, parent, page))
+}
+
+/// What lies above a node, its parent first. Returns its number.
+#[cfg(feature = "channels")]
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_objects_above(question: u32, number: u32) -> i32 {
+    call(|state| state.objects_above(question, number))
+}
+
+/// A box around the nodes in the input (f64); returns 0 if there is nothing of them.
+#[cfg(feature = "channels")]
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_object_bounds(question: u32) -> i32 {
+    call(|state| state.object_bounds(question))
+}
+
+/// Returns a new filter for the choice in the input.
+#[cfg(feature = "channels")]
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_filter_objects(question: u32) -> i32 {
+    call(|state| state.filter_objects(question))
+}
+
+/// Closes a filter. Streams that show it keep it.
+#[cfg(feature = "channels")]
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_close_filter(_question: u32, filter: u32) -> i32 {
+    call(|state| state.close_filter(filter))
+}
+
+/// The mesh of the query in the input, of what a filter shows.
+#[cfg(feature = "channels")]
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_extract_objects(question: u32, filter: u32) -> i32 {
+    call(|state| state.extract_objects(question, filter))
+}
+
+/// What the ray in the input meets first of what a filter shows (f64): object, root, distance, error, point; returns 0
+/// if it meets nothing.
+#[cfg(feature = "channels")]
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_pick(question: u32, filter: u32) -> i32 {
+    call(|state| state.pick(question, filter))
+}
+
+/// Draws what a filter shows from the next frame of a stream on; everything without one.
+#[cfg(feature = "channels")]
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_show_objects(stream: u32, filter: u32) -> i32 {
+    call(|state| {
+        let filter = state.filter(filter)?;
+        state.stream(stream)?.0.show_objects(filter);
+        Ok(0)
+    })
 }

@@ -15,6 +15,7 @@
 //! | `channels` | what the surface carries: what there is, and meshes with it |
 //! | `heights` | files of heights: what there is, cuts and meshes |
 //! | `ground` | the heights that a mesh stands on: where they are |
+//! | `objects` | what the input named: found, picked, hidden and shown alone |
 //! | `query` | queries as numbers |
 //! | `answer` | results as numbers and bytes |
 
@@ -24,6 +25,8 @@ mod dress;
 pub mod exports;
 mod ground;
 mod heights;
+#[cfg(feature = "channels")]
+mod objects;
 mod pack;
 mod query;
 mod state;

@@ -27,6 +27,9 @@ pub struct State {
     opened: Option<Opened>,
     pub(crate) questions: Table<Fetched>,
     streams: Table<Stream>,
+    /// What is drawn of objects.
+    #[cfg(feature = "channels")]
+    pub(crate) filters: Table<Arc<lodpack::objects::ObjectFilter>>,
 }
 
 /// What has this needs the feature `heights`. Without the feature nothing has it, and compilers leave out all code for
@@ -73,7 +76,7 @@ impl<T> Default for Table<T> {
 }
 
 impl<T> Table<T> {
-    fn add(&mut self, entry: T) -> u32 {
+    pub fn add(&mut self, entry: T) -> u32 {
         let number = self.next;
         self.next += 1;
         self.entries.push((number, entry));
@@ -85,7 +88,7 @@ impl<T> Table<T> {
         entry.map(|(_, entry)| entry).ok_or_else(|| wrong("it has been closed"))
     }
 
-    fn close(&mut self, number: u32) {
+    pub fn close(&mut self, number: u32) {
         self.entries.retain(|(of, _)| *of != number);
     }
 }

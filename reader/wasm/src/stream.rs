@@ -5,6 +5,7 @@ use std::{io, sync::Arc, time::Duration};
 use lodpack::{
     Index, Lattice, Query, Result,
     heights::HeightsIndex,
+    objects::ObjectFilter,
     select::{Coherence, Hierarchy},
     stream::{Expecter, Follower, Frame, HeightsSession, Job, Options, Read, Session, Shows},
 };
@@ -51,6 +52,8 @@ pub struct Stream {
     painter: Option<Painter>,
     /// Of tiles of heights.
     dresser: Dresser,
+    /// Which objects are drawn.
+    objects: Option<Arc<ObjectFilter>>,
 }
 
 /// Milliseconds since any moment. What is no time counts as that moment.
@@ -90,6 +93,7 @@ impl Stream {
             triangle_count: 0,
             painter: None,
             dresser: Dresser::default(),
+            objects: None,
         })
     }
 
@@ -110,14 +114,22 @@ impl Stream {
         self.is_lost = true;
     }
 
+    /// Draws these objects from the next frame on.
+    #[cfg(feature = "channels")]
+    pub fn show_objects(&mut self, filter: Option<Arc<ObjectFilter>>) {
+        self.objects = filter;
+    }
+
     /// Draws a frame, and packs what is new in it.
-    pub fn frame(&mut self, query: &Query, now: Duration, output: &mut Vec<u8>) -> Result<()> {
+    pub fn frame(&mut self, mut query: Query, now: Duration, output: &mut Vec<u8>) -> Result<()> {
         // It never waits, so it ends at once.
         let waits = || wrong("a stream must not wait");
         let (frame, wanted, error_px) = match &mut self.following {
             Following::Mesh(mesh) => {
                 let (follower, session) = &mut **mesh;
-                let (wanted, expected) = follower.follow(query, now)?;
+                query.objects = self.objects.clone();
+                let (wanted, expected) = follower.follow(&query, now)?;
+                session.show_objects(query.objects)?;
                 session.look_from(query.view.as_ref())?;
                 session.begin(&wanted.nodes, &expected, now)?;
                 let frame = session.end(now).ok_or_else(waits)?;
@@ -134,8 +146,8 @@ impl Stream {
             }
             Following::Heights(heights, _) => {
                 let (expecter, session) = &mut **heights;
-                let expected = expecter.expect(query, now);
-                session.begin(query, expected.as_ref(), now)?;
+                let expected = expecter.expect(&query, now);
+                session.begin(&query, expected.as_ref(), now)?;
                 let frame = session.end(now).ok_or_else(waits)?;
                 let exceeded = session.exceeded().map_or(0, limiter);
                 let wanted =

@@ -25,7 +25,7 @@ describe('the package', { skip }, () => {
     writeFileSync(join(folder, 'package.json'), '{ "private": true, "type": "module" }');
     npm('install', '--offline', '--no-audit', '--no-fund', '--omit=peer', join(folder, tarball));
     const installed = join(folder, 'node_modules/lodpack');
-    assert.deepEqual(readdirSync(installed).sort(), ['README.md', 'index.d.ts', 'js', 'lodpack-geometry.wasm', 'lodpack.wasm', 'package.json', 'three.d.ts']);
+    assert.deepEqual(readdirSync(installed).sort(), ['README.md', 'index.d.ts', 'js', 'lodpack-geometry.wasm', 'lodpack.wasm', 'objects.d.ts', 'package.json', 'three-objects.d.ts', 'three.d.ts']);
     const [, example] = /```js\n([^]*?)```/.exec(readFileSync(join(installed, 'README.md'), 'utf8'));
     const program = example.replace('https://example.org/scan.lodpack', scan);
     assert.notEqual(program, example);
@@ -43,19 +43,52 @@ describe('the package', { skip }, () => {
     assert.throws(() => execFileSync('node', [join(root, 'node_modules/typescript/bin/tsc'), ...options, 'wrong.ts'], { cwd: folder, encoding: 'utf8', stdio: 'pipe' }), /tolarance|Command failed/);
   });
 
+  test('the types of objects fit a program', () => {
+    const program = `import { open } from 'lodpack';
+      import { objectsOf } from 'lodpack/objects';
+      const file = await open('x');
+      const objects = await objectsOf(file);
+      const [first] = (await objects?.find('VALVE')) ?? [];
+      const filter = await objects?.filter({ hidden: [first], only: null });
+      const stream = await file.stream();
+      await objects?.show(stream, filter);
+      const name: string | null | undefined = (await objects?.pick({ origin: [0, 0, 9], direction: [0, 0, -1] }, filter))?.name;
+      for await (const page of objects?.children() ?? []) console.log(page.map(({ name }) => name), name);
+      filter?.close();
+      export {};`;
+    const options = ['--noEmit', '--strict', '--target', 'es2022', '--module', 'nodenext', '--moduleResolution', 'nodenext', '--lib', 'es2022,dom'];
+    const check = (name, text) => {
+      writeFileSync(join(folder, name), text);
+      return execFileSync('node', [join(root, 'node_modules/typescript/bin/tsc'), ...options, name], { cwd: folder, encoding: 'utf8', stdio: 'pipe' });
+    };
+    check('objects.ts', program);
+    assert.throws(() => check('wrong-objects.ts', program.replace('hidden:', 'hiden:')));
+  });
+
   test('every name of the types is exported, and the reverse', async () => {
     const { default: index } = await import('../js/index.js').then((names) => ({ default: Object.keys(names) }));
     const types = readFileSync(join(root, 'index.d.ts'), 'utf8');
     const declared = [...types.matchAll(/^export (?:class|function|const) (\w+)/gm)].map(([, name]) => name);
     assert.deepEqual(index.sort(), declared.sort());
+    // Types of three.js are not there.
+    const ofObjects = readFileSync(join(root, 'objects.d.ts'), 'utf8');
+    const names = [...ofObjects.matchAll(/^export (?:class|function|const) (\w+)/gm)].map(([, name]) => name);
+    assert.deepEqual(Object.keys(await import('../js/objects.js')).sort(), names.sort());
   });
 
   test('it stays within its size', () => {
     const [wasm, geometry] = ['lodpack.wasm', 'lodpack-geometry.wasm'].map((name) => gzipSync(readFileSync(join(root, name)), { level: 9 }).length);
-    const scripts = readdirSync(join(root, 'js')).map((name) => readFileSync(join(root, 'js', name)));
-    const js = gzipSync(Buffer.concat(scripts), { level: 9 }).length;
+    // Modules that only programs with objects load have a size of their own.
+    const ofObjects = ['objects.js', 'three-objects.js'];
+    const sizeOf = (names) => gzipSync(Buffer.concat(names.map((name) => readFileSync(join(root, 'js', name)))), { level: 9 }).length;
+    const js = sizeOf(readdirSync(join(root, 'js')).filter((name) => !ofObjects.includes(name)));
+    for (const name of readdirSync(join(root, 'js'))) {
+      const text = readFileSync(join(root, 'js', name), 'utf8');
+      assert.ok(ofObjects.includes(name) || !/from '.*objects\.js'/.test(text), `${name} loads modules of objects`);
+    }
     assert.ok(wasm <= 690_000, `lodpack.wasm has ${wasm} bytes gzipped`);
     assert.ok(geometry <= 310_000, `lodpack-geometry.wasm has ${geometry} bytes gzipped`);
-    assert.ok(js <= 30_100, `the scripts have ${js} bytes gzipped`);
+    assert.ok(js <= 30_200, `the scripts have ${js} bytes gzipped`);
+    assert.ok(sizeOf(ofObjects) <= 4_200, `the scripts for objects have ${sizeOf(ofObjects)} bytes gzipped`);
   });
 });

@@ -252,7 +252,7 @@ impl Check {
     fn seen(&self, view: &View) -> Result<Wanted> {
         Ok(match self.scene.heights() {
             None => Wanted::Nodes(self.scene.select(view)?.nodes),
-            Some(_) => Wanted::Query(Box::new(Query { view: Some(*view), ..self.scene.query })),
+            Some(_) => Wanted::Query(Box::new(Query { view: Some(*view), ..self.scene.query.clone() })),
         })
     }
 

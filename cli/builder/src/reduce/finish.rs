@@ -50,15 +50,15 @@ fn cut_triangles(triangles: u64) -> u64 {
 /// Those of [`File::select`].
 pub fn cut_to_finish<S: ReadAt>(file: &File<S>, query: &Query, triangles: u64) -> lodpack::Result<(Cut, Option<Cut>)> {
     let mut most = cut_triangles(triangles);
-    let coarser = match file.select(&Query { max_triangles: Some(triangles), ..*query }) {
+    let coarser = match file.select(&Query { max_triangles: Some(triangles), ..query.clone() }) {
         Err(lodpack::Error::Query { .. }) => None,
         cut => Some(cut?),
     };
     loop {
-        let cut = match file.select(&Query { max_triangles: Some(most), ..*query }) {
+        let cut = match file.select(&Query { max_triangles: Some(most), ..query.clone() }) {
             // The coarsest cut of many small parts may be larger.
             Err(lodpack::Error::Query { .. }) => {
-                file.select(&Query { max_triangles: None, tolerance: Some(f64::MAX), ..*query })?
+                file.select(&Query { max_triangles: None, tolerance: Some(f64::MAX), ..query.clone() })?
             }
             cut => cut?,
         };

@@ -129,6 +129,8 @@ class File(OpenFile[_lodpack.Reader]):
         context: bool = False,
         max_nodes: int | None = None,
         max_bytes: int | None = None,
+        hide: int | str | Iterable[int | str] | None = None,
+        only: int | str | Iterable[int | str] | None = None,
     ) -> Cut:
         """Finds the coarsest cut within the tolerance, or the finest one without a tolerance, that keeps every budget.
         Reads the index where the query needs it, and no surface.
@@ -138,6 +140,9 @@ class File(OpenFile[_lodpack.Reader]):
         `bbox`: smallest and largest corner; every root whose box touches it is drawn whole. A box beside the surface
         gives an empty cut.
         `context`: what is outside the box is drawn, too, at its coarsest.
+        `hide`: objects and assemblies that are not drawn, with everything below them: numbers as `objects` has them,
+        names, or ids. `only`: nothing else is drawn. Budgets then count whole roots, and the mesh may have fewer
+        triangles.
 
         The cut is one that the file holds: with a budget of triangles it is a mixture of levels, which is up to 2.6
         times worse in RMS than what ``lodpack extract --triangles`` makes by simplifying a finer cut as a whole.
@@ -151,8 +156,19 @@ class File(OpenFile[_lodpack.Reader]):
             max_triangles=budget(max_triangles, "max_triangles"),
             max_nodes=budget(max_nodes, "max_nodes"),
             max_bytes=budget(max_bytes, "max_bytes"),
+            hide=self._objects(hide, "hide"),
+            only=self._objects(only, "only"),
         )
         return Cut(native, self)
+
+    def _objects(self, wanted: int | str | Iterable[int | str] | None, name: str) -> list[int] | None:
+        """The numbers of objects that a caller means."""
+        if wanted is None:
+            return None
+        objects = self.objects()
+        if objects is None:
+            raise QueryError(f"{name}: this file has no objects; build it with --objects keep")
+        return objects.numbers(wanted, name)
 
     @overload
     def extract(self, cut: Cut, *, channels: str | Sequence[str] | None = None) -> Mesh: ...
@@ -167,6 +183,8 @@ class File(OpenFile[_lodpack.Reader]):
         context: bool = False,
         max_nodes: int | None = None,
         max_bytes: int | None = None,
+        hide: int | str | Iterable[int | str] | None = None,
+        only: int | str | Iterable[int | str] | None = None,
         channels: str | Sequence[str] | None = None,
     ) -> Mesh: ...
 
@@ -236,12 +254,20 @@ class File(OpenFile[_lodpack.Reader]):
         native = self._native.objects()
         return None if native is None else Objects(native)
 
-    def pick(self, origin: Sequence[float], direction: Sequence[float]) -> Pick | None:
+    def pick(
+        self,
+        origin: Sequence[float],
+        direction: Sequence[float],
+        *,
+        hide: int | str | Iterable[int | str] | None = None,
+        only: int | str | Iterable[int | str] | None = None,
+    ) -> Pick | None:
         """What a ray from `origin` meets first, from either side of the finest surface, and how far away; None if it
-        meets nothing. It reads a few leaves."""
+        meets nothing. It reads a few leaves. `hide` and `only`: as for `select`; it passes what is not drawn."""
         from ._objects import Pick
 
-        found = self._native.pick(*(point(value, name) for value, name in ((origin, "origin"), (direction, "direction"))))
+        ray = [point(value, name) for value, name in ((origin, "origin"), (direction, "direction"))]
+        found = self._native.pick(*ray, hide=self._objects(hide, "hide"), only=self._objects(only, "only"))
         return None if found is None else Pick(*found)
 
     def verify(self) -> None:

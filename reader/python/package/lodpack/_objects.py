@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Iterable, NamedTuple
 
 from ._checked import text, whole
+from ._errors import QueryError
 
 if TYPE_CHECKING:
     from . import _lodpack
@@ -76,6 +77,25 @@ class Objects:
     def above(self, number: int) -> list[int]:
         """What an object or assembly is a part of: its parent, that one's parent, and so on."""
         return self._native.above(self._number(number))
+
+    def bounds(self, objects: int | str | Iterable[int | str]) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
+        """The box around some objects and assemblies, named as for `File.extract`, with everything below them: smallest
+        and largest corner; None around nothing."""
+        return self._native.bounds(self.numbers(objects, "objects"))
+
+    def numbers(self, objects: int | str | Iterable[int | str], name: str) -> list[int]:
+        """The numbers of objects and assemblies that a caller means: numbers, names, or ids where nothing has the
+        name."""
+        found: list[int] = []
+        for wanted in [objects] if isinstance(objects, (int, str)) else objects:
+            if not isinstance(wanted, str):
+                found.append(self._number(wanted))
+                continue
+            numbers = self.find(wanted) or self.find_id(wanted)
+            if not numbers:
+                raise QueryError(f"{name}: no object has the name or id {wanted!r}")
+            found.extend(numbers)
+        return found
 
     def leaves(self, number: int) -> list[int]:
         """The roots that hold an object, ascending; none for an assembly."""

@@ -37,9 +37,9 @@ fn a_node_budget_of_performance_mode_stops_no_frame() {
             let report = adapter.update(&query).unwrap();
             node_counts.push(report.node_count);
             let cut = adapter.cut();
-            check_cut(&hierarchy, &Query { max_nodes: None, ..query }, &cut);
+            check_cut(&hierarchy, &Query { max_nodes: None, ..query.clone() }, &cut);
             // The node budget costs no accuracy where there are no trees: every root in sight is one node.
-            let finest = select_in(&hierarchy, &Query { max_nodes: None, ..query }).unwrap();
+            let finest = select_in(&hierarchy, &Query { max_nodes: None, ..query.clone() }).unwrap();
             let most = finest.pixel_error.max(mode.controls().tolerance);
             assert!(depth > 0 || cut.pixel_error <= most * (1.0 + Coherence::default().play));
             mode.record(FrameTimes { frame: 15.0, adapt: 5.0, node_count: report.node_count });
@@ -54,7 +54,8 @@ fn frames_go_on_where_even_the_coarsest_cut_breaks_a_budget() {
         let plane = Plane { size: 8, depth, ..Plane::default() };
         let hierarchy = plane.hierarchy();
         let wide = Query { view: Some(view_from(8.0, 6.0)), ..Query::default() };
-        let coarsest = |max_triangles, max_nodes, max_bytes| Query { max_triangles, max_nodes, max_bytes, ..wide };
+        let coarsest =
+            |max_triangles, max_nodes, max_bytes| Query { max_triangles, max_nodes, max_bytes, ..wide.clone() };
         for (tight, limiter) in [
             (coarsest(Some(5), None, None), Some(Limiter::Triangles)),
             (coarsest(None, Some(3), None), Some(Limiter::Nodes)),

@@ -49,7 +49,7 @@ fn any_sequence_of_queries_keeps_all_promises() {
             assert_eq!(follower.nodes(), cut.nodes);
             assert_eq!(report.triangle_count, cut.triangle_count);
             assert_eq!((report.limited_by, report.exceeded), (cut.limited_by, cut.exceeded));
-            let free = Query { max_triangles: None, max_nodes: None, max_bytes: None, ..query };
+            let free = Query { max_triangles: None, max_nodes: None, max_bytes: None, ..query.clone() };
             check_cut(&hierarchy, if cut.exceeded.is_some() { &free } else { &query }, &cut);
             check_promises(&query, &cut);
             match select_in(&hierarchy, &query) {

@@ -70,7 +70,7 @@ impl TileTree {
                 max_triangles: share(query.max_triangles),
                 max_nodes: share(query.max_nodes),
                 max_bytes: share(query.max_bytes),
-                ..*query
+                ..query.clone()
             }
         };
         Ok(self.tiles().into_iter().map(of_tile).collect())

@@ -104,8 +104,8 @@ impl HeightsSession {
     /// [`crate::Error::Query`] if something in a query is not finite or makes no sense, or if it has a budget of bytes.
     pub fn begin(&mut self, wanted: &Query, expected: Option<&Query>, now: Duration) -> Result<()> {
         let sight = Sight::new(wanted)?;
-        let expected = expected.map(|query| Sight::new(query).map(|sight| (*query, sight))).transpose()?;
-        self.query = Some((*wanted, sight));
+        let expected = expected.map(|query| Sight::new(query).map(|sight| (query.clone(), sight))).transpose()?;
+        self.query = Some((wanted.clone(), sight));
         self.begun = now;
         self.shared.lock().geometry.begin_frame();
         self.demand(Class::Demand, now);

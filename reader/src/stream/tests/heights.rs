@@ -413,7 +413,7 @@ fn queries_that_make_no_sense_are_refused() {
     // Without a view, tolerances are lengths, and a volume says where.
     let volume = Some([[150.0, -100.0, -1e9], [180.0, -60.0, 1e9]].into());
     let whole = Query { tolerance: Some(0.5), ..Query::default() };
-    let part = Query { volume, ..whole };
+    let part = Query { volume, ..whole.clone() };
     let counts = [whole, part].map(|query| {
         session.begin(&query, None, NOW).unwrap();
         Worker::default().work(&session, &bytes, u64::MAX, &mut Random::new(1));

@@ -146,6 +146,9 @@ pub struct ExtractArgs {
     #[arg(long = "object", value_name = "NAME|ID|#NUMBER",
         conflicts_with_all = ["bbox", "nodes", "context", "tin", "raw"])]
     pub objects: Vec<String>,
+    /// Everything but these objects, named as for --object. May come several times.
+    #[arg(long = "hide", value_name = "NAME|ID|#NUMBER", conflicts_with_all = ["objects", "tin", "raw"])]
+    pub hidden: Vec<String>,
     /// With --bbox: also write the rest of the model, at its coarsest.
     #[arg(long, requires = "bbox")]
     pub context: bool,

@@ -2,7 +2,7 @@
 
 use super::heights;
 use super::images::{self, ImageSummary};
-use super::objects::drawn::{DrawnObjects, Wanted, drawn_of as objects_of, of_cut};
+use super::objects::drawn::{DrawnObjects, Wanted, drawn_of as objects_of, hiding, of_cut};
 use super::open::{Opened, Source, in_file, open_any, open_ground, tolerance_in, tolerance_in_heights};
 use super::print_json;
 use crate::args::{ExtractArgs, GroundChoice, ImagesChoice, NormalsChoice, OutputFormat, TexelsChoice};
@@ -85,6 +85,9 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         }
         Opened::Heights(_) if !args.objects.is_empty() => {
             bail!("{}: it holds a grid of heights, which has no objects; omit --object", args.file.display())
+        }
+        Opened::Heights(_) if !args.hidden.is_empty() => {
+            bail!("{}: it holds a grid of heights, which has no objects; omit --hide", args.file.display())
         }
         Opened::Heights(file) => {
             // A globe has no axis that points up.
@@ -270,6 +273,7 @@ fn mesh_of(
         tolerance,
         max_triangles: args.triangles,
         max_nodes: args.nodes,
+        objects: hiding(file, &args.file, &args.hidden)?,
         ..Query::default()
     };
     let selected = match finishing {
@@ -280,6 +284,9 @@ fn mesh_of(
     if cut.nodes.is_empty() {
         let [low, high] = file.bounds().unwrap_or_default();
         let file = args.file.display();
+        if query.objects.is_some() {
+            bail!("{file}: nothing is left of it; hide fewer objects, or omit --bbox");
+        }
         bail!("{file}: nothing touches the box; the model reaches from {low:?} to {high:?}");
     }
     let draw = |cut: &Cut, with_all: bool| {

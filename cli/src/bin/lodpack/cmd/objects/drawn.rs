@@ -9,6 +9,7 @@ use lodpack::{Cut, Mesh, Node};
 use lodpack_cli::mesh::objects::{ObjectPart, picked};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::sync::Arc;
 
 /// What is asked for.
 pub struct Wanted<'a> {
@@ -82,6 +83,22 @@ pub fn of_cut(path: &Path, file: &lodpack::File<Source>, cut: &Cut, channels: &[
     };
     let found = of_triangles.iter().copied().collect();
     Ok(Some(arranged(&mesh, textured, cut.clone(), &of_triangles, &found, &nodes)))
+}
+
+/// A filter that hides what patterns name, if there are any.
+pub fn hiding(
+    file: &lodpack::File<Source>,
+    path: &Path,
+    patterns: &[String],
+) -> Result<Option<Arc<lodpack::objects::ObjectFilter>>> {
+    if patterns.is_empty() {
+        return Ok(None);
+    }
+    let Some((_, found)) = Nodes::found(path, file, patterns)? else {
+        bail!("{}: it has no objects; build it with --objects keep, or omit --hide", path.display());
+    };
+    let found: Vec<u32> = found.into_iter().collect();
+    Ok(Some(in_file(path, file.hide(&found))?))
 }
 
 /// The level of each leaf: the coarsest within the tolerance, and none finer than `finest` unless it has no other.
