@@ -68,6 +68,7 @@ use lodpack_mesh::attributes::Surface;
 use lodpack_mesh::{Adjacency, Mesh};
 use lodpack_runtime::machine::thread_cpu_time;
 use lodpack_runtime::progress::Progress;
+use lodpack_runtime::trace;
 use lodpack_stage::arcs::{Atlas, Seams, trace_arcs_to_bends};
 use lodpack_stage::areas::{Areas, ColourAreas, Jumps};
 use lodpack_stage::pack::chart_weights;
@@ -137,6 +138,7 @@ pub(crate) fn build_region(
     // A grid lies between few corners.
     let has_grids = plan.fillings != Fillings::IrregularOnly;
     let straight = if has_grids { f64::INFINITY } else { scale.straight_boundary() };
+    let step = trace::step("arcs");
     let atlas = trace_arcs_to_bends(mesh, adjacency, labels, seams, straight);
     let coarsest = if atlas.charts.len() > 1 { scale.coarsest_of_charts } else { scale.coarsest_of_regions };
     let has_channels = !plan.appearance.is_empty();
@@ -152,6 +154,7 @@ pub(crate) fn build_region(
     let objects = &attributes.objects;
     let charted = ChartedMesh { mesh, adjacency, labels, objects, atlas: &atlas, scale, coarsest, has_channels, areas };
     let mut arcs = SharedArcs::new(&charted)?;
+    drop(step);
     let arcs_time = thread_cpu_time() - start - areas_time;
     // Both sides of an arc see the same samples from here on, whatever is added to them.
 
@@ -199,6 +202,7 @@ pub(crate) fn build_region(
     }
     // Each block has an image of what the input shows where the block lies.
 
+    let _step = trace::step("product");
     let start = thread_cpu_time();
     let has_above = scale.coarsest_of_regions > 0;
     let tops = if has_above { tops(&forest, weights.iter().sum(), plan.sharing_regions()) } else { vec![] };

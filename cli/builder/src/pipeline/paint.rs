@@ -17,6 +17,7 @@ use lodpack_mesh::appearance::{Appearance, ScalarRange};
 use lodpack_mesh::attributes::RegionAttributes;
 use lodpack_runtime::machine::{return_large_blocks, thread_cpu_time};
 use lodpack_runtime::storage::memory::{Pool, texel_memory};
+use lodpack_runtime::trace;
 use lodpack_stage::areas::{Areas, Jumps};
 use lodpack_stage::bake::{
     Baked, BakedPatch, Baker, Coarse, Located, MAX_EXPONENT, MAX_TEXELS, Storage, Surfels, area_of_texel, baking_bytes,
@@ -124,7 +125,9 @@ impl PaintedRegion<'_> {
             coarser: AtomicU64::default(),
         };
         let prepared = thread_cpu_time() - start;
+        let of_all = trace::parallel("trees");
         tops.par_iter().for_each(|&top| drop(painting.paint(top)));
+        drop(of_all);
         let Painting { streams, nanoseconds, coarser, .. } = painting;
         for (record, streams) in records.iter_mut().zip(streams) {
             let streams = streams.into_inner().unwrap_or_default();
@@ -159,7 +162,10 @@ impl PaintedRegion<'_> {
 impl<'a> Painting<'a> {
     /// Gives a record texels, after all that lies below it.
     fn paint(&self, number: u32) -> Painted {
+        let _pass = trace::pass("paint");
+        let of_all = trace::parallel("below");
         let below: Vec<Painted> = self.members[number as usize].par_iter().map(|&member| self.paint(member)).collect();
+        drop(of_all);
         let start = thread_cpu_time();
         let is_chart = (number as usize) < self.region.charted.atlas.charts.len();
         let (painted, streams) = if is_chart { self.paint_chart(number) } else { self.paint_group(number, &below) };

@@ -34,6 +34,7 @@ use crate::reduce::{CoarseSurface, error_sum};
 use corners::corner_levels;
 use levels::{MadeLevel, Making};
 use lodpack_runtime::machine::thread_cpu_time;
+use lodpack_runtime::trace;
 use lodpack_stage::arc_samples::border_deviation;
 use lodpack_stage::arcs::HalfArc;
 use lodpack_stage::areas::{Areas, Jumps};
@@ -201,6 +202,7 @@ impl<'a> Forest<'a> {
             let attempt = |group: &mut Group| match &group.result {
                 Some(_) => (vec![], Times::default()),
                 None => {
+                    let _pass = trace::pass("group");
                     let mut times = Times::default();
                     let result = this.build(&group.members, levels, round + 1 == MAX_ROUNDS, &mut times);
                     let wishes = result.as_ref().err().cloned().unwrap_or_default();
@@ -208,7 +210,9 @@ impl<'a> Forest<'a> {
                     (wishes, times)
                 }
             };
+            let of_all = trace::parallel("groups");
             let outcomes: Vec<(Vec<(u32, u8)>, Times)> = groups.par_iter_mut().map(attempt).collect();
+            drop(of_all);
             let mut wishes: Vec<(u32, u8)> = vec![];
             for (of_group, of_work) in outcomes {
                 wishes.extend(of_group);
