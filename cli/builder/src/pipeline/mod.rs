@@ -12,6 +12,7 @@
 //! | `fill`, `fillings` | what a filling is, and the table by which all other steps know them |
 //! | `irregular`, `grid`, `choose` | the fillings of a chart, and which one it gets |
 //! | `divided` | edges that charts would have in common, and flat ears, get a vertex |
+//! | `region_progress` | how far a region is |
 //! | `groups` | groups of charts above them, up to one for the region |
 //! | `paint`, `texels` | blocks get images of what the input shows |
 //! | `redundant_levels` | levels that add nothing are removed |
@@ -40,6 +41,7 @@ mod paint;
 mod plan;
 mod product;
 mod redundant_levels;
+mod region_progress;
 mod root_builder;
 mod roots;
 mod scale;
@@ -75,6 +77,7 @@ use lodpack_stage::pack::chart_weights;
 use lodpack_stage::subdivide::texel_shares;
 use paint::PaintedRegion;
 use redundant_levels::{remove_empty_levels, remove_redundant_levels};
+use region_progress::RegionProgress;
 use roots::build_roots;
 use shared_arcs::SharedArcs;
 use summary::{BuildSummary, Fallbacks, Stopwatch, Times};
@@ -158,6 +161,7 @@ pub(crate) fn build_region(
     let arcs_time = thread_cpu_time() - start - areas_time;
     // Both sides of an arc see the same samples from here on, whatever is added to them.
 
+    let progress = &RegionProgress::new(progress, atlas.charts.len() as u64, coarsest > 0, has_channels);
     let mut fallbacks = Fallbacks::default();
     let (roots, mut interior_vertices, mut times) =
         build_roots(&charted, plan.fillings, &mut arcs, &mut fallbacks, progress)?;
@@ -184,6 +188,7 @@ pub(crate) fn build_region(
         forest.add_groups(&weights, f64::from(scale.chart_triangles), &mut times);
         interior_vertices += forest.interior_vertices;
     }
+    progress.grouped();
     // Errors never grow from a group to its members.
 
     if has_channels {
@@ -195,13 +200,14 @@ pub(crate) fn build_region(
             texel_share: plan.texel_share,
             studio,
         };
-        let (time, coarser) = painted.paint(&mut forest.records, &forest.drawn, plan.colour_step);
+        let (time, coarser) = painted.paint(&mut forest.records, &forest.drawn, plan.colour_step, progress);
         times.texels += time;
         fallbacks.coarser_images += coarser;
         studio.shader.check()?;
     }
     // Each block has an image of what the input shows where the block lies.
 
+    progress.finish();
     let _step = trace::step("product");
     let start = thread_cpu_time();
     let has_above = scale.coarsest_of_regions > 0;

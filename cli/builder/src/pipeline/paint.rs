@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use super::ChartedMesh;
 use super::drawn::{DrawnBlocks, DrawnPatch};
+use super::region_progress::RegionProgress;
 use super::shared_arcs::SharedArcs;
 use super::texels::{DENSITY, InputSource, TrianglesAround, storage};
 use lodpack_mesh::NONE;
@@ -81,6 +82,7 @@ type Streams = Vec<Vec<Vec<u8>>>;
 /// All records of a region on their way to texels.
 struct Painting<'a> {
     region: &'a PaintedRegion<'a>,
+    progress: &'a RegionProgress<'a>,
     records: &'a [RootRecord],
     drawn: &'a [DrawnBlocks],
     /// The members of each record, ascending.
@@ -99,7 +101,13 @@ impl PaintedRegion<'_> {
     /// Gives the blocks of all records texels; the first records are those of charts, in order. `drawn` is what their
     /// blocks decode to. Returns the processor time that it takes, and how many charts have fewer texels than the
     /// input's images, because a map holds no more.
-    pub fn paint(&self, records: &mut [RootRecord], drawn: &[DrawnBlocks], colour_step: u8) -> (Duration, u64) {
+    pub fn paint(
+        &self,
+        records: &mut [RootRecord],
+        drawn: &[DrawnBlocks],
+        colour_step: u8,
+        progress: &RegionProgress<'_>,
+    ) -> (Duration, u64) {
         let start = thread_cpu_time();
         let around = TrianglesAround::new(&self.charted.mesh.triangles, self.charted.mesh.positions.len());
         let mut members: Vec<Vec<u32>> = vec![vec![]; records.len()];
@@ -114,6 +122,7 @@ impl PaintedRegion<'_> {
         let storage = storage(self.appearance, colour_step);
         let painting = Painting {
             region: self,
+            progress,
             drawn,
             members,
             around,
@@ -170,6 +179,9 @@ impl<'a> Painting<'a> {
         let is_chart = (number as usize) < self.region.charted.atlas.charts.len();
         let (painted, streams) = if is_chart { self.paint_chart(number) } else { self.paint_group(number, &below) };
         drop(below);
+        if is_chart {
+            self.progress.painted();
+        }
         let taken = thread_cpu_time() - start;
         self.nanoseconds.fetch_add(taken.as_nanos() as u64, Ordering::Relaxed);
         if let Ok(mut own) = self.streams[number as usize].lock() {

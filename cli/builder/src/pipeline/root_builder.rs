@@ -5,9 +5,9 @@ use super::chart_work::{ChartWork, Outcome, Root};
 use super::divided::Edge;
 use super::fill::BoxedFilling;
 use super::irregular::{IrregularFilling, MAX_FAILURES};
+use super::region_progress::RegionProgress;
 use super::shared_arcs::SharedArcs;
 use super::summary::Times;
-use lodpack_runtime::progress::Progress;
 use lodpack_runtime::trace;
 use lodpack_stage::certify;
 use rayon::prelude::*;
@@ -52,7 +52,7 @@ pub(super) enum Unfit {
 /// Builds the roots of many charts side by side.
 pub(super) struct RootBuilder<'a> {
     pub charted: &'a ChartedMesh<'a>,
-    pub progress: &'a dyn Progress,
+    pub progress: &'a RegionProgress<'a>,
     pub times: Mutex<Times>,
 }
 
@@ -131,7 +131,7 @@ impl RootBuilder<'_> {
         if let Ok(mut times) = self.times.lock() {
             times.add(&work.times);
         }
-        self.progress.advance(1);
+        self.progress.tried();
         result
     }
 
