@@ -11,7 +11,8 @@ stages, `add`, files of heights, 3D Tiles and their archives. Each step of a job
 
 After each kill or error, a file with a final name must be the right one; a step that failed must say why and have the
 exit status 2, must not panic, and must succeed when it is repeated; in the end all bytes must be those of a job that
-nobody interrupted, and nothing else may be left. Prints a line per job and a summary; exits with 1 if anything was wrong.
+nobody interrupted, and nothing else may be left. Prints a line per job and a summary; exits with 1 if anything was
+wrong.
 """
 
 import argparse
@@ -26,7 +27,7 @@ import tempfile
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-STAGES = "lines import scan count cut divide repair match segment seams build arrange encode".split()
+STAGES = "import scan count cut divide repair match segment seams build arrange encode".split()
 
 
 def step(words, product=None):

@@ -2,11 +2,11 @@
 """Measures reading over slow links that break: python tests/bench/slow_links.py [options] FILE.lodpack
 
 A server of its own gives every answer after a delay, sends all answers together at a rate, and breaks a share of them
-off at a random byte, long ones once more for each 64 KiB. `lodpack extract`, `verify` and `info` (Rust) read the finest level, everything and the index from
-it, and `FetchSource` (JavaScript, in Node) the whole file. The ideal is the time that the same program takes without
-breaks and at any rate, which counts its delays, and that of the bytes that it then reads, at the rate; an answer that is
-broken off costs one more delay. Prints Markdown: the time over the ideal, the bytes that were sent over those needed,
-and how many answers were broken off. Random numbers have a fixed seed.
+off at a random byte, long ones once more for each 64 KiB. `lodpack extract`, `verify` and `info` (Rust) read the finest
+level, everything and the index from it, and `FetchSource` (JavaScript, in Node) the whole file. The ideal is the time
+that the same program takes without breaks and at any rate, which counts its delays, and that of the bytes that it then
+reads, at the rate; an answer that is broken off costs one more delay. Prints Markdown: the time over the ideal, the
+bytes that were sent over those needed, and how many answers were broken off. Random numbers have a fixed seed.
 """
 
 import argparse

@@ -22,7 +22,8 @@ pub struct HttpOptions {
     /// status like 503. What has arrived is kept, and the next one asks for the rest; one that brings 16 KiB is no
     /// failure.
     pub attempts: u32,
-    /// Pause before the second attempt; it doubles before each further one. Behind one that is no failure there is none.
+    /// Pause before the second attempt; it doubles before each further one. There is none behind one that is no
+    /// failure.
     pub pause: Duration,
     /// Most requests at once.
     pub connections: usize,
