@@ -31,7 +31,7 @@ HOUSES = {
         ("lodpack_stage", "cli/stage/src", "stage"),
         ("lodpack_import", "cli/import/src", "import"),
         ("lodpack_mesh", "cli/mesh/src", "mesh"),
-        ("lodpack_runtime", "cli/runtime/src", "storage progress machine text".split()),
+        ("lodpack_runtime", "cli/runtime/src", "trace storage progress machine text".split()),
     ],
     "viewer-min": [
         (

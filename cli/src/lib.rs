@@ -5,7 +5,7 @@
 //!
 //! | room | what it holds | crate |
 //! |---|---|---|
-//! | [`storage`], [`progress`], [`machine`], [`text`] | work directories, locks, memory limits; how progress is reported; processor time and memory; how messages write numbers and paths | `lodpack-runtime` |
+//! | [`storage`], [`progress`], [`machine`], [`text`], [`trace`] | work directories, locks, memory limits; how progress is reported; processor time and memory; how messages write numbers and paths; what a build does when | `lodpack-runtime` |
 //! | [`mesh`] | triangle meshes, tolerances, mesh files out | `lodpack-mesh` |
 //! | [`import`] | mesh files in, and rasters of heights | `lodpack-import` |
 //! | [`stage`] | one algorithm per module: repair, segment, arcs, embed, sample, simplify, certify | `lodpack-stage` |
@@ -26,5 +26,5 @@ pub mod tileset;
 pub use lodpack_builder::{geometry_images, heights, job, pipeline, reduce, region};
 pub use lodpack_import as import;
 pub use lodpack_mesh as mesh;
-pub use lodpack_runtime::{machine, progress, storage, text};
+pub use lodpack_runtime::{machine, progress, storage, text, trace};
 pub use lodpack_stage as stage;

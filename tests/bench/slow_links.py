@@ -2,10 +2,11 @@
 """Measures reading over slow links that break: python tests/bench/slow_links.py [options] FILE.lodpack
 
 A server of its own gives every answer after a delay, sends all answers together at a rate, and breaks a share of them
-off at a random byte. `lodpack extract ADDRESS` (Rust) reads the finest level from it, and `FetchSource` (JavaScript, in
-Node) the whole file. The ideal is the time that the same program takes without breaks and at any rate, which counts its
-delays, and that of the bytes that it then reads, at the rate. Prints Markdown: the time over the ideal, the bytes that
-were sent over those needed, and how many answers were broken off. Random numbers have a fixed seed.
+off at a random byte, long ones once more for each 64 KiB. `lodpack extract`, `verify` and `info` (Rust) read the finest
+level, everything and the index from it, and `FetchSource` (JavaScript, in Node) the whole file. The ideal is the time
+that the same program takes without breaks and at any rate, which counts its delays, and that of the bytes that it then
+reads, at the rate; an answer that is broken off costs one more delay. Prints Markdown: the time over the ideal, the
+bytes that were sent over those needed, and how many answers were broken off. Random numbers have a fixed seed.
 """
 
 import argparse
@@ -22,6 +23,8 @@ from http.server import BaseHTTPRequestHandler
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 # Bytes that are sent at once, and the share of a second that they may take.
 PIECE, TICK = 4096, 0.05
+# 10 MB/s to 30 kB/s, then with delays, then with breaks.
+LINKS = "10000:0:0,300:0:0,30:0:0,1000:2:0,300:2:0,1000:0:0.05,300:2:0.05,30:2:0.05"
 SCRIPT = """
 import { FetchSource } from '%s';
 const [url, size] = process.argv.slice(1);
@@ -57,10 +60,11 @@ class Link:
         """Where an answer ends too early; none for most."""
         with self.lock:
             self.answers += 1
-            if self.random.random() >= self.broken:
-                return None
-            self.breaks += 1
-            return self.random.randrange(length)
+            for at in range(0, length, 1 << 16):
+                if self.random.random() < self.broken:
+                    self.breaks += 1
+                    return self.random.randrange(at, min(length, at + (1 << 16)))
+        return None
 
 
 class Handler(BaseHTTPRequestHandler):
@@ -122,30 +126,37 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("file", type=pathlib.Path)
     parser.add_argument("--lodpack", type=pathlib.Path, default=ROOT / "target/release/lodpack")
-    parser.add_argument("--delay", type=float, default=2.0)
-    parser.add_argument("--broken", type=float, default=0.05)
-    parser.add_argument("--rates", default="10000,1000,300,100,30", help="kB/s")
-    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--links", default=LINKS, help="kB/s:seconds of delay:share that breaks, separated by commas")
+    parser.add_argument("--only", default="extract,verify,info,FetchSource", help="the readers")
+    parser.add_argument("--seeds", type=int, default=3, help="repetitions of links that break")
     options = parser.parse_args()
     content = options.file.read_bytes()
     script = SCRIPT % (ROOT / "reader/wasm/js/source.js").as_uri()
+    lodpack = str(options.lodpack.resolve())
     readers = {
-        "lodpack extract": lambda url: [options.lodpack.resolve(), "extract", url, "-o", "/dev/null", "--format", "ply", "--force"],
+        "extract": lambda url: [lodpack, "extract", url, "-o", "/dev/null", "--format", "ply", "--force"],
+        "verify": lambda url: [lodpack, "verify", url],
+        "info": lambda url: [lodpack, "info", url],
         "FetchSource": lambda url: ["node", "--input-type=module", "-e", script, "--", url, str(len(content))],
     }
-    print(f"{len(content):,} bytes, {options.delay} s delay, {options.broken:.0%} of answers broken off\n")
-    print("| reader | rate | breaks | ideal | time | over the ideal | bytes over those needed |")
-    print("|---|---:|---:|---:|---:|---:|---:|")
-    for name, command in readers.items():
-        base, needed, problem = measure(command, content, options.delay, 0, 0, 0)
-        if base is None:
-            sys.exit(f"{name}: {problem}")
-        for rate in (float(rate) * 1000 for rate in options.rates.split(",")):
-            for seed in range(options.seeds):
-                seconds, link, problem = measure(command, content, options.delay, rate, options.broken, seed)
-                ideal = base + needed.sent / rate
+    print(f"{len(content):,} bytes\n")
+    print("| reader | rate | delay | breaks | ideal | time | over the ideal | bytes over those needed |")
+    print("|---|---:|---:|---:|---:|---:|---:|---:|")
+    links = [tuple(map(float, link.split(":"))) for link in options.links.split(",")]
+    for name in options.only.split(","):
+        command, needs = readers[name], {}
+        for rate, delay, broken in links:
+            if delay not in needs:
+                needs[delay] = measure(command, content, delay, 0, 0, 0)
+            base, needed, problem = needs[delay]
+            if base is None:
+                sys.exit(f"{name}: {problem}")
+            for seed in range(options.seeds if broken else 1):
+                seconds, link, problem = measure(command, content, delay, 1000 * rate, broken, seed)
+                ideal = base + needed.sent / (1000 * rate) + link.breaks * delay
                 shown = f"{seconds:.1f} s | {seconds / ideal:.2f}" if seconds else f"{problem} | -"
-                print(f"| {name} | {rate / 1000:,.0f} kB/s | {link.breaks} of {link.answers} | {ideal:.1f} s | {shown} | {link.sent / needed.sent:.3f} |", flush=True)
+                breaks = f"{link.breaks} of {link.answers}"
+                print(f"| {name} | {rate:,.0f} kB/s | {delay:g} s | {breaks} | {ideal:.1f} s | {shown} | {link.sent / needed.sent:.3f} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -6,3 +6,4 @@ pub mod machine;
 pub mod progress;
 pub mod storage;
 pub mod text;
+pub mod trace;

@@ -1,13 +1,24 @@
 //! Objects in S3, Google Cloud Storage, Azure and other stores, through the crate `object_store`, which also retries.
 
-use std::{io, sync::Arc, sync::OnceLock};
+use std::{
+    io,
+    ops::Range,
+    sync::{Arc, OnceLock},
+};
 
 use ::object_store::{Error, GetOptions, GetResult, ObjectStore, ObjectStoreExt as _, path::Path};
+use futures_util::{StreamExt as _, TryStreamExt as _, stream};
 
 use super::{ReadAt, Request, SourceError, start::Start};
 
 /// Most requests at once.
 const CONNECTIONS: usize = 6;
+
+/// What the crate sets if the caller's variables do not: silence is limited, not how long an answer takes in all.
+const TIME_LIMITS: [(&str, &str); 2] = [("read_timeout", "30 seconds"), ("timeout", "30 days")];
+
+/// An answer that breaks off after as many bytes is continued, however often the crate has retried.
+const PROGRESS: usize = 1 << 14;
 
 /// An object in a store. Its calls block: an asynchronous program uses [`crate::Opener`] and [`crate::Index`] instead.
 #[derive(Debug)]
@@ -32,8 +43,9 @@ impl Object {
             io::Error::new(io::ErrorKind::InvalidInput, format!("cannot open {url}: {error}"))
         };
         let parsed = url::Url::parse(url).map_err(|error| invalid(&error))?;
-        let (store, path) =
-            ::object_store::parse_url_opts(&parsed, std::env::vars()).map_err(|error| invalid(&error))?;
+        let limits = TIME_LIMITS.map(|(name, value)| (name.to_owned(), value.to_owned()));
+        let options = limits.into_iter().chain(std::env::vars());
+        let (store, path) = ::object_store::parse_url_opts(&parsed, options).map_err(|error| invalid(&error))?;
         Self::new(Arc::from(store), path)
     }
 
@@ -46,22 +58,44 @@ impl Object {
         Ok(Self { store, path, runtime, identity: OnceLock::new(), start: Start::default() })
     }
 
+    /// A range, shorter only where the object ends, and the size of the object.
     async fn fetch(&self, offset: u64, length: u64) -> io::Result<(Vec<u8>, u64)> {
+        let mut bytes = Vec::new();
+        loop {
+            let before = bytes.len();
+            match self.try_fetch(offset..offset.saturating_add(length), &mut bytes).await {
+                Err(_) if bytes.len() >= before + PROGRESS => {}
+                done => return Ok((bytes, done?)),
+            }
+        }
+    }
+
+    /// Adds what `bytes` lack of a range. Returns the size of the object.
+    async fn try_fetch(&self, whole: Range<u64>, bytes: &mut Vec<u8>) -> io::Result<u64> {
+        let asked = whole.start + bytes.len() as u64..whole.end;
         let if_match = self.identity.get().and_then(|(_, tag)| tag.clone());
-        let options = GetOptions { range: Some((offset..offset + length).into()), if_match, ..GetOptions::default() };
+        let options = GetOptions { range: Some(asked.clone().into()), if_match, ..GetOptions::default() };
         let result = self.store.get_opts(&self.path, options).await.map_err(source_error)?;
         let GetResult { meta, range, .. } = &result;
         let (size, _) = *self.identity.get_or_init(|| (meta.size, meta.e_tag.clone()));
         if meta.size != size {
             return Err(SourceError::Changed { what: format!("size {} instead of {size}", meta.size) }.into());
         }
-        if range.start != offset || range.end != (offset + length).min(size) {
+        if range.start != asked.start || range.end != asked.end.min(size) {
             return Err(SourceError::WrongRange { what: format!("{range:?}") }.into());
         }
-        let expected = range.end - range.start;
-        let bytes = result.bytes().await.map_err(source_error)?;
-        let found = bytes.len() as u64;
-        if found == expected { Ok((bytes.into(), size)) } else { Err(SourceError::Short { expected, found }.into()) }
+        let (expected, mut found) = (range.end - range.start, 0);
+        let mut parts = result.into_stream();
+        while let Some(part) = parts.next().await {
+            let part = part.map_err(source_error)?;
+            found += part.len() as u64;
+            // A server that sends more than was asked for fills no memory.
+            if found > expected {
+                return Err(SourceError::WrongRange { what: format!("more than {expected} bytes") }.into());
+            }
+            bytes.extend_from_slice(&part);
+        }
+        if found == expected { Ok(size) } else { Err(SourceError::Short { expected, found }.into()) }
     }
 
     async fn fill(&self, request: &mut Request<'_>) -> io::Result<()> {
@@ -108,7 +142,6 @@ impl ReadAt for Object {
     }
 
     fn read_ranges(&self, requests: &mut [Request<'_>]) -> io::Result<()> {
-        use futures_util::{StreamExt as _, TryStreamExt as _, stream};
         let reads = requests.iter_mut().map(|request| async move { self.fill(request).await });
         let all = stream::iter(reads).buffer_unordered(CONNECTIONS).try_collect::<()>();
         self.runtime.block_on(all)

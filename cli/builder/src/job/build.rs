@@ -7,10 +7,12 @@ use super::input::read_input;
 use super::{BuildError, BuildOptions, Job};
 use crate::pipeline::build_in_memory;
 use crate::pipeline::summary::{BuildSummary, Stopwatch};
+use crate::region::MEMORY_OPTION;
 use lodpack_import::Imported;
 use lodpack_mesh::attributes::Surface;
 use lodpack_runtime::progress::Progress;
 use lodpack_runtime::storage::WorkDirectory;
+use lodpack_runtime::storage::memory::least_for_maps;
 
 /// Builds a file from meshes. The bytes depend on the inputs and the options alone.
 ///
@@ -68,6 +70,7 @@ pub(super) fn build_imported(
     progress: &dyn Progress,
     watch: Stopwatch,
 ) -> Result<BuildSummary, BuildError> {
+    note_maps(&input, options.memory, progress);
     match input {
         Imported::Memory(surface) => {
             let built =
@@ -78,6 +81,22 @@ pub(super) fn build_imported(
             let job = Job::begin(mesh.directory.clone(), options)?;
             job.build(options, Some(mesh), out, progress, watch)
         }
+    }
+}
+
+/// Says it where textures take more memory than allowed.
+fn note_maps(input: &Imported, memory: u64, progress: &dyn Progress) {
+    let appearance = match input {
+        Imported::Memory(surface) => &surface.appearance,
+        Imported::Spilled(mesh) => &mesh.appearance,
+    };
+    let least = least_for_maps(appearance.texels);
+    if least > memory {
+        progress.note(&format!(
+            "parts of these textures are baked at once, which takes about {}MiB, more than {MEMORY_OPTION} {}MiB",
+            least >> 20,
+            memory >> 20
+        ));
     }
 }
 

@@ -14,6 +14,7 @@ use super::root_builder::{ChartState, RootBuilder, Unfit};
 use super::shared_arcs::SharedArcs;
 use super::summary::Fallbacks;
 use lodpack::write::SymbolStatistics;
+use lodpack_runtime::trace;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -118,7 +119,9 @@ impl Tournament<'_> {
             let is_promising = |bits_expected: f64| is_forced || bits_expected < PROMISING * bits(statistics, root);
             (chart, filling.map(|filling| is_promising(filling.estimated_bits()).then_some(filling)))
         };
+        let of_all = trace::parallel("grids");
         let planned: Vec<_> = candidates.par_iter().map(plan).collect();
+        drop(of_all);
         fallbacks.embedding_failures += planned.iter().filter(|(_, filling)| filling.is_none()).count() as u64;
         planned.into_iter().filter_map(|(chart, filling)| Some((chart, filling??))).collect()
     }

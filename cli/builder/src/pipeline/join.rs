@@ -16,6 +16,7 @@ use lodpack::{
 };
 use lodpack_runtime::machine::peak_memory_bytes;
 use lodpack_runtime::progress::Progress;
+use lodpack_runtime::trace;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -310,8 +311,14 @@ fn encode(
             bytes += of_cluster.bytes();
             symbols.push(of_cluster);
         }
-        let encoded = symbols.par_iter().map(|symbols| output.encoder().encode(symbols));
-        encoded.collect::<lodpack::Result<Vec<_>>>()?.into_iter().try_for_each(|cluster| output.add(cluster))?;
+        let of_all = trace::parallel("clusters");
+        let encoded = symbols.par_iter().map(|symbols| {
+            let _pass = trace::pass("encode");
+            output.encoder().encode(symbols)
+        });
+        let encoded = encoded.collect::<lodpack::Result<Vec<_>>>()?;
+        drop(of_all);
+        encoded.into_iter().try_for_each(|cluster| output.add(cluster))?;
     }
     Ok(output.finish(out)?)
 }

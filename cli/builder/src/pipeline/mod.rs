@@ -12,6 +12,7 @@
 //! | `fill`, `fillings` | what a filling is, and the table by which all other steps know them |
 //! | `irregular`, `grid`, `choose` | the fillings of a chart, and which one it gets |
 //! | `divided` | edges that charts would have in common, and flat ears, get a vertex |
+//! | `region_progress` | how far a region is |
 //! | `groups` | groups of charts above them, up to one for the region |
 //! | `paint`, `texels` | blocks get images of what the input shows |
 //! | `redundant_levels` | levels that add nothing are removed |
@@ -41,6 +42,7 @@ mod paint;
 mod plan;
 mod product;
 mod redundant_levels;
+mod region_progress;
 mod root_builder;
 mod roots;
 mod scale;
@@ -69,12 +71,14 @@ use lodpack_mesh::attributes::Surface;
 use lodpack_mesh::{Adjacency, Mesh};
 use lodpack_runtime::machine::thread_cpu_time;
 use lodpack_runtime::progress::Progress;
+use lodpack_runtime::trace;
 use lodpack_stage::arcs::{Atlas, Seams, trace_arcs_to_bends};
 use lodpack_stage::areas::{Areas, ColourAreas, Jumps};
 use lodpack_stage::pack::chart_weights;
 use lodpack_stage::subdivide::texel_shares;
 use paint::PaintedRegion;
 use redundant_levels::{remove_empty_levels, remove_redundant_levels};
+use region_progress::RegionProgress;
 use roots::build_roots;
 use shared_arcs::SharedArcs;
 use summary::{BuildSummary, Fallbacks, Stopwatch, Times};
@@ -138,6 +142,7 @@ pub(crate) fn build_region(
     // A grid lies between few corners.
     let has_grids = plan.fillings != Fillings::IrregularOnly;
     let straight = if has_grids { f64::INFINITY } else { scale.straight_boundary() };
+    let step = trace::step("arcs");
     let atlas = trace_arcs_to_bends(mesh, adjacency, labels, seams, straight);
     let coarsest = if atlas.charts.len() > 1 { scale.coarsest_of_charts } else { scale.coarsest_of_regions };
     let has_channels = !plan.appearance.is_empty();
@@ -153,9 +158,13 @@ pub(crate) fn build_region(
     let objects = &attributes.objects;
     let charted = ChartedMesh { mesh, adjacency, labels, objects, atlas: &atlas, scale, coarsest, has_channels, areas };
     let mut arcs = SharedArcs::new(&charted)?;
+    drop(step);
     let arcs_time = thread_cpu_time() - start - areas_time;
     // Both sides of an arc see the same samples from here on, whatever is added to them.
 
+    // Palettes take next to no time.
+    let is_baked = has_channels && areas.is_none_or(|areas| areas.looks.is_empty());
+    let progress = &RegionProgress::new(progress, atlas.charts.len() as u64, coarsest > 0, is_baked);
     let mut fallbacks = Fallbacks::default();
     let (roots, mut interior_vertices, mut times) =
         build_roots(&charted, plan.fillings, &mut arcs, &mut fallbacks, progress)?;
@@ -182,6 +191,7 @@ pub(crate) fn build_region(
         forest.add_groups(&weights, f64::from(scale.chart_triangles), &mut times);
         interior_vertices += forest.interior_vertices;
     }
+    progress.grouped();
     // Errors never grow from a group to its members.
 
     if has_channels {
@@ -193,13 +203,15 @@ pub(crate) fn build_region(
             texel_share: plan.texel_share,
             studio,
         };
-        let (time, coarser) = painted.paint(&mut forest.records, &forest.drawn, plan.colour_step);
+        let (time, coarser) = painted.paint(&mut forest.records, &forest.drawn, plan.colour_step, progress);
         times.texels += time;
         fallbacks.coarser_images += coarser;
         studio.shader.check()?;
     }
     // Each block has an image of what the input shows where the block lies.
 
+    progress.finish();
+    let _step = trace::step("product");
     let start = thread_cpu_time();
     let has_above = scale.coarsest_of_regions > 0;
     let tops = if has_above { tops(&forest, weights.iter().sum(), plan.sharing_regions()) } else { vec![] };

@@ -92,6 +92,7 @@ impl<'a> ChartObjects<'a> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::region_progress::RegionProgress;
     use super::super::roots::build_roots;
     use super::super::shared_arcs::SharedArcs;
     use super::super::summary::Fallbacks;
@@ -184,7 +185,14 @@ mod tests {
                 };
                 let mut arcs = SharedArcs::new(&charted).unwrap();
                 let fallbacks = &mut Fallbacks::default();
-                let (roots, ..) = build_roots(&charted, plan.fillings, &mut arcs, fallbacks, &Silent).unwrap();
+                let (roots, ..) = build_roots(
+                    &charted,
+                    plan.fillings,
+                    &mut arcs,
+                    fallbacks,
+                    &RegionProgress::new(&Silent, 1, false, false),
+                )
+                .unwrap();
                 for root in roots {
                     let finest = root.record.blocks.iter().rposition(Option::is_some).unwrap();
                     for (level, (block, drawn)) in root.record.blocks.iter().zip(&root.drawn).enumerate() {

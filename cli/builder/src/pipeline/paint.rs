@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::ChartedMesh;
 use super::drawn::{DrawnBlocks, DrawnPatch};
 use super::even::Looks;
+use super::region_progress::RegionProgress;
 use super::shared_arcs::SharedArcs;
 use super::texels::{DENSITY, InputSource, TrianglesAround, storage};
 use lodpack_mesh::NONE;
@@ -19,6 +20,7 @@ use lodpack_mesh::appearance::{Appearance, ScalarRange};
 use lodpack_mesh::attributes::RegionAttributes;
 use lodpack_runtime::machine::{return_large_blocks, thread_cpu_time};
 use lodpack_runtime::storage::memory::{Pool, texel_memory};
+use lodpack_runtime::trace;
 use lodpack_stage::areas::{Areas, Jumps};
 use lodpack_stage::bake::{
     Baked, BakedPatch, Baker, Coarse, Located, MAX_EXPONENT, MAX_TEXELS, Storage, Surfels, area_of_texel, baking_bytes,
@@ -82,6 +84,7 @@ type Streams = Vec<Vec<Vec<u8>>>;
 /// All records of a region on their way to texels.
 struct Painting<'a> {
     region: &'a PaintedRegion<'a>,
+    progress: &'a RegionProgress<'a>,
     records: &'a [RootRecord],
     drawn: &'a [DrawnBlocks],
     /// The members of each record, ascending.
@@ -100,7 +103,13 @@ impl PaintedRegion<'_> {
     /// Gives the blocks of all records texels; the first records are those of charts, in order. `drawn` is what their
     /// blocks decode to. Returns the processor time that it takes, and how many charts have fewer texels than the
     /// input's images, because a map holds no more.
-    pub fn paint(&self, records: &mut [RootRecord], drawn: &[DrawnBlocks], colour_step: u8) -> (Duration, u64) {
+    pub fn paint(
+        &self,
+        records: &mut [RootRecord],
+        drawn: &[DrawnBlocks],
+        colour_step: u8,
+        progress: &RegionProgress<'_>,
+    ) -> (Duration, u64) {
         let start = thread_cpu_time();
         let storage = storage(self.appearance, colour_step);
         if let Some(looks) = Looks::of(self, &storage) {
@@ -119,6 +128,7 @@ impl PaintedRegion<'_> {
         }
         let painting = Painting {
             region: self,
+            progress,
             drawn,
             members,
             around,
@@ -130,7 +140,9 @@ impl PaintedRegion<'_> {
             coarser: AtomicU64::default(),
         };
         let prepared = thread_cpu_time() - start;
+        let of_all = trace::parallel("trees");
         tops.par_iter().for_each(|&top| drop(painting.paint(top)));
+        drop(of_all);
         let Painting { streams, nanoseconds, coarser, .. } = painting;
         for (record, streams) in records.iter_mut().zip(streams) {
             let streams = streams.into_inner().unwrap_or_default();
@@ -184,11 +196,17 @@ impl PaintedRegion<'_> {
 impl<'a> Painting<'a> {
     /// Gives a record texels, after all that lies below it.
     fn paint(&self, number: u32) -> Painted {
+        let _pass = trace::pass("paint");
+        let of_all = trace::parallel("below");
         let below: Vec<Painted> = self.members[number as usize].par_iter().map(|&member| self.paint(member)).collect();
+        drop(of_all);
         let start = thread_cpu_time();
         let is_chart = (number as usize) < self.region.charted.atlas.charts.len();
         let (painted, streams) = if is_chart { self.paint_chart(number) } else { self.paint_group(number, &below) };
         drop(below);
+        if is_chart {
+            self.progress.painted();
+        }
         let taken = thread_cpu_time() - start;
         self.nanoseconds.fetch_add(taken.as_nanos() as u64, Ordering::Relaxed);
         if let Ok(mut own) = self.streams[number as usize].lock() {

@@ -5,9 +5,10 @@ use super::chart_work::{ChartWork, Outcome, Root};
 use super::divided::Edge;
 use super::fill::BoxedFilling;
 use super::irregular::{IrregularFilling, MAX_FAILURES};
+use super::region_progress::RegionProgress;
 use super::shared_arcs::SharedArcs;
 use super::summary::Times;
-use lodpack_runtime::progress::Progress;
+use lodpack_runtime::trace;
 use lodpack_stage::certify;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -51,7 +52,7 @@ pub(super) enum Unfit {
 /// Builds the roots of many charts side by side.
 pub(super) struct RootBuilder<'a> {
     pub charted: &'a ChartedMesh<'a>,
-    pub progress: &'a dyn Progress,
+    pub progress: &'a RegionProgress<'a>,
     pub times: Mutex<Times>,
 }
 
@@ -71,6 +72,7 @@ impl RootBuilder<'_> {
                 .iter()
                 .filter_map(|&chart| charts.get_mut(&chart).map(|state| (chart, std::mem::take(state))))
                 .collect();
+            let of_all = trace::parallel("charts");
             let tried: Vec<(u32, ChartState, Outcome)> = started
                 .into_par_iter()
                 .map(|(chart, mut state)| {
@@ -78,6 +80,7 @@ impl RootBuilder<'_> {
                     (chart, state, outcome)
                 })
                 .collect();
+            drop(of_all);
             let (mut wishes, mut wishing, mut again) = (vec![], vec![], vec![]);
             for (chart, mut state, outcome) in tried {
                 match outcome {
@@ -121,13 +124,14 @@ impl RootBuilder<'_> {
 
     /// Runs a task on a chart and adds the time that it takes to the sum.
     pub fn work<T>(&self, arcs: &SharedArcs, chart: u32, task: impl FnOnce(&mut ChartWork) -> T) -> T {
+        let _pass = trace::pass("chart");
         let (charted, times) = (self.charted, Times::default());
         let mut work = ChartWork { charted, arcs, chart, divided: vec![], times };
         let result = task(&mut work);
         if let Ok(mut times) = self.times.lock() {
             times.add(&work.times);
         }
-        self.progress.advance(1);
+        self.progress.tried();
         result
     }
 

@@ -4,12 +4,12 @@ use super::chart_work::Root;
 use super::choose::choose_fillings;
 use super::divided::shared_chords;
 use super::irregular::MAX_FAILURES;
+use super::region_progress::RegionProgress;
 use super::root_builder::{ChartState, RootBuilder, Unfit};
 use super::shared_arcs::SharedArcs;
 use super::summary::{Fallbacks, Times};
 use super::{ChartedMesh, Fillings};
 use lodpack::index::Filling;
-use lodpack_runtime::progress::Progress;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 
@@ -23,7 +23,7 @@ pub(super) fn build_roots(
     fillings: Fillings,
     arcs: &mut SharedArcs,
     fallbacks: &mut Fallbacks,
-    progress: &dyn Progress,
+    progress: &RegionProgress<'_>,
 ) -> lodpack::Result<(Vec<Root>, u64, Times)> {
     let chart_count = charted.atlas.charts.len() as u32;
     let builder = RootBuilder { charted, progress, times: Mutex::default() };
@@ -38,6 +38,7 @@ pub(super) fn build_roots(
         }
         fallbacks.raised_samples += builder.build(arcs, &mut charts, pending, Unfit::FillIrregularly)?;
     }
+    progress.filled();
     count_failures(&charts, fallbacks);
     let vertices = charts.values().filter_map(|state| state.root.as_ref()).map(|root| root.vertices).sum();
     Ok((charts.into_values().filter_map(|state| state.root).collect(), vertices, builder.times()))

@@ -10,6 +10,7 @@ use lodpack::{
     write::{ArcSample, WantedSample, quantise_arc},
 };
 use lodpack_mesh::{NONE, next_half_edge, ordered};
+use lodpack_runtime::trace;
 use lodpack_stage::arc_samples::{SampledArc, border_deviation, sample_arcs};
 use lodpack_stage::arcs::{ARC_UNITS, HalfArc, cut_chart};
 use lodpack_stage::chart::{BorderVertex, ChartMesh, NEVER};
@@ -81,7 +82,9 @@ impl SharedArcs {
     /// # Errors
     /// [`lodpack::Error::Model`] if a position lies beyond the lattice.
     pub fn new(charted: &ChartedMesh) -> lodpack::Result<Self> {
+        let of_all = trace::even("samples of arcs");
         let mut sampled = sample_arcs(charted.mesh, charted.atlas, &charted.scale.arc_tolerances());
+        drop(of_all);
         raise_ends_of_lines(charted, &mut sampled);
         let step = charted.scale.step();
         let corners = charted
@@ -95,6 +98,7 @@ impl SharedArcs {
             .collect();
         let mut arcs = Self { sampled, corners, samples: vec![] };
         arcs.spread_corners(charted);
+        let _all = trace::even("arcs");
         let numbers = (0..charted.atlas.arcs.len()).into_par_iter();
         arcs.samples = numbers.map(|arc| arcs.quantise(charted, arc)).collect::<lodpack::Result<_>>()?;
         Ok(arcs)

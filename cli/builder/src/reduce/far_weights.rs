@@ -4,6 +4,7 @@
 //! a few triangles more there cost the others next to nothing.
 
 use std::collections::BTreeSet;
+use std::sync::{Arc, OnceLock};
 
 use lodpack_mesh::Mesh;
 use lodpack_stage::certify::{Hint, TriangleBvh, exceeding};
@@ -22,17 +23,18 @@ const WORK: u64 = 30_000;
 /// Points along each side of a drawn triangle whose closest input triangles are far with it.
 const POINTS: u32 = 8;
 
-/// Weights of the vertices of a chart.
+/// Weights of the vertices of a chart. Copies share what is looked up.
+#[derive(Clone)]
 pub(super) struct FarWeights<'a> {
     chart: &'a ChartMesh,
     /// Made when it is needed.
-    surface: Option<TriangleBvh>,
+    surface: Arc<OnceLock<TriangleBvh>>,
     weights: Vec<f32>,
 }
 
 impl<'a> FarWeights<'a> {
     pub fn new(chart: &'a ChartMesh) -> Self {
-        Self { chart, surface: None, weights: vec![] }
+        Self { chart, surface: Arc::default(), weights: vec![] }
     }
 
     pub fn chart(&self) -> &'a ChartMesh {
@@ -44,16 +46,11 @@ impl<'a> FarWeights<'a> {
         (!self.weights.is_empty()).then_some(&self.weights)
     }
 
-    /// Begins again, with the same weight everywhere.
-    pub fn reset(&mut self) {
-        self.weights.clear();
-    }
-
     /// Raises the weights where a drawn surface, which is at most `bound` off, is farthest. Returns false if that is in
     /// too many places.
     pub fn raise(&mut self, drawn: &Mesh, bound: f64) -> bool {
         let Self { chart, surface, weights } = self;
-        let surface = surface.get_or_insert_with(|| TriangleBvh::new(&chart.positions, &chart.triangles));
+        let surface = surface.get_or_init(|| TriangleBvh::new(&chart.positions, &chart.triangles));
         let of_drawn = TriangleBvh::new(&drawn.positions, &drawn.triangles);
         let far = FAR * bound;
         let mut triangles: BTreeSet<u32> = exceeding(surface, &of_drawn, far, WORK).into_iter().collect();
@@ -103,15 +100,15 @@ mod tests {
         for [whole, drawn] in [[5.0, 0.0], [0.0, 5.0]] {
             let Mesh { positions, triangles } = spike(whole);
             let chart = ChartMesh { positions, triangles, loops: vec![] };
-            let mut weights = FarWeights::new(&chart);
+            let new = FarWeights::new(&chart);
+            let mut weights = new.clone();
             assert!(weights.of_vertices().is_none());
             for weight in [3.0, 9.0] {
                 assert!(weights.raise(&spike(drawn), 5.0));
                 let of_vertices = weights.of_vertices().expect("raised");
                 assert_eq!([of_vertices[10 * 21 + 10], of_vertices[0]], [weight, 1.0], "{whole} {drawn}");
             }
-            weights.reset();
-            assert!(weights.of_vertices().is_none());
+            assert!(new.of_vertices().is_none());
         }
     }
 }

@@ -5,9 +5,11 @@ use super::collapsed::collapsed;
 use super::surface::filled;
 use lodpack_mesh::Mesh;
 use lodpack_mesh::union_find::count_components;
+use lodpack_runtime::trace;
 use lodpack_stage::chart::ChartMesh;
 use lodpack_stage::cluster_vertices::{cluster_vertices, has_more_triangles};
-use lodpack_stage::resample::Solid;
+use lodpack_stage::resample::{Shape, Solid};
+use rayon::prelude::*;
 
 /// Edge collapse does harm once it has fewer triangles than this per handle and per component.
 const TRIANGLES_A_HANDLE: usize = 60;
@@ -55,24 +57,33 @@ pub(crate) fn capped(chart: &ChartMesh) -> Mesh {
 pub(crate) fn resampled(whole: &Mesh, triangles: usize) -> Vec<Mesh> {
     let most = (RESAMPLED_PER_TRIANGLE * triangles).max(MIN_RESAMPLED);
     let (mut simple, mut crowded) = (vec![], vec![]);
-    for &cells in &LATTICES {
-        if simple.len() == LATTICES_TRIED {
-            break;
-        }
-        let Some(solid) = Solid::new(whole, cells) else { continue };
+    let on_lattice = |&cells: &usize| {
+        let _pass = trace::pass("lattice");
+        let solid = Solid::new(whole, cells)?;
         let shape = solid.shape();
-        let fits = |a_part| TRIANGLES_A_HANDLE * shape.handles + a_part * shape.components <= triangles;
-        if shape.triangles > most {
-            continue;
-        }
-        if fits(TRIANGLES_A_PART) {
-            simple.push(solid);
-        } else if fits(LEAST_A_PART) && crowded.len() < LATTICES_TRIED {
-            crowded.push(solid);
+        Some((solid, shape))
+    };
+    let mut left = &LATTICES[..];
+    while simple.len() < LATTICES_TRIED && !left.is_empty() {
+        // At least as many are missing.
+        let (next, later) = left.split_at((LATTICES_TRIED - simple.len()).min(left.len()));
+        left = later;
+        let of_all = trace::parallel("lattices");
+        let made: Vec<Option<(Solid, Shape)>> = next.par_iter().map(on_lattice).collect();
+        drop(of_all);
+        for (solid, shape) in made.into_iter().flatten().filter(|(_, shape)| shape.triangles <= most) {
+            let fits = |a_part| TRIANGLES_A_HANDLE * shape.handles + a_part * shape.components <= triangles;
+            if fits(TRIANGLES_A_PART) {
+                simple.push(solid);
+            } else if fits(LEAST_A_PART) && crowded.len() < LATTICES_TRIED {
+                crowded.push(solid);
+            }
         }
     }
     let solids = if simple.is_empty() { crowded } else { simple };
-    let drawn = solids.into_iter().filter_map(|solid| {
+    let _all = trace::parallel("solids");
+    let drawn = solids.into_par_iter().filter_map(|solid| {
+        let _pass = trace::pass("solid");
         let Mesh { positions, triangles: all } = solid.surface();
         collapsed(&ChartMesh { positions, triangles: all, loops: vec![] }, triangles)
     });

@@ -13,6 +13,7 @@ use std::collections::BTreeSet;
 use std::iter;
 
 use glam::DVec3;
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::collapsed::{STOPS, collapsed_in_areas};
@@ -23,6 +24,7 @@ use super::other_topology::{CROWDED, capped, clustered, needed, resampled};
 use super::spread_points::for_each_point;
 use super::surface::CoarseSurface;
 use lodpack_mesh::{Mesh, NONE};
+use lodpack_runtime::trace;
 use lodpack_stage::areas::Areas;
 use lodpack_stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
 use lodpack_stage::chart::ChartMesh;
@@ -63,7 +65,7 @@ pub(crate) fn reduce(
     surface: &CoarseSurface,
     ways: Ways<'_>,
     triangles: usize,
-    mended: impl Fn(Mesh) -> Option<Mesh>,
+    mended: impl Fn(Mesh) -> Option<Mesh> + Sync,
 ) -> Option<(CoarseSurface, Topology)> {
     let nearest = reductions(surface, ways, triangles, mended).into_iter().next();
     nearest.map(|reduced| (reduced.surface, reduced.topology))
@@ -94,7 +96,7 @@ pub(crate) fn reductions(
     surface: &CoarseSurface,
     ways: Ways<'_>,
     triangles: usize,
-    mended: impl Fn(Mesh) -> Option<Mesh>,
+    mended: impl Fn(Mesh) -> Option<Mesh> + Sync,
 ) -> Vec<Reduced> {
     let whole = Mesh { positions: surface.positions.clone(), triangles: surface.triangles.clone() };
     let is_small = |mesh: &Mesh| mesh.triangles.len() <= triangles;
@@ -104,32 +106,40 @@ pub(crate) fn reductions(
         return vec![Reduced { surface, topology: Topology::Kept, areas: vec![] }];
     }
     let bvh = TriangleBvh::new(&whole.positions, &whole.triangles);
-    let mut reducing =
-        Reducing { whole: Whole { mesh: &whole, bvh: &bvh }, triangles, mended: &mended, measured: vec![] };
-    let chart = surface.chart();
+    let reducing = Reducing { whole: Whole { mesh: &whole, bvh: &bvh }, triangles, mended: &mended };
     let is_quick = matches!(ways, Ways::Quick);
+    let mut chart = surface.chart();
     let closed = match &chart {
         _ if is_quick => None,
         Some(chart) => (triangles < CROWDED * needed(chart)).then(|| capped(chart)),
         // What touches itself bounds a solid nevertheless.
         None => open_edges(&whole.triangles).is_empty().then(|| whole.clone()),
     };
+    chart.iter_mut().for_each(ChartMesh::free_border);
     let is_crowded = closed.is_some();
-    for mesh in closed.iter().flat_map(|closed| resampled(closed, triangles)) {
-        reducing.add(Candidate::of(mesh, Topology::Resampled));
-    }
-    if let Some(mut chart) = chart {
-        chart.free_border();
-        reducing.collapse(&chart, ways);
-    }
-    if is_crowded || reducing.measured.is_empty() && !is_quick {
-        let clustered = clustered(&whole, triangles, &mended);
-        clustered.into_iter().for_each(|mesh| reducing.measure(Candidate::of(mesh, Topology::Clustered)));
+    // Candidates do not depend on each other, and their order is that in which they are listed here.
+    let resampled = || -> Vec<Measured> {
+        let meshes = closed.iter().flat_map(|closed| resampled(closed, triangles));
+        meshes.filter_map(|mesh| reducing.mended(Candidate::of(mesh, Topology::Resampled))).collect()
+    };
+    let collapsed = || chart.as_ref().map_or(vec![], |chart| reducing.collapsed(chart, ways));
+    let clustered = || -> Vec<Measured> {
+        let meshes = clustered(&whole, triangles, &mended).into_iter();
+        meshes.map(|mesh| reducing.measured(Candidate::of(mesh, Topology::Clustered))).collect()
+    };
+    let of_all = trace::parallel("ways");
+    let when_crowded = || if is_crowded { passed("cluster", clustered) } else { vec![] };
+    let ((mut measured, of_collapse), of_clusters) =
+        rayon::join(|| rayon::join(|| passed("resample", resampled), || passed("collapse", collapsed)), when_crowded);
+    drop(of_all);
+    measured.extend(of_collapse.into_iter().chain(of_clusters));
+    if !is_crowded && measured.is_empty() && !is_quick {
+        measured = clustered();
     }
     if !matches!(ways, Ways::Each(_)) {
-        reducing.move_nearer();
+        let nearer = reducing.moved_nearer(&measured);
+        measured.extend(nearer);
     }
-    let mut measured = reducing.measured;
     measured.retain(|m| m.bound.is_finite());
     let least = measured.iter().map(|m| m.bound).fold(f64::INFINITY, f64::min);
     let is_far = |m: &Measured| m.bound > FARTHER * least;
@@ -145,33 +155,37 @@ pub(crate) fn reductions(
     measured.into_iter().map(reduced).collect()
 }
 
-/// Candidates for one surface.
+/// A pass of the trace.
+fn passed<T>(name: &'static str, work: impl FnOnce() -> T) -> T {
+    let _pass = trace::pass(name);
+    work()
+}
+
+/// What makes candidates for one surface.
 struct Reducing<'a> {
     whole: Whole<'a>,
     triangles: usize,
-    mended: &'a dyn Fn(Mesh) -> Option<Mesh>,
-    measured: Vec<Measured>,
+    mended: &'a (dyn Fn(Mesh) -> Option<Mesh> + Sync),
 }
 
 impl Reducing<'_> {
-    /// Mends and measures a candidate, if it is small enough then, and returns what has been measured.
-    fn add(&mut self, candidate: Candidate) -> Option<&Measured> {
+    /// Mends and measures a candidate, if it is small enough then.
+    fn mended(&self, candidate: Candidate) -> Option<Measured> {
         let mesh = (self.mended)(candidate.mesh)?;
         let fits = mesh.triangles.len() <= self.triangles && !mesh.triangles.is_empty();
-        fits.then(|| self.measure(Candidate { mesh, ..candidate }))?;
-        self.measured.last()
+        fits.then(|| self.measured(Candidate { mesh, ..candidate }))
     }
 
-    fn measure(&mut self, candidate: Candidate) {
+    fn measured(&self, candidate: Candidate) -> Measured {
         let Mesh { positions, triangles } = &candidate.mesh;
         let drawn = TriangleBvh::new(positions, triangles);
         let bound = two_sided(self.whole.bvh, &drawn, &CertifyOptions::default()).upper;
         let mean = one_way(self.whole.mesh, &drawn) + one_way(&candidate.mesh, self.whole.bvh);
-        self.measured.push(Measured { candidate, bound, mean });
+        Measured { candidate, bound, mean }
     }
 
-    /// Adds what edge collapse makes of the surface.
-    fn collapse(&mut self, chart: &ChartMesh, ways: Ways<'_>) {
+    /// What edge collapse makes of the surface: way after way, and in each the first before those made again.
+    fn collapsed(&self, chart: &ChartMesh, ways: Ways<'_>) -> Vec<Measured> {
         let (areas, again) = match ways {
             Ways::Nearest => (None, COLLAPSED_AGAIN),
             Ways::Quick => (None, COLLAPSED_QUICKLY),
@@ -184,62 +198,78 @@ impl Reducing<'_> {
         let a_round = MEASURING + chart.triangles.len();
         let rounds = |ways: usize| (again / (ways * a_round)).min(MOST_ROUNDS);
         let kept = iter::once(None).chain(areas.map(Some));
-        let mut nearest: Option<(usize, Way)> = None;
-        let mut weights = FarWeights::new(chart);
-        for way in kept.flat_map(|areas| all_stops.iter().map(move |stops| Way { stops, areas })) {
-            let Some(first) = self.collapse_in(chart, way, None) else { continue };
-            self.collapse_again(way, first, rounds(all_stops.len()), &mut weights);
-            if nearest.is_none_or(|(nearest, _)| self.measured[first].bound < self.measured[nearest].bound) {
-                nearest = Some((first, way));
-            }
-        }
+        let all: Vec<Way> = kept.flat_map(|areas| all_stops.iter().map(move |stops| Way { stops, areas })).collect();
+        let weights = FarWeights::new(chart);
+        let of_all = trace::parallel("collapses");
+        let in_way = |&way: &Way<'_>| -> Vec<Measured> {
+            let _pass = trace::pass("collapse");
+            let Some(first) = self.collapsed_in(chart, way, None) else { return vec![] };
+            let again = self.collapsed_again(weights.clone(), way, &first, rounds(all_stops.len()));
+            iter::once(first).chain(again).collect()
+        };
+        let of_ways: Vec<Vec<Measured>> = all.par_iter().map(in_way).collect();
+        drop(of_all);
+        let firsts = all.iter().zip(&of_ways).filter_map(|(way, measured)| Some((*way, measured.first()?)));
+        let nearest = firsts.reduce(|best, next| if next.1.bound < best.1.bound { next } else { best });
         // A large surface is made again in one way alone.
-        if let Some((first, way)) = nearest.filter(|_| rounds(all_stops.len()) == 0) {
-            self.collapse_again(way, first, rounds(1), &mut weights);
-        }
+        let last = match nearest {
+            Some((way, first)) if rounds(all_stops.len()) == 0 => self.collapsed_again(weights, way, first, rounds(1)),
+            _ => vec![],
+        };
+        of_ways.into_iter().flatten().chain(last).collect()
     }
 
-    /// Adds what edge collapse makes of the surface in one way, and returns its number.
-    fn collapse_in(&mut self, chart: &ChartMesh, way: Way<'_>, importance: Option<&[f32]>) -> Option<usize> {
+    /// What edge collapse makes of the surface in one way.
+    fn collapsed_in(&self, chart: &ChartMesh, way: Way<'_>, importance: Option<&[f32]>) -> Option<Measured> {
         let (mesh, areas) = collapsed_in_areas(chart, way.areas, self.triangles, way.stops, importance)?;
-        self.add(Candidate { mesh, topology: Topology::Kept, areas })?;
-        Some(self.measured.len() - 1)
+        self.mended(Candidate { mesh, topology: Topology::Kept, areas })
     }
 
-    /// Adds the nearest surfaces again, by what they may be chosen for, with vertices that are moved nearer.
-    fn move_nearer(&mut self) {
+    /// The nearest surfaces again, by what they may be chosen for, with vertices that are moved nearer.
+    fn moved_nearer(&self, measured: &[Measured]) -> Vec<Measured> {
         let nearest = |of: fn(&Measured) -> f64| {
-            (0..self.measured.len()).min_by(|&a, &b| of(&self.measured[a]).total_cmp(&of(&self.measured[b])))
+            (0..measured.len()).min_by(|&a, &b| of(&measured[a]).total_cmp(&of(&measured[b])))
         };
         let chosen =
             [|m: &Measured| m.bound, |m: &Measured| m.mean, |m: &Measured| m.mean * m.bound * m.bound].map(nearest);
-        for number in chosen.into_iter().flatten().collect::<BTreeSet<usize>>() {
-            let Measured { candidate: Candidate { mesh: before, topology, areas }, bound, .. } = &self.measured[number];
-            let (before, topology, areas, bound) = (before.clone(), *topology, areas.clone(), *bound);
-            let whole = self.whole;
-            let mut mesh = moved_nearer(&before, whole);
+        let chosen: Vec<usize> = chosen.into_iter().flatten().collect::<BTreeSet<usize>>().into_iter().collect();
+        let _all = trace::parallel("nearer");
+        let nearer = |&number: &usize| {
+            let _pass = trace::pass("move");
+            let Measured { candidate: Candidate { mesh: before, topology, areas }, bound, .. } = &measured[number];
+            let (mut mesh, mut made) = (moved_nearer(before, self.whole), vec![]);
             for _ in 0..=TAKEN_BACK {
-                self.add(Candidate { mesh: mesh.clone(), topology, areas: areas.clone() });
-                let is_near = self.measured.last().is_some_and(|last| last.bound <= bound);
-                if is_near || !take_back(&mut mesh, &before, whole, bound) {
+                let next = Candidate { mesh: mesh.clone(), topology: *topology, areas: areas.clone() };
+                made.extend(self.mended(next));
+                let is_near = made.last().is_some_and(|last: &Measured| last.bound <= *bound);
+                if is_near || !take_back(&mut mesh, before, self.whole, *bound) {
                     break;
                 }
             }
-        }
+            made
+        };
+        let made: Vec<Vec<Measured>> = chosen.par_iter().map(nearer).collect();
+        made.into_iter().flatten().collect()
     }
 
-    /// Repeats this `rounds` times, with ever more weight where the last one was farthest off. `last` is the number of
-    /// the first one.
-    fn collapse_again(&mut self, way: Way<'_>, mut last: usize, rounds: usize, weights: &mut FarWeights<'_>) {
-        weights.reset();
+    /// Repeats the first one of a way `rounds` times, with ever more weight where the last one was farthest off.
+    fn collapsed_again(
+        &self,
+        mut weights: FarWeights<'_>,
+        way: Way<'_>,
+        first: &Measured,
+        rounds: usize,
+    ) -> Vec<Measured> {
+        let mut made = vec![];
         for _ in 0..rounds {
-            let Measured { candidate, bound, .. } = &self.measured[last];
+            let Measured { candidate, bound, .. } = made.last().unwrap_or(first);
             if !weights.raise(&candidate.mesh, *bound) {
                 break;
             }
-            let Some(next) = self.collapse_in(weights.chart(), way, weights.of_vertices()) else { break };
-            last = next;
+            let Some(next) = self.collapsed_in(weights.chart(), way, weights.of_vertices()) else { break };
+            made.push(next);
         }
+        made
     }
 }
 

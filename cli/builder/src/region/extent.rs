@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Thickness;
 use lodpack_mesh::{Adjacency, Mesh, NONE};
+use lodpack_runtime::trace;
 use lodpack_stage::subdivide::Subdivided;
 
 /// Size and smoothness of the repaired input, as sums over its regions.
@@ -39,33 +40,49 @@ pub struct Extent {
 impl Extent {
     /// Measures a mesh, given its number of components.
     pub fn of(mesh: &Mesh, adjacency: &Adjacency, component_count: u64) -> Self {
-        let (mut doubled, mut inner_edges, mut bends) = (0.0, 0, 0.0);
-        let normals: Vec<DVec3> = (0..mesh.triangles.len() as u32)
-            .map(|t| {
-                let area = mesh.doubled_area(t);
-                doubled += area.length();
-                area.normalize_or_zero()
-            })
-            .collect();
-        for (t, opposite) in (0..).zip(adjacency.opposite.as_chunks::<3>().0) {
-            // Each edge once.
-            for &other in opposite.iter().filter(|&&other| other != NONE && other / 3 > t) {
-                inner_edges += 1;
-                bends += normals[t as usize].distance(normals[other as usize / 3]);
+        let bent = || {
+            let _pass = trace::pass("bends");
+            let (mut doubled, mut inner_edges, mut bends) = (0.0, 0, 0.0);
+            let normals: Vec<DVec3> = (0..mesh.triangles.len() as u32)
+                .map(|t| {
+                    let area = mesh.doubled_area(t);
+                    doubled += area.length();
+                    area.normalize_or_zero()
+                })
+                .collect();
+            for (t, opposite) in (0..).zip(adjacency.opposite.as_chunks::<3>().0) {
+                // Each edge once.
+                for &other in opposite.iter().filter(|&&other| other != NONE && other / 3 > t) {
+                    inner_edges += 1;
+                    bends += normals[t as usize].distance(normals[other as usize / 3]);
+                }
             }
-        }
+            (doubled, inner_edges, bends)
+        };
+        let thick = || {
+            let _pass = trace::pass("thickness");
+            Thickness::of(mesh, adjacency, component_count)
+        };
+        let long = || {
+            let _pass = trace::pass("lengths");
+            (mesh.edge_lengths(), mesh.bounds())
+        };
+        let of_all = trace::parallel("extent");
+        let ((doubled, inner_edges, bends), (thickness, (edge_lengths, bounds))) =
+            rayon::join(bent, || rayon::join(thick, long));
+        drop(of_all);
         Self {
-            bounds: mesh.bounds(),
+            bounds,
             triangles: mesh.triangles.len() as u64,
             vertices: mesh.positions.len() as u64,
             added_triangles: 0,
             added_vertices: 0,
             texels: 0.0,
-            edge_lengths: mesh.edge_lengths(),
+            edge_lengths,
             area: doubled * 0.5,
             inner_edges,
             bends,
-            thickness: Thickness::of(mesh, adjacency, component_count),
+            thickness,
         }
     }
 

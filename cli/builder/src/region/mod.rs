@@ -55,6 +55,7 @@ use lodpack_mesh::attributes::{RegionAttributes, Surface};
 use lodpack_runtime::progress::Progress;
 use lodpack_runtime::storage::memory::least_bytes;
 use lodpack_runtime::storage::{Record, WorkError};
+use lodpack_runtime::trace;
 use lodpack_stage::repair::{RepairReport, repair, repair_with_origins};
 use lodpack_stage::subdivide::subdivide;
 
@@ -114,7 +115,9 @@ impl Regions {
         let (appearance, nodes) = (surface.appearance.clone(), Nodes::of(&surface.attributes));
         let meshes = split_mesh(surface, division);
         let alone = meshes.len() == 1;
+        let of_all = trace::parallel("regions");
         let (regions, stats) = meshes.into_par_iter().map(|mesh| repaired(mesh, &appearance, alone)).unzip();
+        drop(of_all);
         Self::matched(RegionStore::Memory(regions), stats, appearance, nodes)
     }
 
@@ -224,6 +227,7 @@ fn repaired(
     appearance: &Appearance,
     alone: bool,
 ) -> (Region, RegionStats) {
+    let _pass = trace::pass("repair");
     let has_attributes = attributes != RegionAttributes::default();
     let (mut mesh, mut adjacency, repairs) = if has_attributes {
         let (mesh, adjacency, repairs, origins) = repair_with_origins(mesh, &attributes.objects);

@@ -16,6 +16,7 @@ use lodpack_mesh::attributes::RegionAttributes;
 use lodpack_mesh::{Adjacency, Mesh};
 use lodpack_runtime::progress::Progress;
 use lodpack_runtime::storage::{DAMAGED, JobId, SealedReader, SealedWriter, WorkDirectory, WorkError};
+use lodpack_runtime::trace;
 use lodpack_stage::arcs::Seams;
 use lodpack_stage::repair::RepairReport;
 
@@ -117,7 +118,10 @@ impl RegionStore {
         charts: impl Fn(&Region, &RegionStats) -> (Vec<u32>, T) + Sync,
     ) -> Result<Vec<T>, WorkError> {
         match self {
-            Self::Memory(regions) => Ok(regions.par_iter_mut().zip(stats).map(labelled(&charts, progress)).collect()),
+            Self::Memory(regions) => {
+                let _all = trace::parallel("regions");
+                Ok(regions.par_iter_mut().zip(stats).map(labelled(&charts, progress)).collect())
+            }
             Self::Directory(regions) => regions.set_labels(0..regions.count, stats, progress, charts),
         }
     }
@@ -139,6 +143,7 @@ fn labelled<T>(
     progress: &dyn Progress,
 ) -> impl Fn((&mut Region, &RegionStats)) -> T + Sync {
     move |(region, stats)| {
+        let _pass = trace::pass("cut");
         let (labels, known) = charts(region, stats);
         region.labels = labels;
         progress.advance(stats.extent.triangles);
@@ -172,7 +177,9 @@ impl RegionDirectory {
     ) -> Result<Vec<RegionStats>, WorkError> {
         let work = |range: Range<usize>| {
             let meshes = range.clone().map(&take).collect::<Result<Vec<_>, _>>()?;
+            let of_all = trace::parallel("regions");
             let repaired: Vec<(Region, RegionStats)> = meshes.into_par_iter().map(&repair).collect();
+            drop(of_all);
             let saved = range.zip(repaired).map(|(index, (region, stats))| {
                 self.save(index, &region)?;
                 Ok(stats)
@@ -202,7 +209,9 @@ impl RegionDirectory {
             });
             let mut held = loaded.collect::<Result<Vec<Region>, _>>()?;
             let of_range = &stats[range.start - all.start..range.end - all.start];
+            let of_all = trace::parallel("regions");
             let known: Vec<T> = held.par_iter_mut().zip(of_range).map(&set).collect();
+            drop(of_all);
             for (index, region) in range.zip(&held) {
                 self.save_labels(index, &region.labels)?;
                 self.put(index, REVERSED, &self.reversed.get(index))?;

@@ -59,6 +59,14 @@ pub fn texel_memory(memory: u64) -> [u64; 2] {
     [IMAGE_BYTES.min(memory / 4), memory / 4]
 }
 
+/// The most texels of a map of a chart, about.
+const MAP_TEXELS: u64 = 1 << 21;
+
+/// The memory with which a build keeps to it that bakes maps of images with some texels, about: a map is baked at once.
+pub fn least_for_maps(texels: u64) -> u64 {
+    if texels == 0 { 0 } else { BASE_BYTES + BAKED_BYTES.saturating_mul(texels.min(MAP_TEXELS)) }
+}
+
 /// The least memory for a build that decodes an image as a whole, given what that takes: half of it is for textures.
 pub fn least_for_decoding(bytes: u64) -> u64 {
     bytes.saturating_mul(2)

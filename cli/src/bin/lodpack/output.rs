@@ -126,7 +126,7 @@ fn temporary_name(name: &OsStr) -> OsString {
     temporary
 }
 
-/// Removes temporary files of an output that killed processes have left.
+/// Removes temporary files and folders of an output that killed processes have left.
 fn remove_abandoned(folder: &Path, name: &str) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let file_name = entry.file_name();
@@ -136,11 +136,16 @@ fn remove_abandoned(folder: &Path, name: &str) {
         let is_ours = number.is_some_and(|number| !number.is_empty() && number.bytes().all(is_number));
         // Opening a pipe would wait for whoever writes to it.
         if is_ours
-            && entry.file_type().is_ok_and(|kind| kind.is_file())
+            && let Ok(kind) = entry.file_type()
+            && (kind.is_file() || kind.is_dir())
             && let Ok(file) = File::open(entry.path())
             && file.try_lock().is_ok()
         {
-            let _ = fs::remove_file(entry.path());
+            // If it cannot be removed, its name still shows that it is no product.
+            match kind.is_dir() {
+                true => interrupt::remove_folder(&entry.path()),
+                false => drop(fs::remove_file(entry.path())),
+            }
         }
     }
 }
@@ -160,6 +165,8 @@ pub struct PendingFolder {
     temporary: PathBuf,
     path: PathBuf,
     is_finished: bool,
+    /// Shows other processes that the folder is in use.
+    _lock: Option<File>,
 }
 
 impl PendingFolder {
@@ -189,6 +196,7 @@ impl PendingFolder {
         }
         check_folder(&path)?;
         let Some(name) = path.file_name() else { bail!("{shown} cannot be an output; name another folder with -o") };
+        remove_abandoned(folder_of(&path), &name.to_string_lossy());
         Self::begin(path.with_file_name(temporary_name(name)), path)
     }
 
@@ -206,8 +214,15 @@ impl PendingFolder {
 
     fn begin(temporary: PathBuf, path: PathBuf) -> Result<Self> {
         interrupt::unfinished(&temporary);
-        fs::create_dir(&temporary).with_context(|| format!("cannot write {}", temporary.display()))?;
-        Ok(Self { temporary, path, is_finished: false })
+        let cannot_write = || format!("cannot write {}", temporary.display());
+        fs::create_dir(&temporary).with_context(cannot_write)?;
+        // Where folders cannot be locked, nobody takes this one for abandoned either.
+        let lock = File::open(&temporary).ok().filter(|lock| lock.try_lock().is_ok());
+        // A process that looked for abandoned folders may have taken it for one before it was locked.
+        if !temporary.exists() {
+            fs::create_dir(&temporary).with_context(cannot_write)?;
+        }
+        Ok(Self { temporary, path, is_finished: false, _lock: lock })
     }
 
     /// Where to write.

@@ -1,6 +1,7 @@
 //! The half-edges along which labels cut the surface, and their order around each chart.
 
 use lodpack_mesh::{Adjacency, NONE, next_half_edge};
+use lodpack_runtime::trace;
 use rayon::prelude::*;
 
 /// All half-edges whose other side has a different label, or no triangle.
@@ -15,6 +16,7 @@ pub struct CutEdges {
 impl CutEdges {
     /// Finds the half-edges along which the labels of triangles differ, or the mesh ends.
     pub fn new(adjacency: &Adjacency, labels: &[u32]) -> Self {
+        let _all = trace::even("cut edges");
         let half_edges: Vec<u32> =
             (0..adjacency.opposite.len() as u32).into_par_iter().filter(|&h| is_cut(adjacency, labels, h)).collect();
         let next = half_edges

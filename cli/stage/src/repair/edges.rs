@@ -1,11 +1,16 @@
 //! Pairs the half-edges at each edge.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use lodpack_mesh::{NONE, next_half_edge, previous_half_edge};
+use lodpack_runtime::trace;
 
 /// At an edge with more triangles than this, only the first ones are paired: trying all pairs takes quadratic time.
 pub const MAX_MATCHED: usize = 32;
+
+/// Buckets that a task sorts.
+const BUCKETS: usize = 1 << 13;
 
 /// Half-edges, paired across their edges.
 pub struct Pairing {
@@ -31,13 +36,12 @@ pub fn pair_edges(triangles: &[[u32; 3]], positions: &[DVec3]) -> Pairing {
         cut: Vec::new(),
     };
     let (mut sorted, ends) = half_edges_by_edge(triangles, positions.len());
+    sort_buckets(&mut sorted, &ends);
     let mut run: Vec<u32> = Vec::new();
     let mut start = 0;
     for end in ends {
-        let bucket = &mut sorted[start as usize..end as usize];
+        let bucket = &sorted[start as usize..end as usize];
         start = end;
-        // By the other end of the edge, then by half-edge.
-        bucket.sort_unstable();
         for same_edge in bucket.chunk_by(|a, b| a >> 32 == b >> 32) {
             match *same_edge {
                 [_] => {}
@@ -116,6 +120,26 @@ fn half_edges_by_edge(triangles: &[[u32; 3]], vertex_count: usize) -> (Vec<u64>,
     // Filling has moved each start to the end of its bucket.
     slot.truncate(vertex_count);
     (sorted, slot)
+}
+
+/// Sorts each bucket by the other end of the edge, then by half-edge.
+fn sort_buckets(sorted: &mut [u64], ends: &[u32]) {
+    let _all = trace::even("buckets");
+    let (mut rest, mut start) = (sorted, 0);
+    let mut blocks = vec![];
+    for ends in ends.chunks(BUCKETS) {
+        let end = ends[ends.len() - 1];
+        let (block, behind) = std::mem::take(&mut rest).split_at_mut((end - start) as usize);
+        blocks.push((block, ends, start));
+        (rest, start) = (behind, end);
+    }
+    blocks.into_par_iter().for_each(|(mut block, ends, mut start)| {
+        for &end in ends {
+            let (bucket, behind) = block.split_at_mut((end - start) as usize);
+            bucket.sort_unstable();
+            (block, start) = (behind, end);
+        }
+    });
 }
 
 fn list_duplicates(triangles: &[[u32; 3]], run: &[u32], duplicates: &mut Vec<u32>) {

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use robust::{Coord, orient2d};
 
 use lodpack_mesh::NONE;
+use lodpack_runtime::trace;
 
 /// Renumbers vertices and drops triangles without area. Returns the number of triangles dropped; `origins` gets the
 /// numbers of the others.
@@ -14,12 +15,14 @@ pub(super) fn drop_degenerate(
     positions: &[DVec3],
     origins: Option<&mut Vec<(u32, bool)>>,
 ) -> u64 {
+    let of_all = trace::even("degenerate");
     triangles.par_iter_mut().with_min_len(1 << 14).for_each(|triangle| {
         let [a, b, c] = triangle.map(|v| new_number[v as usize]);
         let repeats = a == b || b == c || c == a;
         let degenerate = repeats || are_collinear([a, b, c].map(|v| positions[v as usize]));
         *triangle = if degenerate { [NONE; 3] } else { [a, b, c] };
     });
+    drop(of_all);
     let before = triangles.len();
     if let Some(origins) = origins {
         origins.extend((0..).zip(triangles.iter()).filter(|(_, t)| t[0] != NONE).map(|(number, _)| (number, false)));

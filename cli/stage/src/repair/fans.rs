@@ -2,8 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use rayon::prelude::*;
+
 use super::edges::{Pairing, origin};
 use lodpack_mesh::{NONE, next_half_edge, previous_half_edge};
+use lodpack_runtime::trace;
 
 /// Gives each fan of a vertex a vertex of its own: the fan with the first corner keeps the number, the others get new
 /// numbers from `vertex_count` on. Returns the vertex that each new one copies. Pairs must be wound consistently.
@@ -24,7 +27,9 @@ pub(super) fn split_fans(triangles: &mut [[u32; 3]], opposite: &[u32], vertex_co
         fan_size != corner_count[v]
     };
     // Corners of vertices with several fans: by vertex, then in order.
-    let several: Vec<bool> = (0..vertex_count).map(has_several_fans).collect();
+    let of_all = trace::even("vertices");
+    let several: Vec<bool> = (0..vertex_count).into_par_iter().map(has_several_fans).collect();
+    drop(of_all);
     if !several.contains(&true) {
         return Vec::new();
     }

@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 
 use lodpack_mesh::union_find::count_components;
 use lodpack_mesh::{Adjacency, Mesh, NONE};
+use lodpack_runtime::trace;
 
 /// What [`repair`] found and changed. For a clean, closed mesh all counts are zero, except `components`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -110,7 +111,9 @@ fn repaired(
         true => vec![],
         false => objects::part_objects(&mut positions, &mut triangles, objects),
     };
+    let step = trace::step("weld");
     let kept_vertex = weld::weld_vertices(&mut positions, of_vertices);
+    drop(step);
     // Copies for further objects are none of the input's.
     report.welded_vertices = before.saturating_sub(positions.len()) as u64;
     report.degenerate_faces = faces::drop_degenerate(&mut triangles, &kept_vertex, &positions, origins.as_deref_mut());
@@ -130,6 +133,7 @@ fn sewn(
     report: &mut RepairReport,
     mut origins: Option<&mut Vec<(u32, bool)>>,
 ) -> (Mesh, Adjacency) {
+    let step = trace::step("pair");
     let mut pairing = edges::pair_edges(&triangles, &positions);
     if !pairing.duplicates.is_empty() {
         report.duplicate_faces = pairing.duplicates.len() as u64;
@@ -139,10 +143,13 @@ fn sewn(
         }
         pairing = edges::pair_edges(&triangles, &positions);
     }
+    drop(step);
     report.nonmanifold_edges_cut = pairing.nonmanifold_edge_count;
 
     // Each half-edge now has at most one opposite. Make the winding consistent across all pairs that remain.
+    let step = trace::step("wind");
     let outcome = winding::make_consistent(&mut triangles, &mut pairing, &positions);
+    drop(step);
     report.unorientable_edges_cut = outcome.cut_edge_count;
     report.flipped_faces = outcome.flipped_face_count;
     if let Some(origins) = origins {
@@ -151,6 +158,7 @@ fn sewn(
 
     // Give each fan its own vertex. Where two sheets at a cut edge still share both of its ends, cut their fans
     // further.
+    let step = trace::step("fans");
     let mut copied = fans::split_fans(&mut triangles, &pairing.opposite, positions.len());
     while let further @ 1.. = fans::detach_shared_edges(&triangles, &mut pairing) {
         report.further_edges_cut += further;
@@ -160,6 +168,8 @@ fn sewn(
             copied.push(copied_from);
         }
     }
+    drop(step);
+    let _step = trace::step("count");
     positions.reserve_exact(copied.len());
     for &original in &copied {
         positions.push(positions[original as usize]);

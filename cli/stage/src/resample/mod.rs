@@ -33,6 +33,9 @@ const MARGIN: f64 = 0.05;
 pub struct Solid<'a> {
     mesh: &'a Mesh,
     inside: Inside,
+    /// The new surface: where its vertices lie, and its triangles.
+    crossings: Vec<Crossing>,
+    triangles: Vec<[u32; 3]>,
 }
 
 /// What the new surface would be like, before any distance is measured.
@@ -51,13 +54,14 @@ impl<'a> Solid<'a> {
     /// 256). None if the surface has no extent, or nothing lies inside.
     pub fn new(mesh: &'a Mesh, cells: usize) -> Option<Self> {
         let inside = Inside::new(mesh, cells.clamp(2, MAX_CELLS))?;
-        Some(Self { mesh, inside })
+        let (crossings, triangles) = triangulate(&inside);
+        Some(Self { mesh, inside, crossings, triangles })
     }
 
     /// What the surface of the solid is like.
     pub fn shape(&self) -> Shape {
-        let (crossings, triangles) = triangulate(&self.inside);
-        let components = count_components(crossings.len(), &triangles);
+        let Self { crossings, triangles, .. } = self;
+        let components = count_components(crossings.len(), triangles);
         // Vertices - edges + triangles, with three half-edges a triangle.
         let characteristic = crossings.len() as i64 - (triangles.len() / 2) as i64;
         let handles = (components as i64 - characteristic / 2).max(0);
@@ -66,8 +70,8 @@ impl<'a> Solid<'a> {
 
     /// The surface of the solid: a closed, oriented manifold whose vertices lie on the original surface wherever that
     /// is near.
-    pub fn surface(&self) -> Mesh {
-        let (crossings, mut triangles) = triangulate(&self.inside);
+    pub fn surface(self) -> Mesh {
+        let Self { ref crossings, mut triangles, .. } = self;
         let original = TriangleBvh::new(&self.mesh.positions, &self.mesh.triangles);
         let mut hint = Hint::default();
         let mut place = |crossing: &Crossing| {

@@ -3,6 +3,7 @@
 
 use lodpack_mesh::union_find::unite;
 use lodpack_mesh::{Adjacency, NONE};
+use lodpack_runtime::trace;
 use rayon::prelude::*;
 
 /// Triangles per task. The number is fixed so that nothing depends on the number of threads.
@@ -12,6 +13,7 @@ const BLOCK: usize = 1 << 18;
 /// triangle, and the number of components.
 pub(super) fn connected_components(adjacency: &Adjacency, labels: &[u32]) -> (Vec<u32>, u32) {
     let mut parent = vec![0u32; labels.len()];
+    let of_all = trace::even("blocks");
     let links: Vec<Vec<(u32, u32)>> = parent
         .par_chunks_mut(BLOCK)
         .enumerate()
@@ -39,6 +41,7 @@ pub(super) fn connected_components(adjacency: &Adjacency, labels: &[u32]) -> (Ve
             links
         })
         .collect();
+    drop(of_all);
     for &(t, u) in links.iter().flatten() {
         unite(&mut parent, t, u);
     }

@@ -7,6 +7,7 @@ use super::geometry::{Facet, Normaliser, bend_between, creaseness, relative_dist
 use super::lloyd::Partition;
 use super::microcharts::{MicrochartGraph, Microcharts};
 use lodpack_mesh::{Adjacency, Mesh, NONE};
+use lodpack_runtime::trace;
 use rayon::prelude::*;
 
 /// The range of costs in one bucket of the queue; a step costs about 1.
@@ -51,6 +52,7 @@ pub(super) fn grow_labels(
     for (i, &t) in open.iter().enumerate() {
         slot[t as usize] = i as u32;
     }
+    let of_all = trace::even("facets");
     let facets: Vec<Facet> = open.par_iter().map(|&t| normaliser.facet(mesh, t)).collect();
     let steps: Vec<[Step; 3]> = (0..open.len())
         .into_par_iter()
@@ -66,6 +68,7 @@ pub(super) fn grow_labels(
             })
         })
         .collect();
+    drop(of_all);
 
     let mut front = Front::new(open.len());
     for (i, steps) in steps.iter().enumerate() {

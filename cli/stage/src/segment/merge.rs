@@ -6,6 +6,7 @@ use super::geometry::Normaliser;
 use crate::arcs::cut_edges::CutEdges;
 use lodpack_mesh::union_find::find;
 use lodpack_mesh::{Adjacency, Mesh, NONE};
+use lodpack_runtime::trace;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -110,6 +111,7 @@ fn shared_borders(
         NONE => NONE,
         opposite => labels[opposite as usize / 3],
     };
+    let of_all = trace::even("borders");
     let mut cut_edges: Vec<(u32, u32, u32, f64, bool)> = (0..cut.half_edges.len() as u32)
         .into_par_iter()
         .map(|i| {
@@ -120,6 +122,7 @@ fn shared_borders(
         })
         .collect();
     cut_edges.par_sort_unstable_by_key(|&(own, other, i, ..)| (own, other, i));
+    drop(of_all);
     let mut borders = vec![Vec::new(); count as usize];
     for same in cut_edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
         borders[same[0].0 as usize].push(SharedBorder {

@@ -4,6 +4,7 @@ use super::SegmentOptions;
 use super::geometry::{Facet, Normaliser, bend, creaseness, relative_distance};
 use glam::DVec3;
 use lodpack_mesh::{Adjacency, Mesh, NONE};
+use lodpack_runtime::trace;
 use rayon::prelude::*;
 
 /// Triangles in a full microchart.
@@ -68,6 +69,7 @@ fn flood_blocks(
     wanted: &(impl Fn(u32) -> bool + Sync),
     block_size: usize,
 ) -> Microcharts {
+    let _all = trace::even("floods");
     let mut of_triangle = vec![NONE; mesh.triangles.len()];
     let blocks: Vec<Vec<Microchart>> = of_triangle
         .par_chunks_mut(block_size)
@@ -173,6 +175,7 @@ pub(super) fn build_graph(
     options: &SegmentOptions,
 ) -> MicrochartGraph {
     let of_triangle = &microcharts.of_triangle;
+    let of_all = trace::even("pairs");
     let mut pairs: Vec<u64> = of_triangle
         .par_chunks(BLOCK)
         .enumerate()
@@ -195,6 +198,7 @@ pub(super) fn build_graph(
         })
         .collect();
     pairs.par_sort_unstable();
+    drop(of_all);
     pairs.dedup();
 
     let mut start = vec![0u32; microcharts.all.len() + 1];

@@ -32,6 +32,7 @@ pub use split::halve_heavy;
 
 use geometry::Normaliser;
 use lodpack_mesh::{Adjacency, Mesh};
+use lodpack_runtime::trace;
 use rayon::prelude::*;
 
 /// Options of [`segment_charts`].
@@ -75,12 +76,19 @@ pub fn segment_charts(mesh: &Mesh, adjacency: &Adjacency, options: &SegmentOptio
     if sizes.iter().all(|&size| whole(size)) {
         return labels;
     }
+    let step = trace::step("microcharts");
     let normaliser = Normaliser::new(mesh);
     // Only the components that must be cut. Whole ones keep their label, which is below `component_count`.
     let microcharts =
         microcharts::build_microcharts(mesh, adjacency, &normaliser, |t| !whole(sizes[labels[t as usize] as usize]));
+    drop(step);
+    let step = trace::step("graph");
     let graph = microcharts::build_graph(adjacency, &microcharts, options);
+    drop(step);
+    let step = trace::step("lloyd");
     let partition = lloyd::partition(&microcharts, &graph, &labels, &sizes, target, options);
+    drop(step);
+    let step = trace::step("growth");
     growth::grow_labels(
         mesh,
         adjacency,
@@ -92,12 +100,16 @@ pub fn segment_charts(mesh: &Mesh, adjacency: &Adjacency, options: &SegmentOptio
         options,
         &mut labels,
     );
-    drop((microcharts, graph));
+    drop((microcharts, graph, step));
 
     regularize(mesh, adjacency, &normaliser, target, &mut labels);
+    let step = trace::step("rings");
     split::open_rings(mesh, adjacency, &normaliser, target, &mut labels);
+    drop(step);
     if options.smoothing_rounds > 0 {
+        let step = trace::step("smoothing");
         smoothing::smooth_borders(mesh, adjacency, &normaliser, options, &mut labels);
+        drop(step);
         regularize(mesh, adjacency, &normaliser, target, &mut labels);
     }
     labels
@@ -105,6 +117,7 @@ pub fn segment_charts(mesh: &Mesh, adjacency: &Adjacency, options: &SegmentOptio
 
 /// Makes every label connected, merges charts that are too small into a neighbour, and halves those that are too large.
 fn regularize(mesh: &Mesh, adjacency: &Adjacency, normaliser: &Normaliser, target: u32, labels: &mut Vec<u32>) {
+    let _step = trace::step("regularize");
     let (connected, count) = components::connected_components(adjacency, labels);
     *labels = connected;
     merge::merge_small(mesh, adjacency, normaliser, target, count, labels);

@@ -8,6 +8,7 @@ use super::SegmentOptions;
 use super::geometry::{Facet, Normaliser, bend, creaseness};
 use glam::DVec3;
 use lodpack_mesh::{Adjacency, Mesh, NONE};
+use lodpack_runtime::trace;
 use rayon::prelude::*;
 
 /// How many triangles the band reaches from a border to either side. Borders cannot move farther.
@@ -32,6 +33,7 @@ pub(super) fn smooth_borders(
         shares.clear();
         shares.par_extend(band.triangles.par_iter().map(|&t| Shares::whole(labels[t as usize])));
         next.clone_from(&shares);
+        let of_all = trace::even("diffusion");
         for _ in 0..DIFFUSION_STEPS {
             next[..band.links.len()]
                 .par_iter_mut()
@@ -41,6 +43,7 @@ pub(super) fn smooth_borders(
                 .for_each(|(i, (next, links))| *next = links.diffuse(i, &shares));
             std::mem::swap(&mut shares, &mut next);
         }
+        drop(of_all);
         for (&t, share) in band.triangles[..band.links.len()].iter().zip(&shares) {
             labels[t as usize] = share.label[0];
         }
@@ -114,6 +117,7 @@ impl Band {
         for (i, &t) in triangles.iter().enumerate() {
             slot[t as usize] = i as u32;
         }
+        let _all = trace::even("links");
         let facets: Vec<Facet> = triangles.par_iter().map(|&t| normaliser.facet(mesh, t)).collect();
         // Each triangle's area vector plus those of its neighbours.
         let around: Vec<DVec3> = (0..linked)

@@ -5,6 +5,7 @@ use super::geometry::Normaliser;
 use super::{compact_labels, label_sizes, triangles_by_label};
 use crate::arcs::cut_edges::CutEdges;
 use lodpack_mesh::{Adjacency, Mesh};
+use lodpack_runtime::trace;
 use rayon::prelude::*;
 
 /// A loop shorter than this share of the chart's longest is a small hole, which stays.
@@ -84,9 +85,11 @@ fn split_charts(
         return;
     }
     let (start, list) = triangles_by_label(labels, count);
+    let of_all = trace::parallel("charts");
     let fragments: Vec<Vec<Vec<u32>>> = charts
         .par_iter()
         .map(|&l| {
+            let _pass = trace::pass("split");
             let mut open = vec![list[start[l as usize] as usize..start[l as usize + 1] as usize].to_vec()];
             let mut done = Vec::new();
             while let Some(triangles) = open.pop() {
@@ -98,6 +101,7 @@ fn split_charts(
             done
         })
         .collect();
+    drop(of_all);
     for (label, fragment) in (count..).zip(fragments.iter().flat_map(|of_chart| &of_chart[1..])) {
         for &t in fragment {
             labels[t as usize] = label;

@@ -22,7 +22,8 @@ pub struct HttpOptions {
     /// status like 503. What has arrived is kept, and the next one asks for the rest; one that brings 16 KiB is no
     /// failure.
     pub attempts: u32,
-    /// Pause before the second attempt; it doubles before each further one.
+    /// Pause before the second attempt; it doubles before each further one. There is none behind one that is no
+    /// failure.
     pub pause: Duration,
     /// Most requests at once.
     pub connections: usize,
@@ -93,7 +94,12 @@ impl Http {
             match self.try_fetch(range, &mut bytes) {
                 Ok(size) => return Ok((bytes, size)),
                 Err(error) if error.is_transient() => {
-                    failures = if bytes.len() >= before + PROGRESS { 1 } else { failures + 1 };
+                    if bytes.len() >= before + PROGRESS {
+                        // What breaks while it works is continued at once.
+                        failures = 1;
+                        continue;
+                    }
+                    failures += 1;
                     if failures >= self.options.attempts {
                         return Err(error.into());
                     }

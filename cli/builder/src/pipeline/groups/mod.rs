@@ -34,13 +34,14 @@ use crate::reduce::{CoarseSurface, error_sum};
 use corners::corner_levels;
 use levels::{MadeLevel, Making};
 use lodpack_runtime::machine::thread_cpu_time;
+use lodpack_runtime::trace;
 use lodpack_stage::arc_samples::border_deviation;
 use lodpack_stage::arcs::HalfArc;
 use lodpack_stage::areas::{Areas, Jumps};
 use lodpack_stage::certify::{BorderPairing, PairedVertex};
 use lodpack_stage::chart::{BorderVertex, ChartMesh};
 use lodpack_stage::group::{Charts, group};
-use lodpack_stage::simplify::SimplifiedChart;
+use lodpack_stage::simplify::{LevelPatch, SimplifiedChart};
 use net::Net;
 use outline::Borders;
 use parts::{InParts, collapsed, is_of_small_parts};
@@ -201,6 +202,7 @@ impl<'a> Forest<'a> {
             let attempt = |group: &mut Group| match &group.result {
                 Some(_) => (vec![], Times::default()),
                 None => {
+                    let _pass = trace::pass("group");
                     let mut times = Times::default();
                     let result = this.build(&group.members, levels, round + 1 == MAX_ROUNDS, &mut times);
                     let wishes = result.as_ref().err().cloned().unwrap_or_default();
@@ -208,7 +210,9 @@ impl<'a> Forest<'a> {
                     (wishes, times)
                 }
             };
+            let of_all = trace::parallel("groups");
             let outcomes: Vec<(Vec<(u32, u8)>, Times)> = groups.par_iter_mut().map(attempt).collect();
+            drop(of_all);
             let mut wishes: Vec<(u32, u8)> = vec![];
             for (of_group, of_work) in outcomes {
                 wishes.extend(of_group);
@@ -336,10 +340,21 @@ impl<'a> Forest<'a> {
         if is_plain && coarsest == 0 && !joined.loops.is_empty() {
             halve_levels(&mut simplified.levels, FEWEST, |level, wanted| collapsed(&joined, level, wanted));
         }
-        for (level, level_patch) in (0..=finest).zip(&simplified.levels) {
-            let Some(level_patch) = level_patch else { continue };
-            let made =
-                of_finest.take_if(|_| level == finest).or_else(|| making.make(&joined, level, level_patch, times));
+        let of_all = trace::parallel("levels");
+        let make = |(level, patch): (u8, &LevelPatch)| {
+            let _pass = trace::pass("level");
+            let mut times = Times::default();
+            (level, making.make(&joined, level, patch, &mut times), times)
+        };
+        let is_made = |level: u8| level == finest && of_finest.is_some();
+        let levels = (0..=finest).zip(&simplified.levels).filter(|&(level, _)| !is_made(level));
+        let levels: Vec<(u8, &LevelPatch)> =
+            levels.filter_map(|(level, patch)| Some((level, patch.as_ref()?))).collect();
+        let mut all_made: Vec<(u8, Option<MadeLevel>, Times)> = levels.into_par_iter().map(make).collect();
+        drop(of_all);
+        all_made.extend(of_finest.take().map(|made| (finest, Some(made), Times::default())));
+        for (level, made, of_level) in all_made {
+            times.add(&of_level);
             let Some(made) = made else { return Err(vec![]) };
             let MadeLevel { patch, symbols, areas, points, positions, distance, .. } = made;
             if let Some(drawn) = all_drawn.get_mut(usize::from(level)) {

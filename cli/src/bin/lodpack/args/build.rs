@@ -171,6 +171,10 @@ pub struct BuildArgs {
     pub model: ModelArgs,
     #[command(flatten)]
     pub run: RunArgs,
+    /// Write what each thread does when to a file in Chrome's trace-event format, for chrome://tracing or
+    /// ui.perfetto.dev.
+    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["job", "workers"])]
+    pub trace: Option<PathBuf>,
     /// Build with this number of processes of this machine, which share memory and threads evenly. The result does not
     /// depend on it.
     #[arg(long, value_name = "N", conflicts_with = "job", value_parser = clap::value_parser!(u32).range(1..=1024))]

@@ -12,6 +12,7 @@ use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::job::{BuildOptions, BuiltPart, FILE_EXTENSION, PlannedJob, build};
 use lodpack_cli::storage::default_memory;
+use lodpack_cli::trace::{self, Traced};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -19,6 +20,15 @@ use std::process::ExitCode;
 /// Builds a file, or parts of a job, and prints a summary.
 pub fn run(args: &BuildArgs) -> Result<ExitCode> {
     use_threads(args.run.threads)?;
+    let Some(path) = &args.trace else { return run_once(args) };
+    let cannot = || format!("cannot write the trace {}", path.display());
+    trace::begin(path).with_context(cannot)?;
+    let status = run_once(args)?;
+    trace::finish().with_context(cannot)?;
+    Ok(status)
+}
+
+fn run_once(args: &BuildArgs) -> Result<ExitCode> {
     if let (Some(job), Some(parts)) = (&args.job, args.part) {
         return run_parts(args, job, parts);
     }
@@ -60,7 +70,7 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
         None => {
             let mut out = BufWriter::new(file);
             let progress = Terminal::working_in(args.run.progress, progress_bar::BUILD, &work);
-            let built = build(&options, &mut out, &progress);
+            let built = build(&options, &mut out, &Traced::new(&progress));
             let summary = built.map_err(|error| with_advice(error, output, &work))?;
             let written = out.into_inner().map_err(|error| error.into_error());
             let ground = finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;

@@ -5,15 +5,25 @@ use crate::messages;
 use crate::output::shell;
 use anyhow::{Context, Error, Result, anyhow, bail};
 use lodpack::heights::Heights;
-use lodpack::source::{Counting, Within};
+use lodpack::source::{Counting, Request, Within};
 use lodpack::{File, Ground, GroundFrame, Limits, Opener, ReadAt};
 use lodpack_cli::mesh::images::tiff_directory::is_tiff;
 use lodpack_cli::mesh::tolerance::Tolerance;
+use lodpack_cli::progress::Progress;
+use lodpack_cli::storage::default_memory;
 use std::path::Path;
 use std::sync::Arc;
 
 /// A source of any kind that counts its requests and bytes.
 pub type Source = Counting<Box<dyn ReadAt + Send + Sync>>;
+
+/// The bytes of a path or an address, which may be opened more than once.
+pub type AnySource = Arc<dyn ReadAt + Send + Sync>;
+
+/// Bytes of the first request of a copy, which tells how many there are.
+const START_BYTES: usize = 64 << 10;
+/// Bytes of each further one, several of which are under way at a time.
+const COPIED_AT_ONCE: usize = 4 << 20;
 
 /// The first bytes of a lodpack file, before those that a conversion of text would change.
 pub const BEGINNING: &[u8] = Opener::MAGIC.split_at(4).0;
@@ -42,7 +52,11 @@ pub fn open_any(path: &Path) -> Result<Opened> {
 /// [`open_any`] with two results: the outer one fails if nothing can be read, the inner one if it is not a sound
 /// lodpack file.
 pub fn try_open(path: &Path) -> Result<Result<Opened>> {
-    let source = source_of(path)?;
+    try_open_in(path, &source_of(path)?)
+}
+
+/// [`try_open`], given the source of the path.
+pub fn try_open_in(path: &Path, source: &AnySource) -> Result<Result<Opened>> {
     match Opened::open(Counting::new(Box::new(source.clone())), Limits::default()) {
         Ok(file) => Ok(Ok(file)),
         Err(error @ lodpack::Error::Format { .. }) => {
@@ -59,8 +73,30 @@ pub fn try_open(path: &Path) -> Result<Result<Opened>> {
     }
 }
 
+/// [`source_of`] for commands that read everything, and most of it again and again: what an address has is copied into
+/// memory once, unless it takes too much of it.
+pub fn source_of_all(path: &Path, progress: &dyn Progress) -> Result<AnySource> {
+    let source = source_of(path)?;
+    if path.to_str().and_then(address).is_none() {
+        return Ok(source);
+    }
+    progress.begin("copy", 0);
+    let io = |length| move |source| named(path, lodpack::Error::Io { offset: 0, length, source });
+    let (mut bytes, size) = source.read_start(START_BYTES).map_err(io(START_BYTES as u64))?;
+    let known = bytes.len();
+    match usize::try_from(size) {
+        Ok(count) if size <= default_memory() / 4 && known <= count => bytes.resize(count, 0),
+        _ => return Ok(source),
+    }
+    let offsets = (known as u64..).step_by(COPIED_AT_ONCE);
+    let parts = bytes[known..].chunks_mut(COPIED_AT_ONCE).zip(offsets);
+    let mut requests: Vec<Request<'_>> = parts.map(|(buf, offset)| Request { offset, buf }).collect();
+    source.read_ranges(&mut requests).map_err(io(size))?;
+    Ok(Arc::new(bytes))
+}
+
 /// The bytes of a path or an address.
-fn source_of(path: &Path) -> Result<Arc<dyn ReadAt + Send + Sync>> {
+pub fn source_of(path: &Path) -> Result<AnySource> {
     Ok(match path.to_str().and_then(address) {
         Some((scheme, url)) => match scheme.as_str() {
             "http" | "https" => {
@@ -86,8 +122,20 @@ fn source_of(path: &Path) -> Result<Arc<dyn ReadAt + Send + Sync>> {
 /// The ground of a file as a file of heights of its own, with requests that are counted apart, and how it lies under
 /// the mesh; none if the file has none.
 pub fn open_ground(path: &Path, file: &File<Source>) -> Result<Option<(Heights<Source>, GroundFrame)>> {
+    match file.index().ground_range() {
+        Some(_) => open_ground_in(path, source_of(path)?, file),
+        None => Ok(None),
+    }
+}
+
+/// [`open_ground`], given the source of the path.
+pub fn open_ground_in(
+    path: &Path,
+    source: AnySource,
+    file: &File<Source>,
+) -> Result<Option<(Heights<Source>, GroundFrame)>> {
     let Some(range) = file.index().ground_range() else { return Ok(None) };
-    let source: Box<dyn ReadAt + Send + Sync> = Box::new(Within::new(source_of(path)?, range));
+    let source: Box<dyn ReadAt + Send + Sync> = Box::new(Within::new(source, range));
     let Ground { heights, frame } = in_file(path, Ground::within(file.index(), Counting::new(source)))?;
     Ok(Some((heights, frame)))
 }

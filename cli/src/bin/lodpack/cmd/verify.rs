@@ -3,7 +3,7 @@
 use super::ground::WithGround;
 use super::heights;
 use super::inputs::find_inputs;
-use super::open::{Opened, in_file, open_ground, try_open};
+use super::open::{Opened, in_file, open_ground_in, source_of_all, try_open_in};
 use super::{print_json, use_threads};
 use crate::args::{ProgressStyle, VerifyArgs};
 use crate::interrupt;
@@ -30,7 +30,8 @@ pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
     let meshes = &find_inputs(meshes)?;
     let stages = if meshes.is_empty() { progress_bar::VERIFY } else { progress_bar::VERIFY_AGAINST };
     let progress = Terminal::new(ProgressStyle::Auto, stages);
-    let opened = match try_open(name)? {
+    let source = source_of_all(name, &progress)?;
+    let opened = match try_open_in(name, &source)? {
         Ok(Opened::Heights(file)) => {
             let is_sound = heights::verify::run(&file, meshes, progress, args, name)?;
             return Ok(if is_sound { ExitCode::SUCCESS } else { ExitCode::from(1) });
@@ -39,7 +40,8 @@ pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
         Err(error) => Err(error),
     };
     // What is wrong with a ground that cannot be opened, the check of the mesh finds, too.
-    let ground = opened.as_ref().ok().map(|file| open_ground(name, file)).transpose().unwrap_or_default().flatten();
+    let ground =
+        opened.as_ref().ok().map(|file| open_ground_in(name, source, file)).transpose().unwrap_or_default().flatten();
     let (rasters, meshes): (Vec<PathBuf>, Vec<PathBuf>) =
         meshes.iter().cloned().partition(|path| ground.is_some() && is_raster(path));
     let meshes = &meshes;

@@ -37,9 +37,29 @@ pub struct Course {
     total: u64,
     /// The part of `done` that an earlier process did.
     skipped: u64,
-    /// Share of the whole that an earlier process did, without the current stage.
-    passed_over: f64,
+    /// The pace of the last stage that takes much of the time.
+    pace: Pace,
+    /// The least time left that was said.
+    said: f64,
 }
+
+/// How fast the stages of a name go.
+#[derive(Debug, Default)]
+struct Pace {
+    /// When the first of them began, in seconds, and the share of the whole that they have done since.
+    since: f64,
+    before: f64,
+    /// Whether they take enough of the time to tell that of others.
+    tells: bool,
+    seconds_per_share: Option<f64>,
+}
+
+/// Stages with this share of the time tell how long the others take.
+const MUCH: f64 = 0.4;
+/// And once this share of the whole is done of them.
+const ENOUGH: f64 = 0.08;
+/// The time left is not said where it is more than this many times what was said before.
+const BELIEVED: f64 = 1.2;
 
 impl Course {
     /// A course through stages with times in any unit. A name may occur more than once.
@@ -48,16 +68,27 @@ impl Course {
         let sum: f64 = stages.iter().map(|(_, share)| share).sum();
         let of_all = |share: f64| if sum > 0.0 { share / sum } else { 0.0 };
         let stages = stages.into_iter().map(|(name, share)| (name, of_all(share))).collect();
-        Self { stages, current: None, done: 0, total: 0, skipped: 0, passed_over: 0.0 }
+        Self { stages, current: None, done: 0, total: 0, skipped: 0, pace: Pace::default(), said: f64::INFINITY }
     }
 
-    /// Begins a stage. Stages that are skipped were done by an earlier process. A stage that begins again continues.
-    pub fn begin(&mut self, name: &str, total: u64) {
+    /// Begins a stage, some seconds after the command. Stages that are skipped were done by an earlier process. A stage
+    /// that begins again continues.
+    pub fn begin(&mut self, name: &str, total: u64, elapsed: f64) {
+        let before = self.pace.before + self.own_share();
         let next = self.current.map_or(0, |current| current + 1);
         if let Some(stage) = (next..self.stages.len()).find(|&stage| self.stages[stage].0 == name) {
-            self.passed_over += self.skipped_share();
-            self.passed_over += self.stages[next..stage].iter().map(|(_, share)| share).sum::<f64>();
+            let is_same = self.current.is_some_and(|current| self.stages[current].0 == name);
             self.current = Some(stage);
+            let share = |name: &str| self.stages.iter().filter(|of| of.0 == name).map(|(_, share)| share).sum::<f64>();
+            let most = self.stages.iter().map(|(name, _)| share(name)).fold(0.0, f64::max);
+            let tells = share(name) >= MUCH.min(most);
+            if is_same {
+                self.pace.before = before;
+            } else if tells || self.pace.tells {
+                // What was found stays, and what comes behind it says nothing of its own.
+                let seconds_per_share = self.pace.seconds_per_share;
+                self.pace = Pace { since: elapsed, before: 0.0, tells, seconds_per_share };
+            }
         }
         (self.done, self.total, self.skipped) = (0, total, 0);
     }
@@ -81,8 +112,9 @@ impl Course {
         if self.total > 0 { (amount as f64 / self.total as f64).min(1.0) * own } else { 0.0 }
     }
 
-    fn skipped_share(&self) -> f64 {
-        self.share(self.skipped)
+    /// The share that this process has done of the current stage.
+    fn own_share(&self) -> f64 {
+        self.share(self.done.saturating_sub(self.skipped))
     }
 
     /// The share of the whole that is done, 0 to 1; none for commands without stages.
@@ -92,13 +124,20 @@ impl Course {
         Some((before + self.share(self.done)).min(1.0))
     }
 
-    /// Seconds left after `elapsed` seconds, once enough is done to tell.
-    pub fn remaining(&self, elapsed: f64) -> Option<f64> {
-        const ENOUGH: f64 = 0.1;
-        let overall = self.overall()?;
-        let own = overall - self.passed_over - self.skipped_share();
-        let to_do = own + (1.0 - overall);
-        (own >= ENOUGH * to_do && own > 0.0).then(|| elapsed * (1.0 - overall) / own)
+    /// Seconds left after `elapsed` seconds, once enough is done to tell. It never is much more than what was said
+    /// before.
+    pub fn remaining(&mut self, elapsed: f64) -> Option<f64> {
+        let left = 1.0 - self.overall()?;
+        let done = self.pace.before + self.own_share();
+        if self.pace.tells && done > 0.0 && done >= ENOUGH {
+            self.pace.seconds_per_share = Some((elapsed - self.pace.since).max(0.0) / done);
+        }
+        let remaining = self.pace.seconds_per_share? * left;
+        if remaining > BELIEVED * self.said {
+            return None;
+        }
+        self.said = self.said.min(remaining);
+        Some(remaining)
     }
 }
 
@@ -112,30 +151,51 @@ mod tests {
     fn a_command_goes_from_nothing_to_all() {
         let mut course = Course::new(THREE.iter().copied());
         assert_eq!((course.overall(), course.remaining(1.0)), (None, None));
-        course.begin("a", 0);
+        course.begin("a", 0, 0.0);
         // Begun again, now that the amount of work is known.
-        course.begin("a", 10);
+        course.begin("a", 10, 0.0);
         assert_eq!((course.overall(), course.remaining(1.0)), (Some(0.0), None));
         course.advance(5);
-        assert_eq!((course.overall(), course.remaining(1.0)), (Some(0.125), Some(7.0)));
-        course.begin("b", 4);
+        // It takes too little of the time to say anything of the others.
+        assert_eq!((course.overall(), course.remaining(1.0)), (Some(0.125), None));
+        course.begin("b", 4, 2.0);
+        assert_eq!((course.overall(), course.remaining(2.0)), (Some(0.25), None));
         course.advance(2);
-        assert_eq!((course.overall(), course.remaining(5.0)), (Some(0.5), Some(5.0)));
-        course.begin("c", 1);
+        // A quarter took three seconds.
+        assert_eq!((course.overall(), course.remaining(5.0)), (Some(0.5), Some(6.0)));
+        course.begin("c", 1, 8.0);
+        assert_eq!((course.overall(), course.remaining(8.0)), (Some(0.75), Some(3.0)));
         course.advance(1);
-        assert_eq!((course.overall(), course.remaining(5.0)), (Some(1.0), Some(0.0)));
+        assert_eq!((course.overall(), course.remaining(9.0)), (Some(1.0), Some(0.0)));
+    }
+
+    #[test]
+    fn the_time_left_never_grows_by_more_than_a_fifth() {
+        let mut course = Course::new(THREE.iter().copied());
+        course.begin("b", 100, 0.0);
+        let (mut least, mut said) = (f64::INFINITY, 0);
+        for step in 0..100 {
+            course.advance(1);
+            // Ever slower, then fast.
+            let elapsed = f64::from(step.min(60)).powi(2) + 0.1 * f64::from(step);
+            if let Some(left) = course.remaining(elapsed) {
+                assert!(left <= 1.2 * least, "{left} after {least}");
+                (least, said) = (left.min(least), said + 1);
+            }
+        }
+        assert!(said > 30, "{said}");
     }
 
     #[test]
     fn the_work_of_an_earlier_process_does_not_count_for_the_time_left() {
         let mut course = Course::new(THREE.iter().copied());
-        course.begin("b", 4);
+        course.begin("b", 4, 0.0);
         course.skip(2);
         assert_eq!((course.overall(), course.remaining(1.0)), (Some(0.5), None));
         course.advance(1);
-        // A quarter took three seconds; three eighths are left.
+        // An eighth took three seconds; three eighths are left.
         assert_eq!((course.overall(), course.remaining(3.0)), (Some(0.625), Some(9.0)));
-        course.begin("c", 2);
+        course.begin("c", 2, 6.0);
         course.advance(1);
         assert_eq!((course.overall(), course.remaining(9.0)), (Some(0.875), Some(3.0)));
     }
@@ -145,7 +205,7 @@ mod tests {
         // The second has nothing to do, the third is already built.
         let mut course = Course::new([20.0, 0.0, 40.0, 20.0].map(|triangles| ("roots", triangles)));
         for (part, before) in [0.0, 0.25, 0.25, 0.75].into_iter().enumerate() {
-            course.begin("roots", if part == 1 { 0 } else { 8 });
+            course.begin("roots", if part == 1 { 0 } else { 8 }, part as f64);
             assert_eq!(course.overall(), Some(before));
             match part {
                 1 => {}
@@ -155,7 +215,7 @@ mod tests {
         }
         assert_eq!((course.overall(), course.remaining(3.0)), (Some(1.0), Some(0.0)));
         course = Course::new([("roots", 0.0)]);
-        course.begin("roots", 0);
+        course.begin("roots", 0, 0.0);
         assert_eq!((course.overall(), course.remaining(3.0)), (Some(0.0), None));
     }
 
@@ -165,7 +225,7 @@ mod tests {
             assert!((stages.iter().map(|(_, share)| share).sum::<f64>() - 1.0).abs() < 1e-9, "{stages:?}");
         }
         let mut course = Course::new([]);
-        course.begin("anything", 3);
+        course.begin("anything", 3, 0.0);
         assert_eq!((course.overall(), course.remaining(3.0)), (None, None));
     }
 }

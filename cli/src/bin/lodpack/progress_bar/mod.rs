@@ -235,7 +235,7 @@ impl Progress for Terminal {
             earlier.start
         });
         self.shared.finish(&mut state);
-        state.course.begin(stage, total);
+        state.course.begin(stage, total, self.shared.start.elapsed().as_secs_f64());
         let bar = if self.shared.drawn { ProgressBar::new(total) } else { ProgressBar::hidden() };
         let template = match total {
             0 => "{msg:<16} {elapsed}",
