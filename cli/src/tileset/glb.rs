@@ -49,8 +49,8 @@ struct Stream {
 }
 
 impl Content {
-    /// Triangles between some of these points, what they look like, by images or by what each point has, and the objects
-    /// that they belong to.
+    /// Triangles between some of these points, what they look like, by images or by what each point has, and the
+    /// objects that they belong to.
     ///
     /// # Errors
     /// If an image is too large for its format.

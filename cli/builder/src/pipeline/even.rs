@@ -1,7 +1,8 @@
-//! Regions of nothing but even looks, as those of most designed parts: each triangle of a block has the look of the area
-//! that it belongs to, so nothing is baked.
+//! Regions of nothing but even looks, as those of most designed parts: each triangle of a block has the look of the
+//! area that it belongs to, so nothing is baked.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use glam::DVec3;
 use lodpack::write::RootRecord;
@@ -9,13 +10,32 @@ use rayon::prelude::*;
 
 use super::drawn::{DrawnBlocks, DrawnPatch};
 use super::paint::PaintedRegion;
-use super::texels::InputSource;
+use super::region_progress::RegionProgress;
+use super::texels::{InputSource, storage};
 use lodpack_mesh::NONE;
+use lodpack_runtime::machine::thread_cpu_time;
 use lodpack_stage::bake::{Palette, Points, Source, Storage, Stored};
 use lodpack_stage::certify::{Hint, Surface};
 
+/// As [`PaintedRegion::paint`], but a region of even looks gets palettes.
+pub(super) fn paint(
+    region: &PaintedRegion<'_>,
+    records: &mut [RootRecord],
+    drawn: &[DrawnBlocks],
+    colour_step: u8,
+    progress: &RegionProgress<'_>,
+) -> (Duration, u64) {
+    let start = thread_cpu_time();
+    let storage = storage(region.appearance, colour_step);
+    let Some(looks) = Looks::of(region, &storage) else {
+        return region.paint(records, drawn, colour_step, progress);
+    };
+    looks.paint(records, drawn);
+    (thread_cpu_time() - start, 0)
+}
+
 /// The looks of a region.
-pub(super) struct Looks<'a> {
+struct Looks<'a> {
     region: &'a PaintedRegion<'a>,
     storage: &'a Storage,
     /// The values of each.
@@ -26,7 +46,7 @@ pub(super) struct Looks<'a> {
 
 impl<'a> Looks<'a> {
     /// None if something else than looks is seen, or if palettes of several colours cannot be stored.
-    pub fn of(region: &'a PaintedRegion<'a>, storage: &'a Storage) -> Option<Self> {
+    fn of(region: &'a PaintedRegion<'a>, storage: &'a Storage) -> Option<Self> {
         let (charted, looks) = (region.charted, &region.charted.areas?.looks);
         let is_number = |channel: &Stored| matches!(channel, Stored::Scalar { .. } | Stored::Label { .. });
         let is_whole = storage.channels().iter().all(|channel| channel.is_exact() || is_number(channel));
@@ -46,7 +66,7 @@ impl<'a> Looks<'a> {
     }
 
     /// Gives the blocks of all records palettes. `drawn` is what they decode to.
-    pub fn paint(&self, records: &mut [RootRecord], drawn: &[DrawnBlocks]) {
+    fn paint(&self, records: &mut [RootRecord], drawn: &[DrawnBlocks]) {
         let input = Surface::new(&self.positions, &self.region.charted.mesh.triangles);
         records.par_iter_mut().zip(drawn).for_each(|(record, drawn)| {
             for (block, drawn) in record.blocks.iter_mut().zip(drawn) {

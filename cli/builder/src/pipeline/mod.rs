@@ -203,7 +203,7 @@ pub(crate) fn build_region(
             texel_share: plan.texel_share,
             studio,
         };
-        let (time, coarser) = painted.paint(&mut forest.records, &forest.drawn, plan.colour_step, progress);
+        let (time, coarser) = even::paint(&painted, &mut forest.records, &forest.drawn, plan.colour_step, progress);
         times.texels += time;
         fallbacks.coarser_images += coarser;
         studio.shader.check()?;

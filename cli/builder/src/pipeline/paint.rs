@@ -11,7 +11,6 @@ use rayon::prelude::*;
 
 use super::ChartedMesh;
 use super::drawn::{DrawnBlocks, DrawnPatch};
-use super::even::Looks;
 use super::region_progress::RegionProgress;
 use super::shared_arcs::SharedArcs;
 use super::texels::{DENSITY, InputSource, TrianglesAround, storage};
@@ -111,11 +110,6 @@ impl PaintedRegion<'_> {
         progress: &RegionProgress<'_>,
     ) -> (Duration, u64) {
         let start = thread_cpu_time();
-        let storage = storage(self.appearance, colour_step);
-        if let Some(looks) = Looks::of(self, &storage) {
-            looks.paint(records, drawn);
-            return (thread_cpu_time() - start, 0);
-        }
         let around = TrianglesAround::new(&self.charted.mesh.triangles, self.charted.mesh.positions.len());
         let mut members: Vec<Vec<u32>> = vec![vec![]; records.len()];
         let mut tops = vec![];
@@ -126,6 +120,7 @@ impl PaintedRegion<'_> {
                 None => tops.push(number),
             }
         }
+        let storage = storage(self.appearance, colour_step);
         let painting = Painting {
             region: self,
             progress,

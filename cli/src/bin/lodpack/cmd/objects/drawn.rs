@@ -1,4 +1,5 @@
-//! Objects that `lodpack extract` writes apart: those of a cut, or some that are named, each leaf at a level of its own.
+//! Objects that `lodpack extract` writes apart: those of a cut, or some that are named, each leaf at a level of its
+//! own.
 
 use super::super::open::{Source, in_file};
 use super::Nodes;

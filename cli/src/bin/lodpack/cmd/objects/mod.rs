@@ -86,8 +86,8 @@ impl Nodes {
         self.above(number).iter().map(name).collect::<Vec<_>>().join("/")
     }
 
-    /// The objects among these nodes, which are all, that patterns name: by number (#12), name, id, or names of all above and its own joined by slashes;
-    /// a star stands for any text. An assembly stands for everything in it.
+    /// The objects among these nodes, which are all, that patterns name: by number (#12), name, id, or names of all
+    /// above and its own joined by slashes; a star stands for any text. An assembly stands for everything in it.
     ///
     /// # Errors
     /// If a pattern names nothing.
