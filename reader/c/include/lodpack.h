@@ -11,7 +11,8 @@
  *
  * What the surface carries besides positions is asked for when a cut is decoded: lodpack_decode_channels(). A file of heights has queries of its own:
  * lodpack_select_heights(); so has the ground that a mesh may stand on, which lodpack_open_ground() opens. A program that draws for a moving camera opens a
- * stream and asks for a frame at a time: lodpack_open_stream().
+ * stream and asks for a frame at a time: lodpack_open_stream(). What the input named is found with lodpack_find_objects(), picked with
+ * lodpack_pick_surface(), and hidden with a filter in a query: lodpack_hide_objects().
  *
  * Every function that can fail returns a status, and lodpack_last_error() says what went wrong, where, and what to do. No function
  * panics, unwinds or exits. Where a status is not LODPACK_STATUS_OK, what a function should have written is a null pointer or unchanged.
@@ -124,6 +125,12 @@ typedef struct lodpack_file lodpack_file;
 
 // Triangles: of a cut, of the overview, of a root in a frame.
 typedef struct lodpack_mesh lodpack_mesh;
+
+// What the input named: an object, or an assembly of others.
+typedef struct lodpack_object lodpack_object;
+
+// What is drawn of the objects of a file. A query holds one: see lodpack_hide_objects() and lodpack_show_only().
+typedef struct lodpack_object_filter lodpack_object_filter;
 
 // Frames of a moving camera, and threads that load for them.
 typedef struct lodpack_stream lodpack_stream;
@@ -282,6 +289,22 @@ typedef struct {
   uint64_t max_triangles;
 } lodpack_heights_query;
 
+// What a ray meets first.
+typedef struct {
+  // Where.
+  double point[3];
+  // How far that is from where the ray begins.
+  double distance;
+  // Bound of the distance between the surface that was met and the input.
+  double error;
+  // The root that was met, at its finest level.
+  uint32_t root;
+  // Its object; UINT32_MAX in a file without objects.
+  uint32_t object;
+  // Whether anything was met: if not, nothing else here means anything.
+  int32_t is_hit;
+} lodpack_pick;
+
 // A page: an image over a part of a mesh's triangles.
 typedef struct {
   // Texels in a row.
@@ -314,6 +337,9 @@ typedef struct {
   uint64_t max_bytes;
   // A lodpack_outside; by default LODPACK_OUTSIDE_DROP.
   int32_t outside;
+  // Which objects are drawn: a filter of lodpack_hide_objects() or lodpack_show_only(), or null, by default, for
+  // all. Budgets then count whole roots.
+  const lodpack_object_filter *objects;
 } lodpack_query;
 
 // What is known of a cut before anything is decoded.
@@ -498,6 +524,60 @@ lodpack_status lodpack_copy_triangles(const lodpack_mesh *mesh, uint32_t *indice
 
 // Frees a mesh.
 void lodpack_free_mesh(lodpack_mesh *mesh);
+
+// The number of objects, which have the numbers from 0, and that of objects and assemblies, which follow: both 0 in a
+// file without objects.
+lodpack_status lodpack_object_count(const lodpack_file *file, uint32_t *object_count, uint32_t *node_count);
+
+// Reads name, id and parent of an object or assembly.
+lodpack_status lodpack_open_object(const lodpack_file *file, uint32_t number, lodpack_object **object);
+
+// The name of an object in UTF-8, for as long as it is open; null if it has none.
+const char *lodpack_object_name(const lodpack_object *object);
+
+// What other programs know an object by, in UTF-8, for as long as it is open; null if it has no id.
+const char *lodpack_object_id(const lodpack_object *object);
+
+// What an object is a part of; UINT32_MAX if it is a part of nothing.
+uint32_t lodpack_object_parent(const lodpack_object *object);
+
+// Closes an object; null is nothing.
+void lodpack_free_object(lodpack_object *object);
+
+// The numbers of all objects and assemblies of a name or, if there is none, of an id, ascending: `capacity` of them at
+// most. `count` says how many there are.
+lodpack_status lodpack_find_objects(const lodpack_file *file, const char *name_or_id, uint32_t *numbers, size_t capacity, size_t *count);
+
+// The numbers of what an object or assembly consists of, ascending, or with UINT32_MAX of all that is a part of
+// nothing: `capacity` of them at most. `count` says how many there are.
+lodpack_status lodpack_object_children(const lodpack_file *file, uint32_t parent, uint32_t *numbers, size_t capacity, size_t *count);
+
+// A box around some objects and assemblies with everything below them. `is_there` says whether there is anything of
+// them; if not, the box stays as it was.
+lodpack_status lodpack_object_bounds(const lodpack_file *file,
+                                     const uint32_t *numbers,
+                                     size_t count,
+                                     double *low,
+                                     double *high,
+                                     int32_t *is_there);
+
+// A filter that draws everything but some objects and assemblies with everything below them. It is found once; queries
+// that hold it read no more of the objects.
+lodpack_status lodpack_hide_objects(const lodpack_file *file, const uint32_t *numbers, size_t count, lodpack_object_filter **filter);
+
+// A filter that draws nothing but some objects and assemblies with everything below them.
+lodpack_status lodpack_show_only(const lodpack_file *file, const uint32_t *numbers, size_t count, lodpack_object_filter **filter);
+
+// Frees a filter; null is nothing. Cuts and streams that were asked for with it keep what they need.
+void lodpack_free_filter(lodpack_object_filter *filter);
+
+// What a ray meets first of the finest surface, from either side. `origin` and `direction` have three numbers; a
+// filter lets it pass what it hides, and may be null.
+lodpack_status lodpack_pick_surface(const lodpack_file *file,
+                                    const double *origin,
+                                    const double *direction,
+                                    const lodpack_object_filter *filter,
+                                    lodpack_pick *pick);
 
 // Makes another mesh, whose vertices have a place in a page of images each: those on borders between images are there
 // several times. Pages have at most `most_texels` texels along each side (such as 4096), unless one image is larger.

@@ -118,6 +118,7 @@ fn expected(file: &File<&[u8]>, nodes: &[Node], state: &dyn Fn(u32) -> ObjectSta
 
 #[test]
 fn what_is_extracted_is_what_is_not_hidden_at_every_tolerance() {
+    let mut seen = [0; 3];
     for (number, bytes) in files().iter().enumerate() {
         let file = open(bytes);
         let mut random = Random::new(number as u64);
@@ -125,7 +126,6 @@ fn what_is_extracted_is_what_is_not_hidden_at_every_tolerance() {
             .map(|level| Some(file.level(level).unwrap().max_error))
             .chain([None, Some(f64::MAX)])
             .collect();
-        let mut seen = [0; 3];
         for _ in 0..40 {
             let choice = random_choice(&file, &mut random);
             let state = state_of(&file, &choice);
@@ -150,8 +150,8 @@ fn what_is_extracted_is_what_is_not_hidden_at_every_tolerance() {
                 assert_eq!(adapter.cut().nodes, cut.nodes);
             }
         }
-        assert!(seen.iter().all(|&count| count > 0), "{number}: {seen:?}");
     }
+    assert!(seen.iter().all(|&count| count > 500), "{seen:?}");
 }
 
 #[test]
@@ -293,6 +293,42 @@ fn a_session_that_changes_what_it_shows_draws_what_is_extracted() {
     }
 }
 
+/// A large file is walked by a thread, which finds what other objects need.
+#[cfg(feature = "threads")]
+#[test]
+fn a_streamer_of_a_large_file_shows_other_objects_once_it_knows_their_roots() {
+    use crate::stream::StreamerOptions;
+    let bytes = file_of(5, 6000, 3);
+    let file = open(&bytes);
+    let streamed = File::open(bytes.clone(), Limits::default()).unwrap();
+    assert!(streamed.index().index_bytes() > crate::select::SMALL_INDEX_BYTES);
+    let session = Options { mode: Mode::Synchronous, may_stay_finer: false, ..Options::default() };
+    let mut streamer = streamed.streamer(StreamerOptions { session, ..StreamerOptions::default() }).unwrap();
+    let some: Vec<u32> = (0..40).map(|k| k * 137).collect();
+    let choices = [
+        Some(ObjectChoice::only(&some)),
+        None,
+        Some(ObjectChoice::hide(&some)),
+        Some(ObjectChoice { hidden: some[..20].to_vec(), marked: some[20..].to_vec(), ..ObjectChoice::default() }),
+        Some(ObjectChoice::only(&[])),
+        None,
+    ];
+    let bounds = file.bounds().unwrap();
+    for choice in choices {
+        let objects = choice.map(|choice| file.filter_objects(&choice).unwrap());
+        let volume = Some(Volume::Box([bounds[0], [0, 1, 2].map(|k| (bounds[0][k] + bounds[1][k]) / 2.0)]));
+        let query = Query { volume, tolerance: Some(0.0), objects: objects.clone(), ..Query::default() };
+        let wanted = file.select(&query).unwrap();
+        for _ in 0..20 {
+            streamer.frame(&query).unwrap();
+            streamer.settle();
+        }
+        assert!(streamer.frame(&query).unwrap().is_complete());
+        assert_eq!(streamer.picture().nodes(), wanted.nodes);
+        check_picture(&file, streamer.picture(), objects.as_ref());
+    }
+}
+
 #[test]
 fn changes_of_a_filter_are_told_as_a_viewer_needs_them() {
     let bytes = file_of(3, 40, 7);
@@ -347,7 +383,7 @@ fn picks_go_past_hidden_objects() {
             hits += usize::from(pick.is_some());
         }
     }
-    assert!(hits > 40, "{hits}");
+    assert!(hits > 25, "{hits}");
 }
 
 #[test]
