@@ -62,7 +62,8 @@ fn lattice_lines_through_edges_and_corners_meet_the_surface_once() {
         let cube = Mesh { positions: (0..8).map(corner).collect(), triangles };
         let solid = Solid::new(&cube, cells).unwrap();
         assert_eq!((solid.shape().components, solid.shape().handles), (1, 0));
-        assert!(is_closed(&solid.surface()) && volume(&solid.surface()) > 0.0);
+        let surface = solid.surface();
+        assert!(is_closed(&surface) && volume(&surface) > 0.0);
     }
 }
 
