@@ -3,6 +3,7 @@
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// Serves bytes under any name while the process runs. Returns the address of the server.
@@ -11,20 +12,30 @@ use std::time::Duration;
 ///
 /// If the system provides no port.
 pub fn serve(bytes: Vec<u8>) -> std::io::Result<String> {
+    Ok(serve_counted(bytes)?.0)
+}
+
+/// [`serve`], also with the number of bytes of the file that have been sent.
+///
+/// # Errors
+///
+/// If the system provides no port.
+pub fn serve_counted(bytes: Vec<u8>) -> std::io::Result<(String, Arc<AtomicU64>)> {
     let listener = TcpListener::bind("127.0.0.1:0")?;
     let address = format!("http://{}", listener.local_addr()?);
-    let bytes = Arc::new(bytes);
+    let (bytes, sent) = (Arc::new(bytes), Arc::new(AtomicU64::new(0)));
+    let of_all = sent.clone();
     std::thread::spawn(move || {
         for stream in listener.incoming().flatten() {
-            let bytes = bytes.clone();
-            std::thread::spawn(move || answer(stream, &bytes));
+            let (bytes, sent) = (bytes.clone(), of_all.clone());
+            std::thread::spawn(move || answer(stream, &bytes, &sent));
         }
     });
-    Ok(address)
+    Ok((address, sent))
 }
 
 /// Answers requests until the client closes the connection.
-fn answer(mut stream: TcpStream, bytes: &[u8]) -> Option<()> {
+fn answer(mut stream: TcpStream, bytes: &[u8], sent: &AtomicU64) -> Option<()> {
     let mut lines = BufReader::new(stream.try_clone().ok()?).lines();
     loop {
         let mut range = None;
@@ -45,6 +56,7 @@ fn answer(mut stream: TcpStream, bytes: &[u8]) -> Option<()> {
             bytes.len(),
             body.len()
         );
+        sent.fetch_add(body.len() as u64, Ordering::Relaxed);
         stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(body)).ok()?;
     }
 }

@@ -3,8 +3,9 @@
 use crate::build_mesh;
 use crate::commands::lodpack;
 use lodpack_tests::generate::bumpy_sphere;
-use lodpack_tests::server::{serve, serve_answer};
+use lodpack_tests::server::{serve, serve_answer, serve_counted};
 use serde_json::Value;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 #[test]
@@ -32,6 +33,15 @@ fn a_file_on_a_web_server_is_shown_and_extracted_like_one_on_disk() {
     }
     let read = |name: &str| std::fs::read(dir.path().join(name)).expect("written");
     assert_eq!(read("here.ply"), read("there.ply"));
+}
+
+#[test]
+fn verify_asks_for_each_byte_of_an_address_once() {
+    let (bytes, _) = build_mesh(&bumpy_sphere(100), "0.05edge");
+    assert!(bytes.len() > 70_000, "more than the first request: {}", bytes.len());
+    let (url, sent) = serve_counted(bytes.clone()).expect("a free port");
+    lodpack().args(["verify", &format!("{url}/model.lodpack")]).assert().success();
+    assert_eq!(sent.load(Ordering::Relaxed), bytes.len() as u64);
 }
 
 #[test]

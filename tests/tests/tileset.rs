@@ -403,6 +403,9 @@ fn an_export_is_the_same_on_any_number_of_threads_and_replaces_only_an_export() 
     assert!(desk.refused("model.lodpack", &["--force"]).contains("is a file"));
     assert!(desk.refused("none/tiles", &[]).contains("create it first"));
     fs::create_dir(desk.path("empty")).expect("writable");
+    // What an export has left that was killed goes with the next one of that name.
+    fs::create_dir_all(desk.path("empty.1.tmp/tiles")).expect("writable");
+    fs::write(desk.path("empty.1.tmp/tiles/0.glb"), "half").expect("writable");
     desk.export("empty", &[]);
     let left: Vec<_> =
         fs::read_dir(desk.dir.path()).expect("readable").flatten().map(|entry| entry.file_name()).collect();
