@@ -177,7 +177,8 @@ mod tests {
         for step in 0..100 {
             course.advance(1);
             // Ever slower, then fast.
-            let elapsed = f64::from(step.min(60)).powi(2) + 0.1 * f64::from(step);
+            let slow = f64::from(step.min(60));
+            let elapsed = slow * slow + 0.1 * f64::from(step);
             if let Some(left) = course.remaining(elapsed) {
                 assert!(left <= 1.2 * least, "{left} after {least}");
                 (least, said) = (left.min(least), said + 1);
