@@ -225,7 +225,7 @@ fn what_is_left_of_objects_that_are_hidden_is_closed_at_every_mix_of_levels() {
     lodpack().current_dir(folder.path()).args(words.split(' ')).assert().success();
     let bytes = std::fs::read(path("two.lodpack")).expect("built");
     let file = File::open(bytes.as_slice(), Limits::default()).expect("sound");
-    assert!(file.root_count() > 20, "{}", file.root_count());
+    assert!(file.root_count() > 2, "{}", file.root_count());
     let objects = file.objects().expect("two objects");
     let [a, b] = ["a", "b"].map(|name| objects.find_name(name).expect("sound")[0]);
     let [low, high] = objects.bounds(&[b]).expect("sound").expect("there");
@@ -296,7 +296,7 @@ fn what_is_left_of_objects_that_are_hidden_is_closed_at_every_mix_of_levels() {
 fn what_is_hidden_and_what_is_taken_out_are_the_whole() {
     let folder = Folder::new(300);
     let all = folder.json("extract plant.lodpack -o all.ply")["triangles"].as_u64().expect("a number");
-    for pattern in ["AREA-01/*", "#7", "*VALVE*"] {
+    for pattern in ["/AREA-01/*", "#7", "*VALVE*"] {
         let triangles = |how: &str| {
             folder.json(&format!("extract plant.lodpack -o part.ply --force --{how} {pattern}"))["triangles"].as_u64()
         };
@@ -305,7 +305,7 @@ fn what_is_hidden_and_what_is_taken_out_are_the_whole() {
         assert!(kept > Some(0) && hidden > Some(0));
     }
     // Coarsely and within a box, too.
-    folder.run("extract plant.lodpack -o part.ply --force --hide AREA-01/* --tolerance 0.5");
+    folder.run("extract plant.lodpack -o part.ply --force --hide /AREA-01/* --tolerance 0.5");
     let mut everything = lodpack();
     everything.current_dir(folder.0.path()).args("extract plant.lodpack -o x.ply --hide *".split(' '));
     let said = String::from_utf8_lossy(&everything.assert().code(2).get_output().stderr).into_owned();
