@@ -37,7 +37,7 @@ fn a_file_on_a_web_server_is_shown_and_extracted_like_one_on_disk() {
 
 #[test]
 fn verify_asks_for_each_byte_of_an_address_once() {
-    let (bytes, _) = build_mesh(&bumpy_sphere(100), "0.05edge");
+    let (bytes, _) = build_mesh(&bumpy_sphere(150), "0.05edge");
     assert!(bytes.len() > 70_000, "more than the first request: {}", bytes.len());
     let (url, sent) = serve_counted(bytes.clone()).expect("a free port");
     lodpack().args(["verify", &format!("{url}/model.lodpack")]).assert().success();

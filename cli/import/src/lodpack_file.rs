@@ -28,6 +28,8 @@ use lodpack_mesh::srgb::LINEAR_OF_BYTE;
 const TRIANGLE_BYTES: u64 = 160;
 /// Bytes of a texel while its image is packed into a page and coded: decoded, in the page, as PNG, for each channel.
 const TEXEL_BYTES: u64 = 12;
+/// A palette of more colours comes in as images.
+const MOST_MATERIALS: usize = 32_768;
 /// Pages are no larger than images that other programs read.
 const PAGE_SIDE: u32 = 8192;
 
@@ -189,9 +191,9 @@ fn push_textured(
     let has_records = records.layout.stride > 0;
     let paged = PagedMesh::new(textured, look, PAGE_SIDE);
     let parts = paged.parts();
-    let has_images = !look.layers.is_empty() && !are_palettes;
+    let even = if are_palettes { EvenMaterials::of(&paged, &parts) } else { None };
+    let has_images = !look.layers.is_empty() && even.is_none();
     let is_painted = !look.layers.is_empty() || !paged.drawings.is_empty();
-    let even = are_palettes.then(|| EvenMaterials::of(&paged, &parts));
     let first = match even.as_ref() {
         Some(even) => Some(sink.attributes.add_materials(even.materials.clone())?),
         None if is_painted => Some(add_materials(source, &paged, &parts, sink)?),
@@ -237,7 +239,8 @@ struct EvenMaterials {
 }
 
 impl EvenMaterials {
-    fn of(paged: &PagedMesh, parts: &[Part]) -> Self {
+    /// None if there are too many.
+    fn of(paged: &PagedMesh, parts: &[Part]) -> Option<Self> {
         let mut this = Self { materials: vec![], of_triangles: HashMap::new() };
         let mut known: HashMap<(Vec<u8>, Option<u16>), usize> = HashMap::new();
         for part in parts {
@@ -256,9 +259,12 @@ impl EvenMaterials {
                     this.materials.len() - 1
                 });
                 this.of_triangles.insert(paged.corners[triangle[0] as usize].0, number);
+                if this.materials.len() > MOST_MATERIALS {
+                    return None;
+                }
             }
         }
-        this
+        Some(this)
     }
 
     fn of_triangle(&self, triangle: u32) -> Option<usize> {

@@ -8,13 +8,14 @@ use glam::DVec3;
 use lodpack::write::RootRecord;
 use rayon::prelude::*;
 
+use super::ChartedMesh;
 use super::drawn::{DrawnBlocks, DrawnPatch};
 use super::paint::PaintedRegion;
 use super::region_progress::RegionProgress;
 use super::texels::{InputSource, storage};
 use lodpack_mesh::NONE;
 use lodpack_runtime::machine::thread_cpu_time;
-use lodpack_stage::bake::{Palette, Points, Source, Storage, Stored};
+use lodpack_stage::bake::{Palette, Points, Source, Storage};
 use lodpack_stage::certify::{Hint, Surface};
 
 /// As [`PaintedRegion::paint`], but a region of even looks gets palettes.
@@ -34,6 +35,11 @@ pub(super) fn paint(
     (thread_cpu_time() - start, 0)
 }
 
+/// Whether the blocks of a region get palettes.
+pub(super) fn are_palettes(charted: &ChartedMesh<'_>, storage: &Storage) -> bool {
+    charted.areas.is_some_and(|areas| !areas.looks.is_empty() && Palette::fits(areas.looks.len(), storage))
+}
+
 /// The looks of a region.
 struct Looks<'a> {
     region: &'a PaintedRegion<'a>,
@@ -48,9 +54,7 @@ impl<'a> Looks<'a> {
     /// None if something else than looks is seen, or if palettes of several colours cannot be stored.
     fn of(region: &'a PaintedRegion<'a>, storage: &'a Storage) -> Option<Self> {
         let (charted, looks) = (region.charted, &region.charted.areas?.looks);
-        let is_number = |channel: &Stored| matches!(channel, Stored::Scalar { .. } | Stored::Label { .. });
-        let is_whole = storage.channels().iter().all(|channel| channel.is_exact() || is_number(channel));
-        if looks.is_empty() || looks.len() > 1 && !is_whole || looks.len() >= usize::from(u16::MAX) {
+        if !are_palettes(region.charted, storage) {
             return None;
         }
         let mut source = InputSource { own: looks.values().copied().collect(), ..region.input(vec![]) };

@@ -163,7 +163,7 @@ pub(crate) fn build_region(
     // Both sides of an arc see the same samples from here on, whatever is added to them.
 
     // Palettes take next to no time.
-    let is_baked = has_channels && areas.is_none_or(|areas| areas.looks.is_empty());
+    let is_baked = has_channels && !even::are_palettes(&charted, &texels::storage(&plan.appearance, plan.colour_step));
     let progress = &RegionProgress::new(progress, atlas.charts.len() as u64, coarsest > 0, is_baked);
     let mut fallbacks = Fallbacks::default();
     let (roots, mut interior_vertices, mut times) =

@@ -25,6 +25,8 @@ pub struct NamedMesh<'a> {
     pub objects: &'a [u32],
     /// Objects and assemblies.
     pub nodes: &'a [ObjectNode],
+    /// How many of the names above objects, from the top on, need not be alike.
+    pub skipped: usize,
 }
 
 /// Names of all above and its own, joined by line ends, and its id.
@@ -64,7 +66,7 @@ pub fn verify_objects<R: ReadAt>(
     let mut stored: BTreeMap<Key, Part> = BTreeMap::new();
     let mut keys: BTreeMap<u32, Key> = BTreeMap::new();
     for ((&triangle, &object), &node) in mesh.triangles.iter().zip(&of_triangles).zip(&mesh.triangle_nodes) {
-        let key = keys.entry(object).or_insert_with(|| key_of(object, nodes.len(), known));
+        let key = keys.entry(object).or_insert_with(|| key_of(object, nodes.len(), against.skipped, known));
         let part = stored.entry(key.clone()).or_default();
         part.triangles.push(triangle);
         part.error = part.error.max(cut.node_errors.get(node as usize).copied().unwrap_or(cut.error));
@@ -76,7 +78,7 @@ pub fn verify_objects<R: ReadAt>(
     let mut expected: BTreeMap<Key, Part> = BTreeMap::new();
     let mut of_input: BTreeMap<u32, Key> = BTreeMap::new();
     for (&triangle, &object) in against.mesh.triangles.iter().zip(against.objects) {
-        let key = of_input.entry(object).or_insert_with(|| key_of(object, against.nodes.len(), known));
+        let key = of_input.entry(object).or_insert_with(|| key_of(object, against.nodes.len(), against.skipped, known));
         expected.entry(key.clone()).or_default().triangles.push(triangle);
     }
     report.objects = keys.len() as u64;
@@ -109,7 +111,7 @@ pub fn verify_objects<R: ReadAt>(
 /// Name, id and parent of a node.
 type Known<'a> = (Option<&'a str>, Option<&'a str>, Option<u32>);
 
-fn key_of<'a>(object: u32, count: usize, known: impl Fn(u32) -> Option<Known<'a>>) -> Key {
+fn key_of<'a>(object: u32, count: usize, skipped: usize, known: impl Fn(u32) -> Option<Known<'a>>) -> Key {
     let (mut names, mut id, mut next) = (vec![], None, Some(object));
     while let Some((name, own_id, parent)) = next.and_then(&known).filter(|_| names.len() <= count) {
         if names.is_empty() {
@@ -119,7 +121,7 @@ fn key_of<'a>(object: u32, count: usize, known: impl Fn(u32) -> Option<Known<'a>
         next = parent;
     }
     names.reverse();
-    (names.join("\n"), id)
+    (names.get(skipped..).unwrap_or_default().join("\n"), id)
 }
 
 fn shown((names, id): &Key) -> String {

@@ -7,7 +7,6 @@ use super::borders::Borders;
 use super::closest::{Means, show_closest};
 use super::coarser::gather_surfels;
 use super::coded::Steps;
-use super::even::Palette;
 use super::fill::finished;
 use super::gather::gather;
 use super::located::Located;
@@ -184,9 +183,7 @@ impl<'s> Baker<'s> {
         let size = texel_size(patch.finer);
         let [opaque_colours, others] = [opaque_colours * size, others * size];
         let mut steps = Steps { opaque_colours, are_finer_in_grain: patch.is_sharp, others };
-        let palette = Palette::of_texels(patch, &map, drawn, values, storage);
-        let palette = palette.and_then(|palette| palette.streams(patch));
-        if patch.is_sharp && palette.is_none() {
+        if patch.is_sharp {
             sharpen(&map, &drawn.is_covered, values, storage);
             steps.opaque_colours *= STEPS_WHERE_SHARP;
         }
@@ -197,15 +194,10 @@ impl<'s> Baker<'s> {
         } else {
             let mut shown = Shown { storage, values, is_covered, borders: &borders };
             let wanted = wanted(&map, &shown);
-            if palette.is_none() {
-                shown.show_all(&wanted, scratch);
-            }
+            shown.show_all(&wanted, scratch);
             rim = Rim::new(&wanted, patch.origin(), storage.opaque_colours().len());
             borders.seen(&map, is_covered)
         };
-        if let Some(palette) = palette {
-            return (palette, rim);
-        }
         let mut streams = vec![bytes];
         streams.extend(storage.encode(&map, values, &drawn.is_used, &seen, steps, image));
         (streams, rim)

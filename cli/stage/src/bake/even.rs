@@ -6,12 +6,9 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use lodpack::decode::texels::Map;
 use lodpack::write::{PieceShape, Seen, encode_map};
 
 use super::coded::Steps;
-use super::projection::projections;
-use super::raster::{Drawn, for_each_span, texel_at};
 use super::storage::{Storage, Stored};
 use super::{BakedPatch, MAX_EXPONENT, MAX_TEXELS};
 
@@ -53,54 +50,7 @@ impl<'s> Palette<'s> {
             };
             palette.labels.push(label);
         }
-        palette.keeps_all().then_some(palette)
-    }
-
-    /// Of a patch as it is drawn on a map. None if a triangle shows several things, or if there are more of them than
-    /// the map has pieces: then colours change gradually, over triangles that are smaller than texels.
-    pub(super) fn of_texels(
-        patch: &BakedPatch<'_>,
-        map: &Map,
-        drawn: &Drawn,
-        values: &[f32],
-        storage: &'s Storage,
-    ) -> Option<Self> {
-        // Normals are stored relative to pieces, so that even ones differ from piece to piece.
-        if storage.channels().iter().any(|channel| matches!(channel, Stored::Normal { .. })) {
-            return None;
-        }
-        let (projections, width, stride) = (projections(patch, map), map.size[0] as usize, storage.stride());
-        let mut palette = Self::empty(storage);
-        let (mut first, mut other) = (vec![], vec![]);
-        for (corners, &piece) in patch.triangles.iter().zip(&map.labels) {
-            let projection = &projections[usize::from(piece)];
-            let places = corners.map(|corner| projection.place(patch.position(corner)));
-            let texels = places.map(|place| {
-                let [column, row] = texel_at(place, map.size);
-                row as usize * width + column as usize
-            });
-            storage.write_texel(values, texels[0], &mut first);
-            let mut is_even = true;
-            let mut look = |texel: usize| {
-                if is_even && drawn.is_used[texel] {
-                    storage.write_texel(values, texel, &mut other);
-                    is_even = first == other;
-                }
-            };
-            texels.into_iter().for_each(&mut look);
-            for_each_span(places, map.size, 0, |span| {
-                span.columns.for_each(|column| look(span.row as usize * width + column as usize));
-            });
-            if !is_even {
-                return None;
-            }
-            let label = palette.entry(&first, &values[texels[0] * stride..][..stride])?;
-            palette.labels.push(label);
-            if palette.entries.len() > map.pieces.len() {
-                return None;
-            }
-        }
-        palette.keeps_all().then_some(palette)
+        Self::fits(palette.entries.len(), storage).then_some(palette)
     }
 
     /// The entry of a texel of which these bytes are stored. None if there are too many.
@@ -114,12 +64,12 @@ impl<'s> Palette<'s> {
         Some(entry)
     }
 
-    /// Whether its images come back as they are, whatever size they are read at.
-    fn keeps_all(&self) -> bool {
+    /// Whether images of so many colours come back as they are, whatever size they are read at: smaller images of
+    /// several colours would mix them.
+    pub fn fits(colours: usize, storage: &Storage) -> bool {
         let is_number = |channel: &Stored| matches!(channel, Stored::Scalar { .. } | Stored::Label { .. });
         let is_whole = |channel: &Stored| is_number(channel) || channel.is_exact();
-        // Smaller images of several colours would mix them.
-        self.entries.len() == 1 || self.storage.channels().iter().all(is_whole)
+        colours == 1 || colours < usize::from(u16::MAX) && storage.channels().iter().all(is_whole)
     }
 
     /// The streams of the map of the patch, and of the image of each channel.
@@ -155,6 +105,7 @@ mod tests {
     use super::*;
     use lodpack::LatticePoint;
     use lodpack::decode::ChannelImage;
+    use lodpack::decode::texels::Map;
 
     /// Triangles all over the lattice.
     fn scattered(count: u32) -> (Vec<LatticePoint>, Vec<[u32; 3]>) {

@@ -19,11 +19,10 @@
 //! | | `surfels` | hands the texels on to coarser patches |
 //! | borders | `borders`, `wanted` | list the points along the borders of pieces, and what they should show: what the source does (`located`), or what finer patches do (`rim`) |
 //! | | `shown`, `settled` | change texels until both sides of a border show that (`strip` has the texels along borders) |
-//! | coded | `even` | finds patches of nothing but even triangles, of which a palette is stored |
-//! | | `sharpen` | turns samples into the texels between which colours are shown best |
+//! | coded | `sharpen` | turns samples into the texels between which colours are shown best |
 //! | | `coded`, `images`, `storage` | quantise and code the image of each channel |
 //!
-//! `lanes` has what compilers make vectors of.
+//! Where each triangle shows one thing, nothing is baked: `even` has palettes. `lanes` has what compilers make vectors of.
 
 mod baker;
 mod borders;

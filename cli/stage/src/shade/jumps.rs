@@ -15,7 +15,7 @@ use glam::DVec3;
 
 use super::{Face, Painter};
 use crate::areas::{ColourAreas, Differences, INWARDS, MOST_INWARDS, OF_DRAWINGS};
-use lodpack_mesh::appearance::{Appearance, MaterialMaps};
+use lodpack_mesh::appearance::Appearance;
 use lodpack_mesh::srgb::{share_byte, srgb_byte};
 use lodpack_mesh::union_find::{find, unite};
 use lodpack_mesh::{Adjacency, Mesh, NONE, next_half_edge};
@@ -67,8 +67,13 @@ impl Painter<'_> {
         }
         let borders: Vec<u32> = self.borders(adjacency);
         let even = self.even_looks(mesh, borders.len());
-        let are_all_even = even.are_all() && self.shows_looks_alone();
-        if borders.is_empty() && even.firsts.len() < 2 && !are_all_even {
+        if even.are_all()
+            && self.shows_looks_alone()
+            && let Some(areas) = self.areas_of_looks(mesh, adjacency, &even, STEPS * f64::from(step))
+        {
+            return Some(areas);
+        }
+        if borders.is_empty() && even.firsts.len() < 2 {
             return None;
         }
         let mut sets: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
@@ -92,13 +97,6 @@ impl Painter<'_> {
         }
         self.compare(even.firsts.values(), mesh, &mut sets, &mut differences);
         let (lines, _) = differences.divided(STEPS * f64::from(step));
-        if are_all_even {
-            let firsts = even.firsts.values().map(|&first| (find(&mut sets, first), first));
-            let first_of: BTreeMap<u32, u32> = firsts.collect();
-            let pairs = lines.iter().map(|pair| pair.map(|set| first_of.get(&set).copied().unwrap_or(set)));
-            let parts = even.firsts.values().copied().filter(|_| self.appearance.layout.colour.is_some()).collect();
-            return Some(ColourAreas { parts, ..ColourAreas::of_looks(even.of_triangles, pairs.collect()) });
-        }
         if lines.is_empty() {
             return None;
         }
@@ -123,10 +121,70 @@ impl Painter<'_> {
         (!pairs.is_empty()).then(|| ColourAreas { parts, ..ColourAreas::of_sets(&mut sets, pairs) })
     }
 
-    /// Whether nothing is seen or measured but the looks of materials.
+    /// Whether nothing is seen or measured but the looks of materials without images, and colours of parts.
     fn shows_looks_alone(&self) -> bool {
         let Appearance { images, maps, scalars, .. } = self.appearance;
-        scalars.is_empty() && (images.is_empty() && !maps.normal || *maps == MaterialMaps::default())
+        scalars.is_empty() && images.is_empty() && !maps.normal
+    }
+
+    /// The areas of a region of nothing but even looks: one for each that differs in anything that is stored. Between
+    /// any two of them colours jump, so that no triangle of any level shows one in place of another. None if some that
+    /// meet differ by less than `least`: edges between these are kept at no level.
+    fn areas_of_looks(
+        &mut self,
+        mesh: &Mesh,
+        adjacency: &Adjacency,
+        even: &EvenLooks,
+        least: f64,
+    ) -> Option<ColourAreas> {
+        let mut first_of: BTreeMap<[u8; 11], u32> = BTreeMap::new();
+        let mut same_as: BTreeMap<u32, u32> = BTreeMap::new();
+        let mut stored: BTreeMap<u32, [u8; 11]> = BTreeMap::new();
+        for &first in even.firsts.values() {
+            let bytes = self.stored_look(mesh, first);
+            let same = *first_of.entry(bytes).or_insert(first);
+            same_as.insert(first, same);
+            stored.insert(same, bytes);
+        }
+        let of_triangles: Vec<u32> = even.of_triangles.iter().map(|look| same_as[look]).collect();
+        let mut pairs: BTreeSet<[u32; 2]> = BTreeSet::new();
+        for (half_edge, &opposite) in adjacency.opposite.iter().enumerate() {
+            if opposite != NONE {
+                let [a, b] = [of_triangles[half_edge / 3], of_triangles[opposite as usize / 3]];
+                if a < b {
+                    pairs.insert([a, b]);
+                }
+            }
+        }
+        let differs = |[a, b]: &[u32; 2]| {
+            let (a, b) = (stored[a], stored[b]);
+            a[9..] != b[9..] || a.iter().zip(&b).any(|(&a, &b)| f64::from(a.abs_diff(b)) > least)
+        };
+        if !pairs.iter().all(differs) {
+            return None;
+        }
+        let looks: Vec<u32> = first_of.into_values().collect();
+        // Parts that merge at coarse levels meet there, too.
+        if looks.len() <= MOST_LOOKS {
+            pairs.extend(looks.iter().flat_map(|&a| looks.iter().map(move |&b| [a, b])).filter(|[a, b]| a < b));
+        }
+        let parts = looks.iter().copied().filter(|_| self.appearance.layout.colour.is_some()).collect();
+        Some(ColourAreas { parts, ..ColourAreas::of_looks(of_triangles, pairs.into_iter().collect()) })
+    }
+
+    /// What is stored of a triangle's look: base colour with alpha, emitted light, metallic and roughness, and how it
+    /// is drawn in the last two bytes.
+    fn stored_look(&mut self, mesh: &Mesh, triangle: u32) -> [u8; 11] {
+        let face = self.face(triangle as usize, mesh.corners(triangle));
+        let [red, green, blue, alpha] = face.base_colour(MIDDLE, 0.0);
+        let emissive = face.emissive(MIDDLE, 0.0).map(srgb_byte);
+        let factors = face.metallic_roughness(MIDDLE, 0.0).map(share_byte);
+        let drawing = self.drawing(3 * triangle).to_le_bytes();
+        let mut bytes = [0; 11];
+        let all = [srgb_byte(red), srgb_byte(green), srgb_byte(blue), share_byte(alpha)].into_iter();
+        let all = all.chain(emissive).chain(factors).chain(drawing);
+        bytes.iter_mut().zip(all).for_each(|(byte, value)| *byte = value);
+        bytes
     }
 
     /// The looks of materials of which no triangle shows more than one colour: those without images, palettes, and

@@ -266,8 +266,8 @@ class File(OpenFile[_lodpack.Reader]):
         meets nothing. It reads a few leaves. `hide` and `only`: as for `select`; it passes what is not drawn."""
         from ._objects import Pick
 
-        ray = [point(value, name) for value, name in ((origin, "origin"), (direction, "direction"))]
-        found = self._native.pick(*ray, hide=self._objects(hide, "hide"), only=self._objects(only, "only"))
+        start, along = point(origin, "origin"), point(direction, "direction")
+        found = self._native.pick(start, along, hide=self._objects(hide, "hide"), only=self._objects(only, "only"))
         return None if found is None else Pick(*found)
 
     def verify(self) -> None:

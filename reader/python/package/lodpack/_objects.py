@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Iterable, NamedTuple
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple
 
 from ._checked import text, whole
-from ._errors import QueryError
+from ._errors import ArgumentError, QueryError
 
 if TYPE_CHECKING:
     from . import _lodpack
@@ -87,7 +88,10 @@ class Objects:
         """The numbers of objects and assemblies that a caller means: numbers, names, or ids where nothing has the
         name."""
         found: list[int] = []
-        for wanted in [objects] if isinstance(objects, (int, str)) else objects:
+        is_one = isinstance(objects, str) or hasattr(objects, "__index__")
+        if not is_one and not isinstance(objects, Iterable):
+            raise ArgumentError(f"{name}: expected numbers, names or ids of objects, not {objects!r}")
+        for wanted in [objects] if is_one else objects:
             if not isinstance(wanted, str):
                 found.append(self._number(wanted))
                 continue

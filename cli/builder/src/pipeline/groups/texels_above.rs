@@ -18,6 +18,11 @@ use lodpack_stage::certify::{Hint, Surface};
 /// Texels for each triangle that is of one colour.
 const TEXELS_OF_EVEN: f64 = 4.0;
 
+/// Where triangles are looked at: this far from the middle to each corner.
+const NEAR_CORNERS: f64 = 0.8;
+/// Groups have palettes if at most one in so many triangles shows more than one thing.
+const MOST_UNEVEN: usize = 20;
+
 /// Twice the area of each triangle.
 fn doubled_areas(positions: &[DVec3], triangles: &[[u32; 3]]) -> impl Iterator<Item = f64> {
     let corners = |&corners: &[u32; 3]| corners.map(|vertex| positions[vertex as usize]);
@@ -158,16 +163,25 @@ impl EvenTops {
         Some(all)
     }
 
-    /// The streams of a patch whose triangles look like those that are nearest to their middles.
+    /// The streams of a patch whose triangles look like what is nearest to their middles. None if many show more than
+    /// one thing: a coarse triangle may lie over several parts.
     fn streams(&self, patch: &BakedPatch<'_>, storage: &Storage) -> Option<Vec<Vec<u8>>> {
         let surface = Surface::new(&self.positions, &self.triangles);
         let mut hint = Hint::default();
-        let look = |corners: &[u32; 3]| {
-            let corner = |vertex: u32| DVec3::from(patch.positions[vertex as usize].map(|x| x as f64));
-            let middle = corners.iter().map(|&vertex| corner(vertex)).sum::<DVec3>() / 3.0;
-            self.looks.get(surface.bvh().closest(middle, &mut hint).triangle as usize).copied()
-        };
-        let looks: Vec<u32> = patch.triangles.iter().map(look).collect::<Option<_>>()?;
+        let mut look_at =
+            |point: DVec3| self.looks.get(surface.bvh().closest(point, &mut hint).triangle as usize).copied();
+        let (mut looks, mut uneven) = (Vec::with_capacity(patch.triangles.len()), 0);
+        for corners in patch.triangles {
+            let points = corners.map(|vertex| DVec3::from(patch.positions[vertex as usize].map(|x| x as f64)));
+            let middle = points.iter().sum::<DVec3>() / 3.0;
+            let look = look_at(middle)?;
+            let is_even = points.into_iter().all(|point| look_at(middle.lerp(point, NEAR_CORNERS)) == Some(look));
+            uneven += usize::from(!is_even);
+            looks.push(look);
+        }
+        if uneven * MOST_UNEVEN > looks.len() {
+            return None;
+        }
         Palette::of_looks(&looks, &self.values, storage)?.streams(patch)
     }
 }

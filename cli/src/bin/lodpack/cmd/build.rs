@@ -22,10 +22,13 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
     use_threads(args.run.threads)?;
     let Some(path) = &args.trace else { return run_once(args) };
     let cannot = || format!("cannot write the trace {}", path.display());
-    trace::begin(path).with_context(cannot)?;
-    let status = run_once(args)?;
+    let (pending, file) = PendingFile::create(path, args.force, args.inputs.iter().map(PathBuf::as_path))?;
+    trace::begin(file.try_clone().with_context(cannot)?).with_context(cannot)?;
+    let status = run_once(args);
+    // What failed is traced, too.
     trace::finish().with_context(cannot)?;
-    Ok(status)
+    pending.finish(file)?;
+    status
 }
 
 fn run_once(args: &BuildArgs) -> Result<ExitCode> {

@@ -2,7 +2,7 @@
 
 use super::heights;
 use super::images::{self, ImageSummary};
-use super::objects::drawn::{DrawnObjects, Wanted, drawn_of as objects_of, hiding, of_cut};
+use super::objects::drawn::{DrawnObjects, Wanted, drawn_of as objects_of, hiding, is_of_leaves, of_cut};
 use super::open::{Opened, Source, in_file, open_any, open_ground, tolerance_in, tolerance_in_heights};
 use super::print_json;
 use crate::args::{ExtractArgs, GroundChoice, ImagesChoice, NormalsChoice, OutputFormat, TexelsChoice};
@@ -285,7 +285,8 @@ fn mesh_of(
         let [low, high] = file.bounds().unwrap_or_default();
         let file = args.file.display();
         if query.objects.is_some() {
-            bail!("{file}: nothing is left of it; hide fewer objects, or omit --bbox");
+            let or = if args.bbox.is_some() { ", or omit --bbox" } else { "" };
+            bail!("{file}: nothing is left of it; hide fewer objects{or}");
         }
         bail!("{file}: nothing touches the box; the model reaches from {low:?} to {high:?}");
     }
@@ -302,15 +303,27 @@ fn mesh_of(
     };
     if finishing.is_none_or(|most| cut.triangle_count <= most)
         && (format == MeshFormat::Glb || format == MeshFormat::Obj && channels.is_empty())
+        && (format == MeshFormat::Glb || creases(args, format).is_none())
         && file.objects().is_some_and(|objects| objects.count() > 1)
     {
-        match of_cut(&args.file, file, &cut, &channels)? {
-            Some(objects) => return Ok((Drawn::of_objects(file, objects, look, &channels), cut.nodes.len() as u64)),
-            None => messages::tell(
-                "note",
-                "objects are merged in groups of this cut: ask for a finer one, or pass --object '*', to keep them apart",
-            ),
+        if is_of_leaves(&args.file, file, &cut)? {
+            let (textured, coarser) = match channels.as_slice() {
+                [] => (None, 1.0),
+                channels => {
+                    let (textured, coarser) = in_file(&args.file, images::extracted(file, &cut, channels, args))?;
+                    (Some(textured), coarser)
+                }
+            };
+            let objects = of_cut(&args.file, file, &cut, textured)?;
+            let drawn = Drawn { coarser, ..Drawn::of_objects(file, objects, look, &channels) };
+            return Ok((drawn, cut.nodes.len() as u64));
         }
+        let is_whole = args.bbox.is_none() && args.nodes.is_none() && !args.context && !args.raw;
+        let or = if is_whole && args.hidden.is_empty() { ", or pass --object '*'," } else { "" };
+        messages::tell(
+            "note",
+            &format!("objects are merged in groups of this cut: ask for a finer one{or} to keep them apart"),
+        );
     }
     // What is simplified has all its texels: from these come fewer.
     let mut drawn = draw(&cut, finishing.is_some_and(|most| cut.triangle_count > most))?;

@@ -69,21 +69,27 @@ pub fn drawn_of(file: &lodpack::File<Source>, wanted: &Wanted<'_>) -> Result<Dra
     bail!("{}: it has no level", path.display())
 }
 
-/// All objects of a cut, if the file has some and none of its groups is drawn: these belong to several.
-pub fn of_cut(path: &Path, file: &lodpack::File<Source>, cut: &Cut, channels: &[u8]) -> Result<Option<DrawnObjects>> {
+/// Whether no group is drawn: these show several objects as one.
+pub fn is_of_leaves(path: &Path, file: &lodpack::File<Source>, cut: &Cut) -> Result<bool> {
     for node in &cut.nodes {
         if !in_file(path, file.children(node.root))?.is_empty() {
-            return Ok(None);
+            return Ok(false);
         }
     }
-    let Some(nodes) = Nodes::read(path, file)? else { return Ok(None) };
+    Ok(true)
+}
+
+/// All objects of a cut of leaves, with its look if they have one.
+pub fn of_cut(
+    path: &Path,
+    file: &lodpack::File<Source>,
+    cut: &Cut,
+    textured: Option<TexturedMesh>,
+) -> Result<DrawnObjects> {
+    let Some(nodes) = Nodes::read(path, file)? else { bail!("{}: it has no objects", path.display()) };
     let (mesh, of_triangles) = in_file(path, file.extract_objects(cut))?;
-    let textured = match channels {
-        [] => None,
-        channels => Some(in_file(path, file.extract_textured(cut, channels))?),
-    };
     let found = of_triangles.iter().copied().collect();
-    Ok(Some(arranged(&mesh, textured, cut.clone(), &of_triangles, &found, &nodes)))
+    Ok(arranged(&mesh, textured, cut.clone(), &of_triangles, &found, &nodes))
 }
 
 /// A filter that hides what patterns name, if there are any.

@@ -26,7 +26,7 @@ impl Nodes {
         Ok(Some(Self { known, objects: objects.count() }))
     }
 
-    /// The objects that patterns name, as [`Nodes::matching`] finds them. Names and ids without stars are looked up, so
+    /// The objects that patterns name, as [`Nodes::matching`] finds them. Names and ids without stars and slashes are looked up, so
     /// that of a million nodes a few pages are read; none if the file has no objects.
     pub fn found(
         path: &Path,
@@ -38,7 +38,7 @@ impl Nodes {
         for pattern in patterns {
             let number = pattern.strip_prefix('#').and_then(|number| number.parse::<u32>().ok());
             let mut named: Vec<u32> = number.filter(|&number| number < objects.node_count()).into_iter().collect();
-            if number.is_none() && !pattern.contains('*') {
+            if number.is_none() && !pattern.contains(['*', '/']) {
                 named = in_file(path, objects.find_name(pattern))?;
                 named.extend(in_file(path, objects.find_id(pattern))?);
             }
