@@ -22,7 +22,8 @@
 //! | coded | `sharpen` | turns samples into the texels between which colours are shown best |
 //! | | `coded`, `images`, `storage` | quantise and code the image of each channel |
 //!
-//! Where each triangle shows one thing, nothing is baked: `even` has palettes. `lanes` has what compilers make vectors of.
+//! Where each triangle shows one thing, nothing is baked: `even` has palettes. `lanes` has what compilers make
+//! vectors of.
 
 mod baker;
 mod borders;

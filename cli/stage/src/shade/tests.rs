@@ -142,7 +142,30 @@ fn parts_of_one_colour_are_an_area_wherever_they_are() {
         assert_eq!((face.is_even(), face.image_density(), face.material_density()), (is_even, density, 1.0));
     }
     // One colour jumps nowhere.
-    assert!(areas_of(&coloured(&[RED, BLUE], &[1; 5], &[])).is_none());
+    let one = areas_of(&coloured(&[RED, BLUE], &[1; 5], &[])).unwrap();
+    assert!(one.looks.len() == 1 && one.jumps == Default::default());
+}
+
+#[test]
+fn looks_that_differ_in_anything_that_is_stored_are_areas_and_alike_ones_are_one() {
+    let material =
+        |roughness: f32, emissive: f32| Material { roughness, emissive: [emissive; 3], ..Material::default() };
+    let materials = vec![material(0.1, 0.0), material(0.9, 0.0), material(0.9, 1.0), material(0.1, 0.0)];
+    let mut appearance = Appearance { has_colour: true, materials, ..Appearance::default() };
+    (appearance.maps.roughness, appearance.maps.emissive) = (true, true);
+    // A strip of welded triangles of one colour.
+    let mesh = Mesh {
+        positions: (0..6).map(|k| DVec3::new(f64::from(k / 2), f64::from(k % 2), 0.0)).collect(),
+        triangles: vec![[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]],
+    };
+    let region = RegionAttributes { materials: vec![0, 1, 2, 3], ..RegionAttributes::default() };
+    let areas = areas_of(&(appearance.clone(), region.clone(), mesh.clone())).unwrap();
+    assert_eq!(areas.of_triangles, [0, 1, 2, 0]);
+    assert!([[0, 1], [1, 2], [2, 0]].iter().all(|&[a, b]| areas.jumps.are_between(a, b)));
+    assert_eq!(areas.looks.len(), 3);
+    // Edges between looks that hardly differ are not worth keeping: these are no looks alone.
+    appearance.materials[1] = material(0.11, 0.0);
+    assert!(areas_of(&(appearance, region, mesh)).is_none_or(|areas| areas.looks.is_empty()));
 }
 
 #[test]

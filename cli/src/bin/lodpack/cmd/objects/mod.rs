@@ -26,8 +26,8 @@ impl Nodes {
         Ok(Some(Self { known, objects: objects.count() }))
     }
 
-    /// The objects that patterns name, as [`Nodes::matching`] finds them. Names and ids without stars and slashes are looked up, so
-    /// that of a million nodes a few pages are read; none if the file has no objects.
+    /// The objects that patterns name, as [`Nodes::matching`] finds them. Names and ids without stars and slashes are
+    /// looked up, so that of a million nodes a few pages are read; none if the file has no objects.
     pub fn found(
         path: &Path,
         file: &lodpack::File<Source>,
