@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, SupportsIndex
 
 from ._checked import text, whole
 from ._errors import ArgumentError, QueryError
@@ -88,10 +88,13 @@ class Objects:
         """The numbers of objects and assemblies that a caller means: numbers, names, or ids where nothing has the
         name."""
         found: list[int] = []
-        is_one = isinstance(objects, str) or hasattr(objects, "__index__")
-        if not is_one and not isinstance(objects, Iterable):
+        if isinstance(objects, str | SupportsIndex):
+            all_wanted: Iterable[int | str | SupportsIndex] = [objects]
+        elif isinstance(objects, Iterable):
+            all_wanted = objects
+        else:
             raise ArgumentError(f"{name}: expected numbers, names or ids of objects, not {objects!r}")
-        for wanted in [objects] if is_one else objects:
+        for wanted in all_wanted:
             if not isinstance(wanted, str):
                 found.append(self._number(wanted))
                 continue
@@ -106,8 +109,8 @@ class Objects:
         number = self._number(number)
         return self._native.leaves(number) if number < len(self) else []
 
-    def _number(self, number: int) -> int:
-        number = whole(number, "the number of an object")
+    def _number(self, which: SupportsIndex) -> int:
+        number = whole(which, "the number of an object")
         if not 0 <= number < self.node_count:
             raise IndexError(f"there is no object {number}; they are numbered from 0 to {self.node_count - 1}")
         return number
