@@ -124,8 +124,11 @@ fn main() -> Result<(), Failure> {
         let place = |bases: [u32; 3]| low + size * DVec3::from(bases.map(|base| share(number + 1, base)));
         let to = place([2, 3, 5]);
         let from = place([7, 11, 13]);
-        let origin =
-            if number % 2 == 0 { middle + (from - middle).normalize_or(DVec3::Y) * size.length() } else { from };
+        let origin = if number.is_multiple_of(2) {
+            middle + (from - middle).normalize_or(DVec3::Y) * size.length()
+        } else {
+            from
+        };
         let direction = (to - origin).normalize_or(DVec3::X);
         let expected = brute(&objects, origin, direction);
         let file = File::open(Counting::new(bytes.as_slice()), Limits::default())?;
@@ -166,10 +169,9 @@ fn main() -> Result<(), Failure> {
             }
         }
         let [x, y] = [direction.any_orthonormal_vector(), direction.cross(direction.any_orthonormal_vector())];
-        let around = (1..=4).flat_map(|ring| (0..16).map(move |turn| (ring, turn)));
-        for (ring, turn) in around {
-            let angle = std::f64::consts::TAU * f64::from(turn) / 16.0;
-            let away = (x * angle.cos() + y * angle.sin()) * (error * f64::from(ring) / 2.0);
+        let steps = || (-4..=4).map(|step| f64::from(step) / 2.0);
+        for (across, up) in steps().flat_map(|across| steps().map(move |up| (across, up))) {
+            let away = (x * across + y * up) * error;
             if is_it(brute(&objects, origin + away, direction))? {
                 tally.beside = 1;
                 return Ok(tally);

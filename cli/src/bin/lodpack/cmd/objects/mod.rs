@@ -6,6 +6,7 @@ pub mod list;
 use super::open::{Source, in_file};
 use anyhow::{Result, bail};
 use lodpack::objects::ObjectNode;
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
@@ -57,8 +58,8 @@ impl Nodes {
                 waiting.extend(in_file(path, objects.children(Some(number)))?);
                 let above = in_file(path, objects.above(number))?;
                 for number in above.into_iter().chain([number]) {
-                    if !nodes.known.contains_key(&number) {
-                        nodes.known.insert(number, in_file(path, objects.node(number))?);
+                    if let Entry::Vacant(unknown) = nodes.known.entry(number) {
+                        unknown.insert(in_file(path, objects.node(number))?);
                     }
                 }
             }
