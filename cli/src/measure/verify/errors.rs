@@ -35,8 +35,8 @@ struct Input<'a> {
     origin: DVec3,
     tree: BoxTree<'a>,
     triangles: Vec<[u32; 3]>,
-    /// Range of `triangles` of each root.
-    roots: Vec<Range<usize>>,
+    /// Ranges of `triangles` of each root, ascending: of a group those of all leaves below.
+    roots: Vec<Vec<Range<usize>>>,
     /// Box of each root, which contains the root's part of the input.
     boxes: Vec<[DVec3; 2]>,
 }
@@ -140,7 +140,23 @@ impl<'a> Input<'a> {
         for root in 0..root_count {
             starts[root + 1] += starts[root];
         }
-        let ranges = starts.windows(2).map(|w| w[0]..w[1]).collect();
+        let own: Vec<Range<usize>> = starts.windows(2).map(|w| w[0]..w[1]).collect();
+        let mut ranges: Vec<Vec<Range<usize>>> = vec![vec![]; root_count];
+        // Children come after their parents.
+        for root in (0..root_count).rev() {
+            let mut all: Vec<Range<usize>> =
+                Some(own[root].clone()).filter(|own| !own.is_empty()).into_iter().collect();
+            for child in file.children(root as u32)? {
+                all.extend_from_slice(&ranges[child as usize]);
+            }
+            all.sort_unstable_by_key(|range| range.start);
+            all.dedup_by(|next, range| {
+                let follows = range.end == next.start;
+                range.end = if follows { next.end } else { range.end };
+                follows
+            });
+            ranges[root] = all;
+        }
         let mut triangles = vec![[0; 3]; roots.len()];
         for (triangle, &root) in tree.triangles().iter().zip(&roots) {
             triangles[starts[root as usize]] = *triangle;
@@ -150,6 +166,16 @@ impl<'a> Input<'a> {
             .map(|root| Ok(file.root_bounds(root)?.map(|p| DVec3::from_array(p) - origin)))
             .collect::<lodpack::Result<_>>()?;
         Ok(Self { positions: mesh_positions, origin, tree, triangles, roots: ranges, boxes })
+    }
+
+    /// The triangles of a root: of a group those of all leaves below.
+    fn triangles_of(&self, root: u32) -> Cow<'_, [[u32; 3]]> {
+        match self.roots[root as usize].as_slice() {
+            [only] => Cow::Borrowed(&self.triangles[only.clone()]),
+            ranges => {
+                ranges.iter().flat_map(|range| &self.triangles[range.clone()]).copied().collect::<Vec<_>>().into()
+            }
+        }
     }
 }
 
@@ -189,11 +215,11 @@ fn check_nodes<R: ReadAt + Sync>(
     let measure = |node: usize| {
         let stored = cut.node_errors[node];
         let goal = Goal { relative_gap: RELATIVE_GAP, floor: stored * FLOOR, claim: stored + rounding };
-        let triangles = &input.triangles[input.roots[cut.nodes[node].root as usize].clone()];
-        let mut backward = largest_distance(input.positions, triangles, &drawn_tree, &goal);
+        let triangles = input.triangles_of(cut.nodes[node].root);
+        let mut backward = largest_distance(input.positions, &triangles, &drawn_tree, &goal);
         let mut excess = None;
         if backward.lower > goal.claim {
-            (backward, excess) = attribute(input, triangles, &drawn_tree, cut, &goal, rounding);
+            (backward, excess) = attribute(input, &triangles, &drawn_tree, cut, &goal, rounding);
         }
         let forward = largest_distance(&positions, &drawn.triangles[drawn_range(node)], &input.tree, &goal);
         Measured { forward, backward, excess }
