@@ -16,7 +16,7 @@ fn assert_sound(mesh: &Mesh, bytes: &[u8], cuts: u32) {
     let report = verify(&open(bytes), Some(mesh), &VerifyOptions { cuts, seed: 7 }, &Silent).expect("readable");
     assert_eq!(report.problems, []);
     for level in &report.levels {
-        // No largest distance is smaller than a mean one, of groups either; what is far below the bound is not resolved.
+        // No largest distance is smaller than a mean one, of groups either. Far below the bound none is resolved.
         assert!(level.measured + 0.02 * level.stored >= level.vertex_rms, "{level:?}");
     }
     let ratio = report.levels.last().expect("errors were compared").ratio_median;
