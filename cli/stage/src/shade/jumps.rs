@@ -123,8 +123,10 @@ impl Painter<'_> {
 
     /// Whether nothing is seen or measured but the looks of materials without images, and colours of parts.
     fn shows_looks_alone(&self) -> bool {
-        let Appearance { images, maps, scalars, .. } = self.appearance;
-        scalars.is_empty() && images.is_empty() && !maps.normal
+        let Appearance { materials, maps, scalars, .. } = self.appearance;
+        // Images of one colour are in the list, but no material has them any more.
+        let has_images = materials.iter().any(|material| material.images().next().is_some());
+        scalars.is_empty() && !has_images && !maps.normal
     }
 
     /// The areas of a region of nothing but even looks: one for each that differs in anything that is stored. Between
