@@ -69,10 +69,7 @@ pub(super) fn read_lodpack(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
 /// Without objects there are none.
 fn objects_of(file: &lodpack::File<File>, cut: &Cut, sink: &mut MeshSink) -> lodpack::Result<Vec<u32>> {
     let Some(objects) = file.objects() else { return Ok(vec![]) };
-    let mut nodes = vec![];
-    for page in 0..objects.page_count() {
-        nodes.extend(objects.page(page)?);
-    }
+    let mut nodes = objects.nodes()?;
     let mut numbers: Vec<Option<u32>> = vec![None; nodes.len()];
     for node in 0..nodes.len() {
         // Parents come first. Reading has checked that there are no circles.
@@ -85,8 +82,7 @@ fn objects_of(file: &lodpack::File<File>, cut: &Cut, sink: &mut MeshSink) -> lod
                     waiting.pop();
                     if numbers[last].is_none() {
                         let parent = parent.and_then(|parent| *numbers.get(parent)?);
-                        let lodpack::objects::ObjectNode { name, id, .. } = std::mem::take(&mut nodes[last]);
-                        numbers[last] = Some(sink.add_node(ObjectNode { name, id, parent }));
+                        numbers[last] = Some(sink.add_node(ObjectNode { parent, ..std::mem::take(&mut nodes[last]) }));
                     }
                 }
             }
@@ -220,7 +216,7 @@ fn push_textured(
             let (of_textured, _) = paged.corners[triangle[0] as usize];
             objects.get(of_textured as usize).iter().for_each(|&&object| sink.set_object(object));
             if let (Some(even), Some(first)) = (&even, first) {
-                sink.set_material(even.of_triangle(of_textured).map_or(0, |number| first + number));
+                sink.set_material(even.of_triangles.get(&of_textured).map_or(0, |number| first + number));
             }
             if has_images {
                 triangle.iter().for_each(|&vertex| sink.attributes.push_corner(&paged.places[vertex as usize]));
@@ -265,10 +261,6 @@ impl EvenMaterials {
             }
         }
         Some(this)
-    }
-
-    fn of_triangle(&self, triangle: u32) -> Option<usize> {
-        self.of_triangles.get(&triangle).copied()
     }
 }
 

@@ -207,14 +207,17 @@ impl<S: ReadAt> Writer<'_, S> {
         let Self { file, folder, tree, .. } = *self;
         let cut = tree.cut(numbers);
         let (look, channels) = self.look;
+        let (mesh, objects) = if file.objects().is_some() {
+            file.extract_objects_with_borders(&cut, tree.border_level)?
+        } else if channels.is_empty() {
+            (file.extract_with_borders(&cut, tree.border_level)?, vec![])
+        } else {
+            Default::default()
+        };
         let textured = if channels.is_empty() {
-            TexturedMesh { mesh: file.extract_with_borders(&cut, tree.border_level)?, ..TexturedMesh::default() }
+            TexturedMesh { mesh, ..TexturedMesh::default() }
         } else {
             file.extract_textured_with_borders(&cut, tree.border_level, channels)?
-        };
-        let objects = match file.objects() {
-            Some(_) => file.extract_objects_with_borders(&cut, tree.border_level)?.1,
-            None => vec![],
         };
         // A node's triangles follow each other.
         let mut begin = 0;

@@ -18,7 +18,7 @@ use crate::{
 /// # Errors
 /// As [`super::extract`]; [`Error::Query`] if the file has no objects, or a node is a group.
 pub fn extract_objects(index: &Index, cut: &Cut, fetched: &Fetched) -> Result<(Mesh, Vec<u32>)> {
-    let (mesh, objects) = owned(index, cut, 0, fetched)?;
+    let (mesh, objects) = extract_objects_with_borders(index, cut, 0, fetched)?;
     let what = || Error::Query { what: "a group has no objects of its own: ask for a cut of leaves".into() };
     let objects = objects.into_iter().collect::<Option<Vec<u32>>>().ok_or_else(what)?;
     Ok((mesh, objects))
@@ -34,10 +34,6 @@ pub fn extract_objects_with_borders(
     border_level: u8,
     fetched: &Fetched,
 ) -> Result<(Mesh, Vec<Option<u32>>)> {
-    owned(index, cut, border_level, fetched)
-}
-
-fn owned(index: &Index, cut: &Cut, border_level: u8, fetched: &Fetched) -> Result<(Mesh, Vec<Option<u32>>)> {
     let what = || Error::Query { what: "this file has no objects; build it with --objects keep".into() };
     let objects = index.objects().ok_or_else(what)?;
     // Bytes of owners and of blocks are asked for one after the other: the former are few.

@@ -195,7 +195,19 @@ impl<S: ReadAt> FileObjects<'_, S> {
         self.ask(|objects, fetched| objects.leaves(object, fetched))
     }
 
-    /// How many pages of up to 1024 nodes there are, for those that want them all.
+    /// All objects, then all assemblies, by their numbers.
+    ///
+    /// # Errors
+    /// As [`Self::node`].
+    pub fn nodes(&self) -> Result<Vec<ObjectNode>> {
+        let mut nodes = vec![];
+        for page in 0..self.page_count() {
+            nodes.extend(self.page(page)?);
+        }
+        Ok(nodes)
+    }
+
+    /// How many pages of up to 1024 nodes there are, for those that want many.
     pub fn page_count(&self) -> u32 {
         self.node_count().div_ceil(1024)
     }

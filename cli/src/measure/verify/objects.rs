@@ -52,33 +52,22 @@ pub fn verify_objects<R: ReadAt>(
 ) -> lodpack::Result<()> {
     let Some(objects) = file.objects() else { return Ok(()) };
     progress.begin("objects", 0);
-    let mut nodes = vec![];
-    for page in 0..objects.page_count() {
-        nodes.extend(objects.page(page)?);
-    }
+    let nodes = objects.nodes()?;
     let cut = file.select(&Query::default())?;
     let (mesh, of_triangles) = file.extract_objects(&cut)?;
     let positions: Vec<DVec3> = mesh.positions.iter().map(|&position| DVec3::from(position)).collect();
-    let known = |number: u32| {
-        let node = nodes.get(number as usize)?;
-        Some((node.name.as_deref(), node.id.as_deref(), node.parent))
-    };
     let mut stored: BTreeMap<Key, Part> = BTreeMap::new();
     let mut keys: BTreeMap<u32, Key> = BTreeMap::new();
     for ((&triangle, &object), &node) in mesh.triangles.iter().zip(&of_triangles).zip(&mesh.triangle_nodes) {
-        let key = keys.entry(object).or_insert_with(|| key_of(object, nodes.len(), against.skipped, known));
+        let key = keys.entry(object).or_insert_with(|| key_of(object, &nodes, against.skipped));
         let part = stored.entry(key.clone()).or_default();
         part.triangles.push(triangle);
         part.error = part.error.max(cut.node_errors.get(node as usize).copied().unwrap_or(cut.error));
     }
-    let known = |number: u32| {
-        let node = against.nodes.get(number as usize)?;
-        Some((node.name.as_deref(), node.id.as_deref(), node.parent))
-    };
     let mut expected: BTreeMap<Key, Part> = BTreeMap::new();
     let mut of_input: BTreeMap<u32, Key> = BTreeMap::new();
     for (&triangle, &object) in against.mesh.triangles.iter().zip(against.objects) {
-        let key = of_input.entry(object).or_insert_with(|| key_of(object, against.nodes.len(), against.skipped, known));
+        let key = of_input.entry(object).or_insert_with(|| key_of(object, against.nodes, against.skipped));
         expected.entry(key.clone()).or_default().triangles.push(triangle);
     }
     report.objects = keys.len() as u64;
@@ -108,17 +97,14 @@ pub fn verify_objects<R: ReadAt>(
     Ok(())
 }
 
-/// Name, id and parent of a node.
-type Known<'a> = (Option<&'a str>, Option<&'a str>, Option<u32>);
-
-fn key_of<'a>(object: u32, count: usize, skipped: usize, known: impl Fn(u32) -> Option<Known<'a>>) -> Key {
-    let (mut names, mut id, mut next) = (vec![], None, Some(object));
-    while let Some((name, own_id, parent)) = next.and_then(&known).filter(|_| names.len() <= count) {
-        if names.is_empty() {
-            id = own_id.map(str::to_owned);
-        }
-        names.push(name.unwrap_or_default());
-        next = parent;
+fn key_of(object: u32, nodes: &[ObjectNode], skipped: usize) -> Key {
+    let mut names = vec![];
+    let mut next = nodes.get(object as usize);
+    let id = next.and_then(|node| node.id.clone());
+    // A file may lie about its tree.
+    while let Some(node) = next.filter(|_| names.len() <= nodes.len()) {
+        names.push(node.name.as_deref().unwrap_or_default());
+        next = node.parent.and_then(|parent| nodes.get(parent as usize));
     }
     names.reverse();
     (names.get(skipped..).unwrap_or_default().join("\n"), id)

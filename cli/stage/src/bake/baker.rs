@@ -180,6 +180,7 @@ impl<'s> Baker<'s> {
         wanted: impl FnOnce(&Map, &Shown<'_>) -> Wanted,
     ) -> (Vec<Vec<u8>>, Rim) {
         let Self { storage, drawn, kept: Kept { sums: values, .. }, scratch, image } = self;
+        let mut streams = vec![bytes];
         let size = texel_size(patch.finer);
         let [opaque_colours, others] = [opaque_colours * size, others * size];
         let mut steps = Steps { opaque_colours, are_finer_in_grain: patch.is_sharp, others };
@@ -198,7 +199,6 @@ impl<'s> Baker<'s> {
             rim = Rim::new(&wanted, patch.origin(), storage.opaque_colours().len());
             borders.seen(&map, is_covered)
         };
-        let mut streams = vec![bytes];
         streams.extend(storage.encode(&map, values, &drawn.is_used, &seen, steps, image));
         (streams, rim)
     }

@@ -302,18 +302,14 @@ fn mesh_of(
         Ok(Drawn { coarser, ..Drawn::textured(textured, look.clone(), cut) })
     };
     if finishing.is_none_or(|most| cut.triangle_count <= most)
-        && (format == MeshFormat::Glb || format == MeshFormat::Obj && channels.is_empty())
-        && (format == MeshFormat::Glb || creases(args, format).is_none())
+        && (format == MeshFormat::Glb
+            || format == MeshFormat::Obj && channels.is_empty() && creases(args, format).is_none())
         && file.objects().is_some_and(|objects| objects.count() > 1)
     {
         if is_of_leaves(&args.file, file, &cut)? {
-            let (textured, coarser) = match channels.as_slice() {
-                [] => (None, 1.0),
-                channels => {
-                    let (textured, coarser) = in_file(&args.file, images::extracted(file, &cut, channels, args))?;
-                    (Some(textured), coarser)
-                }
-            };
+            let shown = if channels.is_empty() { None } else { Some(draw(&cut, false)?) };
+            let coarser = shown.as_ref().map_or(1.0, |shown| shown.coarser);
+            let textured = shown.and_then(|shown| shown.textured).map(|(textured, _)| textured);
             let objects = of_cut(&args.file, file, &cut, textured)?;
             let drawn = Drawn { coarser, ..Drawn::of_objects(file, objects, look, &channels) };
             return Ok((drawn, cut.nodes.len() as u64));
@@ -349,16 +345,12 @@ fn drawn_objects(
     format: MeshFormat,
     args: &ExtractArgs,
 ) -> Result<(Drawn, u64)> {
-    let channels = channels_of_objects(format, channels);
+    // Materials of OBJ belong to one mesh.
+    let channels = if format == MeshFormat::Obj { &[] } else { channels };
     let wanted = Wanted { path: &args.file, patterns: &args.objects, tolerance, triangles: args.triangles, channels };
     let objects = objects_of(file, &wanted)?;
     let leaves = objects.cut.nodes.len() as u64;
     Ok((Drawn::of_objects(file, objects, look, channels), leaves))
-}
-
-/// The channels that objects are written with: materials of OBJ belong to one mesh.
-fn channels_of_objects(format: MeshFormat, channels: &[u8]) -> &[u8] {
-    if format == MeshFormat::Obj { &[] } else { channels }
 }
 
 /// The mesh that is written.

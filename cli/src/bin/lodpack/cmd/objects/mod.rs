@@ -20,10 +20,7 @@ impl Nodes {
     /// Reads all of them; none if the file has no objects.
     pub fn read(path: &Path, file: &lodpack::File<Source>) -> Result<Option<Self>> {
         let Some(objects) = file.objects() else { return Ok(None) };
-        let mut known = BTreeMap::new();
-        for page in 0..objects.page_count() {
-            known.extend((known.len() as u32..).zip(in_file(path, objects.page(page))?));
-        }
+        let known = (0..).zip(in_file(path, objects.nodes())?).collect();
         Ok(Some(Self { known, objects: objects.count() }))
     }
 
@@ -35,7 +32,7 @@ impl Nodes {
         patterns: &[String],
     ) -> Result<Option<(Self, BTreeSet<u32>)>> {
         let Some(objects) = file.objects() else { return Ok(None) };
-        let mut waiting = vec![];
+        let mut named_by_all = vec![];
         for pattern in patterns {
             let number = pattern.strip_prefix('#').and_then(|number| number.parse::<u32>().ok());
             let mut named: Vec<u32> = number.filter(|&number| number < objects.node_count()).into_iter().collect();
@@ -49,23 +46,18 @@ impl Nodes {
                 let found = nodes.matching(path, patterns)?;
                 return Ok(Some((nodes, found)));
             }
-            waiting.extend(named);
+            named_by_all.extend(named);
         }
+        let found: BTreeSet<u32> = in_file(path, objects.below(&named_by_all))?.into_iter().collect();
         let mut nodes = Self { known: BTreeMap::new(), objects: objects.count() };
-        let mut below = BTreeSet::new();
-        while let Some(number) = waiting.pop() {
-            if below.insert(number) {
-                waiting.extend(in_file(path, objects.children(Some(number)))?);
-                let above = in_file(path, objects.above(number))?;
-                for number in above.into_iter().chain([number]) {
-                    if let Entry::Vacant(unknown) = nodes.known.entry(number) {
-                        unknown.insert(in_file(path, objects.node(number))?);
-                    }
+        for &object in &found {
+            for number in in_file(path, objects.above(object))?.into_iter().chain([object]) {
+                if let Entry::Vacant(unknown) = nodes.known.entry(number) {
+                    unknown.insert(in_file(path, objects.node(number))?);
                 }
             }
         }
-        below.retain(|&number| number < nodes.objects);
-        Ok(Some((nodes, below)))
+        Ok(Some((nodes, found)))
     }
 
     /// What lies above a node, from the top down.
