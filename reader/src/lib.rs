@@ -63,9 +63,9 @@
 //! is all that there is to choose from; [`select::select_in`] chooses once. A [`select::Adapter`] changes its cut from
 //! frame to frame as little as
 //! [`select::Coherence`] allows, and reports each [`select::Change`] in an [`select::AdaptReport`].
-//! [`select::PerformanceMode`] holds a frame time: [`select::PerformanceTarget`] and [`select::FrameTimes`] go in,
-//! [`select::Controls`] come out. Tiles of a
-//! [`select::TileTree`] adapt side by side; [`select::unify_cuts`] joins them by a rule of [`select::Unification`] to
+//! [`select::PerformanceMode`] holds a [`select::PerformanceGoal`]: [`select::PerformanceTarget`] and
+//! [`select::FrameTimes`] go in, [`select::Controls`] come out, by a [`select::FrameModel`]. Tiles of a
+//! [`select::TileTree`] adapt side by side as [`select::Tiles`]; [`select::unify_cuts`] joins them by a rule of [`select::Unification`] to
 //! [`select::Unified`] cuts.
 //!
 //! **Frames while loading.** [`stream`] draws something complete and watertight in every frame while the rest is

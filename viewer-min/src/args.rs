@@ -46,7 +46,7 @@ Keys in the window
   drag left, touchpad   orbit             W A S D Q E   fly
   drag right            look around       wheel         nearer, farther
   + -   tolerance half, double            T U           triangle budget double, half
-  N M   node budget double, half          P             hold 30 frames a second
+  N M   node budget double, half          P             hold a frame rate
   1 2 3 4 5   shading, nodes, levels, errors, depths
   G   next channel, or none              K             channel with or without light
   L   wireframe      B   borders          V             stitched or pulled
@@ -64,6 +64,8 @@ fn more_help() -> String {
   lodpack-view https://example.org/scan.lodpack --tolerance 2
   lodpack-view scan.lodpack --screenshot scan.png --size 1600x1200 --camera 0,0,3:0,0,0
   lodpack-view scan.lodpack --path circle:200 --csv frames.csv
+  lodpack-view scan.lodpack --wall 2x2 --listen 0.0.0.0:4600 --path circle:1000
+  lodpack-view scan.lodpack --join controller:4600 --place 0,1 --screenshot 'display-{n}.png'
   lodpack-view --check scan.lodpack --against scan.ply
 
 Exit status: 0 success; 1 --check found errors; 2 the request could not be carried out.";
@@ -76,7 +78,7 @@ Exit status: 0 success; 1 --check found errors; 2 the request could not be carri
 pub struct Args {
     /// File or URL; without one, the window waits for a file to be dropped
     pub file: Option<String>,
-    /// Write a picture and exit, without a window
+    /// Write a picture and exit, without a window; {n} in its name writes one for each frame
     #[arg(long, value_name = "PNG")]
     pub screenshot: Option<PathBuf>,
     /// Size of the picture or window in pixels
@@ -110,6 +112,9 @@ pub struct Args {
     /// Most nodes to draw
     #[arg(long, value_name = "N")]
     pub max_nodes: Option<u64>,
+    /// Frames a second to hold, by budgets that follow from what frames take; key P in the window
+    #[arg(long, value_name = "RATE", value_parser = parse_rate)]
+    pub frame_rate: Option<f64>,
     /// Layers over the surface, separated by commas
     #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',')]
     pub overlay: Vec<Overlay>,
@@ -140,6 +145,18 @@ pub struct Args {
     /// Draw the picture in WxH tiles, one process each, join them, and compare with the whole picture (1x1: no tiles)
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub tiles: Option<Size>,
+    /// Control a wall of WxH displays, each a process of its own; --size is that of all together
+    #[arg(long, value_name = "WxH", value_parser = parse_wall, requires = "listen")]
+    pub wall: Option<Size>,
+    /// Where the displays of --wall reach the controller, for instance 0.0.0.0:4600; nobody is asked for a password
+    #[arg(long, value_name = "HOST:PORT", requires = "wall")]
+    pub listen: Option<String>,
+    /// Be a display of the wall whose controller listens there
+    #[arg(long, value_name = "HOST:PORT", conflicts_with = "wall")]
+    pub join: Option<String>,
+    /// Which display to be, column and row from the upper left one; without this option any that is missing
+    #[arg(long, value_name = "X,Y", value_parser = parse_place, requires = "join")]
+    pub place: Option<Size>,
     /// Check the drawing; exit status 0: correct, 1: wrong, 2: could not be checked
     #[arg(long)]
     pub check: bool,
@@ -180,11 +197,27 @@ fn parse_range(text: &str) -> Result<[f64; 2], &'static str> {
     if range[0] < range[1] { Ok(range) } else { Err(explain) }
 }
 
+fn parse_rate(text: &str) -> Result<f64, &'static str> {
+    text.parse().ok().filter(|rate| (0.1..=1000.0).contains(rate)).ok_or("a frame rate is a number from .1 to 1000")
+}
+
 fn parse_views(text: &str) -> Result<usize, &'static str> {
     text.parse()
         .ok()
         .filter(|&views| views > 0)
         .ok_or("the number of views must be 1 or more; with none, nothing would be checked")
+}
+
+/// A wall has so many displays at most.
+const MOST_DISPLAYS: u32 = 1024;
+
+fn parse_wall(text: &str) -> Result<Size, &'static str> {
+    let size = parse_size(text)?;
+    if size[0] * size[1] <= MOST_DISPLAYS { Ok(size) } else { Err("a wall has at most 1024 displays") }
+}
+
+fn parse_place(text: &str) -> Result<Size, &'static str> {
+    parse_pair(text, ',', 0, "a place is X,Y")
 }
 
 fn parse_tile(text: &str) -> Result<Tile, &'static str> {

@@ -5,7 +5,7 @@ use std::{collections::HashSet, path::PathBuf};
 use glam::DVec3;
 use lodpack::{
     View,
-    select::{Controls as Held, FrameTimes, PerformanceMode, PerformanceTarget},
+    select::{PerformanceGoal, PerformanceMode, PerformanceTarget},
 };
 use winit::{
     event::{ElementState, KeyEvent},
@@ -15,7 +15,7 @@ use winit::{
 use crate::{
     args::{Args, Overlay, Way},
     camera::{Bounds, middle_of, parse, text},
-    scene::Scene,
+    scene::{Report, Scene},
 };
 
 #[derive(Default)]
@@ -27,7 +27,6 @@ pub struct Controls {
     /// While a button is down: whether dragging orbits or looks around.
     pub dragging: Option<bool>,
     performance: Option<PerformanceMode>,
-    wants_speed: bool,
     held: HashSet<KeyCode>,
     pointer: Option<[f64; 2]>,
     /// Where the pointer was when a button went down.
@@ -56,12 +55,23 @@ const TOGGLES: [(&str, Overlay); 8] = [
 ];
 /// Keys that concern an object while one is selected.
 const OF_OBJECTS: [&str; 2] = ["h", "i"];
+/// Frames a second that performance mode holds.
+const FRAME_RATE: f64 = 30.0;
+/// Performance mode draws nothing finer than this, in pixels.
+const FINEST: f64 = 0.5;
+/// What choosing may take in a frame, in milliseconds.
+const ADAPT_TIME: f64 = 8.0;
 /// Pixels that the pointer may move in a click.
 const CLICK: f64 = 3.0;
 /// Radians per pixel of a drag.
 const TURN: f64 = 0.006;
 
 impl Controls {
+    /// As the command line says.
+    pub fn of(args: &Args) -> Self {
+        Self { args: args.clone(), ..Self::default() }
+    }
+
     /// Forgets the view after a new file has been opened.
     pub fn forget_view(&mut self) {
         (self.frozen, self.performance) = (None, None);
@@ -74,30 +84,41 @@ impl Controls {
 
     /// Whether performance mode chooses the budgets.
     pub fn wants_speed(&self) -> bool {
-        self.wants_speed
+        self.args.frame_rate.is_some()
     }
 
     /// Sets the budgets of the next frame. Returns its tolerance in pixels.
     pub fn limit(&mut self, scene: &mut Scene) -> f64 {
         scene.limit(&self.args);
-        if !self.wants_speed {
+        let Some(rate) = self.args.frame_rate else {
             self.performance = None;
             return self.args.tolerance;
-        }
-        let most = scene.root_count().max(1);
-        let target = PerformanceTarget { frame_time: 1000.0 / 30.0, adapt_time: 1000.0 / 120.0, ..Default::default() };
-        let start = Held { tolerance: self.args.tolerance.clamp(0.1, 64.0), max_nodes: most };
+        };
+        let goal = PerformanceGoal::FrameTime(1000.0 / rate);
+        let target = PerformanceTarget { goal, tolerance: FINEST, adapt_time: ADAPT_TIME, ..Default::default() };
         if self.performance.is_none() {
-            self.performance = PerformanceMode::new(target, start, [0.1, 64.0], [1, most]).ok();
+            self.performance = PerformanceMode::new(target).ok();
         }
-        let held = self.performance.as_ref().map_or(start, PerformanceMode::controls);
+        let Some(held) = self.performance.as_ref().map(PerformanceMode::controls) else { return self.args.tolerance };
         scene.query.max_nodes = Some(held.max_nodes);
+        scene.query.max_triangles = Some(held.max_triangles);
         held.tolerance
     }
 
-    /// Records the times of a frame, in milliseconds.
-    pub fn record(&mut self, times: FrameTimes) {
-        let _ = self.performance.as_mut().map(|mode| mode.record(times));
+    /// Records a frame that was drawn.
+    pub fn record(&mut self, report: &Report) {
+        let _ = self.performance.as_mut().map(|mode| mode.record(report.times()));
+    }
+
+    /// What performance mode has found out about frames.
+    pub fn costs(&self) -> Option<String> {
+        let model = self.performance.as_ref()?.model();
+        let [fixed, node, triangle, byte] = model.costs();
+        let explained = model.r_squared().map_or(String::new(), |share| format!(", R2 {share:.3}"));
+        let [node, triangle, byte] = [node * 1e3, triangle * 1e6, byte * 1e6];
+        Some(format!(
+            "frames take {fixed:.2} ms, {node:.2} us a node, {triangle:.2} ns a triangle, {byte:.2} ns a byte{explained}"
+        ))
     }
 
     /// Handles a button that goes down or up. Returns where it was clicked, if the pointer has not moved meanwhile.
@@ -151,7 +172,7 @@ impl Controls {
             "u" => args.max_triangles = half(triangles),
             "n" => args.max_nodes = double(nodes),
             "m" => args.max_nodes = half(nodes),
-            "p" => self.wants_speed = !self.wants_speed,
+            "p" => args.frame_rate = if args.frame_rate.is_none() { Some(FRAME_RATE) } else { None },
             "1" => args.overlay.retain(|&overlay| !is_colouring(overlay)),
             "k" => args.unlit = !args.unlit,
             "v" => args.draw = if args.draw == Way::Pulled { Way::Stitched } else { Way::Pulled },

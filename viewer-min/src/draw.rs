@@ -1,6 +1,10 @@
 //! Drawing: the data of each root on the GPU, and a pass over all of them.
 
-use std::{cell::OnceCell, sync::Arc, time::Instant};
+use std::{
+    cell::{OnceCell, RefCell},
+    sync::Arc,
+    time::Instant,
+};
 
 use anyhow::Result;
 use glam::DVec3;
@@ -171,6 +175,8 @@ struct Infos {
     /// As on the device.
     buffer: wgpu::Buffer,
     changed: Vec<u32>,
+    /// As bound for the last pass, with its settings.
+    bound: RefCell<Option<(Globals, wgpu::BindGroup)>>,
 }
 
 /// What frames need of all roots, until one of them changes.
@@ -201,7 +207,11 @@ impl Renderer {
             order: Vec::new(),
             waiting: Vec::new(),
             stamp: None,
-            infos: Infos { buffer: gpu.buffer::<RootInfo>(&[], BufferUsages::STORAGE), changed: Vec::new() },
+            infos: Infos {
+                buffer: gpu.buffer::<RootInfo>(&[], BufferUsages::STORAGE),
+                changed: Vec::new(),
+                bound: RefCell::default(),
+            },
             made: Made::default(),
             ground: None,
         }
@@ -309,10 +319,11 @@ impl Renderer {
         if bytes(self.blocks.len()) > self.infos.buffer.size() {
             let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
             self.infos.buffer = self.gpu.empty_buffer(2 * bytes(self.blocks.len()), usage);
+            self.infos.bound = RefCell::default();
             range = 0..self.blocks.len();
         }
         let infos: Vec<RootInfo> = self.blocks[range.clone()].iter().map(info).collect();
-        self.gpu.queue.write_buffer(&self.infos.buffer, bytes(range.start), bytemuck::cast_slice(&infos));
+        self.gpu.write(&self.infos.buffer, bytes(range.start), bytemuck::cast_slice(&infos));
         changed.clear();
         self.infos.changed = changed;
     }
@@ -459,8 +470,13 @@ impl Renderer {
                 [look_number(appearance.look()), f32::from(u8::from(is_unlit)), low, high]
             }),
         ];
-        let globals = self.gpu.buffer(&globals, BufferUsages::UNIFORM);
-        self.gpu.bind(&self.gpu.pipelines.globals_layout, &[&globals, &self.infos.buffer])
+        let mut bound = self.infos.bound.borrow_mut();
+        if let Some((_, group)) = bound.as_ref().filter(|(before, _)| *before == globals) {
+            return group.clone();
+        }
+        let uniform = self.gpu.buffer(&globals, BufferUsages::UNIFORM);
+        let group = self.gpu.bind(&self.gpu.pipelines.globals_layout, &[&uniform, &self.infos.buffer]);
+        bound.insert((globals, group)).1.clone()
     }
 
     pub fn draw(&self, targets: &Targets, view: &View) {
@@ -576,7 +592,7 @@ impl Renderer {
         }
     }
 
-    /// Uploads and draws the current surfaces of a scene and of its ground, and records the time.
+    /// Uploads and hands over the current surfaces of a scene and of its ground, and adds times and bytes to a report.
     pub fn draw_scene(
         &mut self,
         targets: &Targets,
@@ -589,16 +605,12 @@ impl Renderer {
             return self.draw_part(targets, scene, (look, Turn::Only), report);
         };
         self.draw_part(targets, scene, (look, Turn::First), report)?;
-        let of_mesh = *report;
         let mut ground = self.ground.take().unwrap_or_else(|| Box::new(Self::new(&self.gpu, self.way)));
         ground.images_per_frame = self.images_per_frame;
         let view = frame.view_of_ground(look.0);
         let drawn = ground.draw_part(targets, below, ((&view, look.1, look.2), Turn::Last), report);
         self.problems.extend(ground.take_problems());
         self.ground = Some(ground);
-        report.upload_ms += of_mesh.upload_ms;
-        report.record_ms += of_mesh.record_ms;
-        report.draw_ms += of_mesh.draw_ms;
         drawn
     }
 
@@ -609,7 +621,7 @@ impl Renderer {
         ((view, overlays, is_unlit), turn): ((&View, &[Overlay], bool), Turn),
         report: &mut Report,
     ) -> Result<()> {
-        let begun = Instant::now();
+        let (begun, uploaded_before) = (Instant::now(), self.gpu.uploaded());
         (self.overlays, self.level_count) = (overlays.to_vec(), scene.level_count());
         self.index = scene.mesh().ok().map(|mesh| Arc::clone(mesh.file.index()));
         self.lattice = scene.lattice();
@@ -626,14 +638,12 @@ impl Renderer {
             Some(mesh) => self.set_mesh(&mesh.positions, &mesh.triangles),
             None => self.update(scene.picture()),
         }
-        self.gpu.wait()?;
-        report.upload_ms = milliseconds(begun.elapsed());
+        report.upload_ms += milliseconds(begun.elapsed());
         let begun = Instant::now();
         self.draw_in_turn(targets, view, turn);
-        report.record_ms = milliseconds(begun.elapsed());
-        self.gpu.wait()?;
-        report.draw_ms = milliseconds(begun.elapsed());
-        Ok(())
+        report.record_ms += milliseconds(begun.elapsed());
+        report.uploaded += self.gpu.uploaded() - uploaded_before;
+        self.gpu.check()
     }
 
     pub fn picture(&self, targets: &Targets, view: &View) -> Result<Picture> {

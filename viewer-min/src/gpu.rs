@@ -1,6 +1,9 @@
 //! The graphics device, its pipelines, the textures that it draws into, and reading them back.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{
+    Arc, OnceLock,
+    atomic::{AtomicU64, Ordering},
+};
 
 use anyhow::{Context, Result, bail};
 use image::RgbaImage;
@@ -39,6 +42,9 @@ pub struct Gpu {
     can_smooth: bool,
     /// Whether one call draws a list of roots. Otherwise each is a call of its own.
     pub draws_lists: bool,
+    /// Whether it says when it begins and ends.
+    pub(crate) has_clock: bool,
+    uploaded: AtomicU64,
     trouble: Arc<OnceLock<String>>,
 }
 
@@ -54,9 +60,11 @@ impl Gpu {
         let adapter = pollster::block_on(instance.request_adapter(&options)).context(
             "no graphics adapter: install a driver; without a GPU, Mesa's lavapipe works too (Debian: mesa-vulkan-drivers)",
         )?;
-        let required_features = adapter.features() & wgpu::Features::INDIRECT_FIRST_INSTANCE;
+        let clock = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
+        let required_features = adapter.features() & (wgpu::Features::INDIRECT_FIRST_INSTANCE | clock);
         let reads_lists = adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::INDIRECT_EXECUTION);
-        let draws_lists = reads_lists && !required_features.is_empty();
+        let draws_lists = reads_lists && required_features.contains(wgpu::Features::INDIRECT_FIRST_INSTANCE);
+        let has_clock = required_features.contains(clock);
         let descriptor =
             wgpu::DeviceDescriptor { required_features, required_limits: adapter.limits(), ..Default::default() };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).context("no graphics device")?;
@@ -73,7 +81,8 @@ impl Gpu {
         let has = |format, flags| adapter.get_texture_format_features(format).flags.contains(flags);
         let four = TextureFormatFeatureFlags::MULTISAMPLE_X4;
         let can_smooth = has(COLOUR, four | TextureFormatFeatureFlags::MULTISAMPLE_RESOLVE) && has(DEPTH, four);
-        Ok(Self { adapter, device, queue, pipelines, can_smooth, draws_lists, trouble })
+        let uploaded = AtomicU64::new(0);
+        Ok(Self { adapter, device, queue, pipelines, can_smooth, draws_lists, has_clock, uploaded, trouble })
     }
 
     /// An error if anything has gone wrong so far. The device cannot be used any more then.
@@ -91,8 +100,27 @@ impl Gpu {
     pub(crate) fn buffer<T: bytemuck::Pod>(&self, contents: &[T], usage: BufferUsages) -> wgpu::Buffer {
         let bytes: &[u8] = bytemuck::cast_slice(contents);
         let buffer = self.empty_buffer((bytes.len() as u64).max(64), usage | BufferUsages::COPY_DST);
-        self.queue.write_buffer(&buffer, 0, bytes);
+        self.write(&buffer, 0, bytes);
         buffer
+    }
+
+    /// Uploads bytes to a place in a buffer.
+    pub(crate) fn write(&self, buffer: &wgpu::Buffer, at: u64, bytes: &[u8]) {
+        self.uploaded.fetch_add(bytes.len() as u64, Ordering::Relaxed);
+        self.queue.write_buffer(buffer, at, bytes);
+    }
+
+    /// Uploads all texels of a texture, row after row.
+    pub(crate) fn write_texels(&self, texture: &wgpu::Texture, texels: &[u8]) {
+        self.uploaded.fetch_add(texels.len() as u64, Ordering::Relaxed);
+        let bytes_per_row = Some(texels.len() as u32 / texture.height().max(1));
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row, rows_per_image: None };
+        self.queue.write_texture(texture.as_image_copy(), texels, layout, texture.size());
+    }
+
+    /// The bytes that were uploaded so far.
+    pub(crate) fn uploaded(&self) -> u64 {
+        self.uploaded.load(Ordering::Relaxed)
     }
 
     pub(crate) fn empty_buffer(&self, size: u64, usage: BufferUsages) -> wgpu::Buffer {

@@ -4,19 +4,22 @@ use std::{
     path::{Path, PathBuf},
     process::Command,
     sync::Arc,
+    time::Instant,
 };
 
 use anyhow::{Context, Result, bail};
 use image::{RgbaImage, imageops};
-use lodpack::stream::Mode;
+use lodpack::{View, stream::Mode};
 
 use crate::{
     args::{Args, Overlay, Size},
+    controls::Controls,
     draw::Renderer,
+    frames::Frames,
     gpu::{Gpu, Targets},
     overlay::Panel,
-    picture::{different_colours, load, marked, save},
-    scene::{Looks, Report, Scene, open_source},
+    picture::{different_colours, load, marked, numbered, save},
+    scene::{Looks, Report, Scene, milliseconds, open_source},
 };
 
 /// Draws the camera or path of the command line; writes the last picture and the table of frames.
@@ -26,7 +29,6 @@ pub fn draw_picture(args: &Args) -> Result<()> {
     let mode = if waits { Mode::Synchronous } else { Mode::AsynchronousWithPrefetch };
     let looks = Looks { mode, is_flat: args.flat, ..Looks::default() };
     let mut scene = Scene::open_with(open_source(address)?, looks).with_context(|| address.to_string())?;
-    scene.limit(args);
     scene.choose_channel(args).with_context(|| address.to_string())?;
     scene.choose_objects(args).with_context(|| address.to_string())?;
     scene.objects.selected.iter().for_each(|selected| eprintln!("lodpack-view: {}", selected.text));
@@ -40,25 +42,44 @@ pub fn draw_picture(args: &Args) -> Result<()> {
         size = [0, 1].map(|k| args.size[k] / counts[k]);
     }
     let targets = Targets::smooth(&gpu, size);
-    let mut table = csv::Writer::from_writer(Vec::new());
-    let (mut panel, mut report) = (Panel::default(), Report::default());
+    let mut frames = Frames::new(&gpu);
+    let mut controls = Controls::of(args);
+    let mut reports: Vec<Report> = Vec::with_capacity(path.len());
     for (number, view) in path.iter().enumerate() {
-        report = match &tile_nodes {
-            Some((nodes, whole)) => scene.show_tile(nodes, whole)?,
+        let (begun, wait_ms) = (Instant::now(), frames.begin()?);
+        let drawn = frames.take_drawn();
+        drawn.iter().for_each(|report| controls.record(report));
+        reports.extend(drawn);
+        let view = &View { pixel_tolerance: controls.limit(&mut scene), ..*view };
+        let mut report = match &tile_nodes {
+            Some((nodes, whole)) => scene.show_tile(nodes, whole, true)?,
             None if waits => scene.follow_to_the_end(view)?,
             None => scene.follow(view)?,
         };
-        if let Some(complaint) = report.complaint() {
+        if let Some(complaint) = report.complaint().filter(|_| !controls.wants_speed()) {
             bail!("{complaint}");
         }
-        report.frame = number;
+        (report.frame, report.wait_ms) = (number, wait_ms);
         renderer.draw_scene(&targets, &scene, (view, &args.overlay, args.unlit), &mut report)?;
         let problems = scene.take_problems().into_iter().chain(renderer.take_problems());
         problems.for_each(|problem| eprintln!("lodpack-view: {problem}"));
-        panel.record(report.select_ms + report.update_ms + report.upload_ms + report.draw_ms);
+        report.frame_ms = milliseconds(begun.elapsed());
+        frames.end(report);
+        if let Some(path) = args.screenshot.as_ref().filter(|path| numbered(path, 0) != path.as_path()) {
+            save(targets.colours(&gpu)?, &numbered(path, number as u64 + 1))?;
+        }
+    }
+    frames.finish()?;
+    reports.extend(frames.take_drawn());
+    let (mut panel, mut table) = (Panel::default(), csv::Writer::from_writer(Vec::new()));
+    for report in &reports {
+        panel.record(report.frame_ms);
         table.serialize(report)?;
     }
-    if let (Some(file), Some(view)) = (&args.screenshot, path.last()) {
+    controls.costs().iter().for_each(|costs| eprintln!("lodpack-view: {costs}"));
+    let report = reports.last().copied().unwrap_or_default();
+    let single = args.screenshot.as_ref().filter(|path| numbered(path, 0) == path.as_path());
+    if let (Some(file), Some(view)) = (single, path.last()) {
         let mut picture = targets.colours(&gpu)?;
         if args.has(Overlay::Text) {
             let mut canvas = RgbaImage::new(size[0], size[1]);

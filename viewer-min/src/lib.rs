@@ -12,6 +12,7 @@ mod channel;
 pub mod check;
 mod controls;
 mod draw;
+mod frames;
 pub mod gpu;
 mod headless;
 mod objects;
@@ -21,7 +22,9 @@ mod pool;
 mod present;
 pub mod scene;
 mod texels;
+mod wall;
 mod window;
 
 pub use headless::{draw_picture, draw_tiles};
+pub use wall::{control_wall, join_wall};
 pub use window::show_window;

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use lodpack_view::{args::Args, check::check_file, draw_picture, draw_tiles, show_window};
+use lodpack_view::{args::Args, check::check_file, control_wall, draw_picture, draw_tiles, join_wall, show_window};
 
 fn main() -> ExitCode {
     let args = Args::parse();
@@ -11,6 +11,10 @@ fn main() -> ExitCode {
         check_file(&args)
     } else if let Some(counts) = args.tiles.filter(|&counts| counts != [1, 1]) {
         draw_tiles(&args, counts)
+    } else if let (Some(counts), Some(address)) = (args.wall, &args.listen) {
+        control_wall(&args, counts, address).map(|()| true)
+    } else if let Some(address) = &args.join {
+        join_wall(&args, address).map(|()| true)
     } else if args.screenshot.is_some() || args.csv.is_some() {
         draw_picture(&args).map(|()| true)
     } else {

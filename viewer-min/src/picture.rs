@@ -1,6 +1,9 @@
 //! A picture in memory: colours, roots and depths, and the differences between two pictures.
 
-use std::path::Path;
+use std::{
+    borrow::Cow,
+    path::{Path, PathBuf},
+};
 
 use anyhow::{Context, Result};
 use image::{DynamicImage, Pixel, Rgba, RgbaImage};
@@ -29,6 +32,14 @@ impl Picture {
             _ => false,
         };
         (0..self.roots.len()).filter(|i| !same(i)).collect()
+    }
+}
+
+/// The path of the picture of a frame: `{n}` in it becomes the number of the frame.
+pub(crate) fn numbered(path: &Path, number: u64) -> Cow<'_, Path> {
+    match path.to_str().filter(|text| text.contains("{n}")) {
+        Some(text) => PathBuf::from(text.replace("{n}", &format!("{number:05}"))).into(),
+        None => path.into(),
     }
 }
 

@@ -91,10 +91,9 @@ impl Pool {
             Some((number, taken))
         })?;
         if let Some(shared) = &self.buffers[buffer] {
-            let queue = &self.gpu.queue;
             let at = u64::from(vertices.start) * size_of::<Vertex>() as u64;
-            queue.write_buffer(&shared.vertices, at, bytemuck::cast_slice(positions));
-            queue.write_buffer(&shared.indices, 4 * u64::from(indices.start), bytemuck::cast_slice(triangles));
+            self.gpu.write(&shared.vertices, at, bytemuck::cast_slice(positions));
+            self.gpu.write(&shared.indices, 4 * u64::from(indices.start), bytemuck::cast_slice(triangles));
         }
         Some(Place { buffer, vertices, indices })
     }

@@ -10,6 +10,7 @@ use winit::{event_loop::ActiveEventLoop, window::Window};
 use crate::{
     args::Way,
     draw::Renderer,
+    frames::Frames,
     gpu::{self, COLOUR, Gpu, Targets},
 };
 
@@ -17,6 +18,7 @@ use crate::{
 pub struct Present {
     pub gpu: Arc<Gpu>,
     pub renderer: Renderer,
+    pub frames: Frames,
     /// The textures that are drawn into. The last picture stays there.
     pub targets: Targets,
     surface: wgpu::Surface<'static>,
@@ -50,7 +52,8 @@ impl Present {
         let blitter = wgpu::util::TextureBlitterBuilder::new(&gpu.device, config.format);
         let blitter = blitter.blend_state(wgpu::BlendState::ALPHA_BLENDING).build();
         let (renderer, targets) = (renderer(&gpu, way), Targets::smooth(&gpu, size));
-        Ok(Self { gpu, renderer, targets, surface, config, blitter })
+        let frames = Frames::new(&gpu);
+        Ok(Self { gpu, renderer, frames, targets, surface, config, blitter })
     }
 
     /// Adapts to the window's size, which is not zero, and to the way of drawing.

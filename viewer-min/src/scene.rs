@@ -1,13 +1,13 @@
 //! A file that is being viewed: the boundary between the reader and the GPU.
 
-use std::{cell::OnceCell, collections::HashSet, sync::Arc, time::Duration};
+use std::{cell::OnceCell, sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail};
 use lodpack::{
     Cut, File, Ground, GroundFrame, Lattice, Limiter, Limits, Mesh, Node, Opened, Outside, Query, ReadAt, View,
     heights::Heights,
     index::{ChannelInfo, UpAxis},
-    select::{Adapter, Coherence, TileTree, Unification, unify_cuts},
+    select::{Coherence, FrameTimes, TileTree, Tiles, Unification},
     source::{Http, HttpOptions, Within},
     stream::{Counters, HeightsStreamer, Mode, Options, Picture, Streamed, Streamer, StreamerOptions},
 };
@@ -40,13 +40,21 @@ pub struct Report {
     pub fetch_ms: f64,
     pub decode_ms: f64,
     pub update_ms: f64,
+    /// Of the processor: for handing over what is new, and for writing the commands.
     pub upload_ms: f64,
-    pub draw_ms: f64,
-    /// Of which the commands are written and handed to the device.
     pub record_ms: f64,
+    /// Of the device, which does this beside the next frame.
+    pub draw_ms: f64,
+    /// How long the processor waited for the device.
+    pub wait_ms: f64,
+    /// Of the processor: all of the frame, waiting included.
+    pub frame_ms: f64,
     pub nodes: usize,
     pub triangles: u64,
+    /// Bytes that were read.
     pub bytes: u64,
+    /// Bytes that were uploaded.
+    pub uploaded: u64,
     /// 1 if the frame waited for pages.
     pub stalls: u8,
     /// Roots drawn coarser than wanted.
@@ -87,6 +95,17 @@ impl Report {
             is_complete: self.is_complete && other.is_complete,
             exceeded: self.exceeded.or(other.exceeded),
             ..self
+        }
+    }
+
+    /// What performance mode has to know: the slower one of processor and device decides, since they work side by side.
+    pub(crate) fn times(&self) -> FrameTimes {
+        FrameTimes {
+            frame: self.draw_ms.max(self.frame_ms - self.wait_ms),
+            adapt: self.select_ms,
+            node_count: self.nodes as u64,
+            triangle_count: self.triangles,
+            upload_bytes: self.uploaded,
         }
     }
 
@@ -168,7 +187,7 @@ pub(crate) struct HeightsContent {
 }
 
 /// No dependence on previous frames, so pictures do not depend on their division into tiles.
-const STILL: Coherence = Coherence { hysteresis: 0.0, play: 0.0 };
+pub(crate) const STILL: Coherence = Coherence { hysteresis: 0.0, play: 0.0 };
 /// How a file is drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct Looks {
@@ -551,14 +570,27 @@ impl Scene {
         Ok(self.report(&streamed))
     }
 
-    /// Draws these nodes for a tile of the picture that a view shows. The ground is that of the whole picture, so that
-    /// it is the same in all tiles.
-    pub fn show_tile(&mut self, nodes: &[Node], whole: &View) -> Result<Report> {
+    /// Draws these nodes for a tile of the picture that a view shows, as far as they are loaded, or waits for them. The
+    /// ground is that of the whole picture, so that it is the same in all tiles.
+    pub fn show_tile(&mut self, nodes: &[Node], whole: &View, waits: bool) -> Result<Report> {
         let report = self.show(nodes)?;
-        match &mut self.ground {
-            None => Ok(report),
-            Some(ground) => Ok(report.and(&ground.scene.follow_to_the_end(&ground.frame.view_of_ground(whole))?)),
+        let Some(ground) = &mut self.ground else { return Ok(report) };
+        let view = ground.frame.view_of_ground(whole);
+        let of_ground = if waits { ground.scene.follow_to_the_end(&view)? } else { ground.scene.follow(&view)? };
+        Ok(report.and(&of_ground))
+    }
+
+    /// Reads what the index says of a root that somebody else chose, and of those above it.
+    ///
+    /// # Errors
+    /// If there is no such root, or it cannot be read.
+    pub(crate) fn know(&self, root: u32) -> Result<()> {
+        let file = &self.mesh()?.file;
+        let mut next = Some(root);
+        while let Some(root) = next {
+            next = file.parent(root)?;
         }
+        Ok(())
     }
 
     /// Draws what a query wants of heights, as far as it is loaded.
@@ -610,8 +642,7 @@ impl Scene {
     }
 
     /// The view and the nodes of one tile of a picture: tile `at` of `counts`, from the upper left corner. Every
-    /// process finds and unifies the cuts of all tiles for itself. The roots beside visible ones are included, so that
-    /// the visible ones are stitched as in all other tiles.
+    /// process finds and unifies the cuts of all tiles for itself.
     pub(crate) fn tile(&self, view: &View, [at, counts]: Tile) -> Result<(View, Vec<Node>)> {
         let mesh = self.mesh().context("pictures cannot be drawn in tiles")?;
         let ([columns, rows], [width, height]) = (counts, view.viewport);
@@ -623,22 +654,12 @@ impl Scene {
         }
         let tiles = TileTree::new((columns * rows).trailing_zeros())?;
         let queries = tiles.queries(&Query { view: Some(*view), ..self.query.clone() })?;
-        let adapter = |query| Adapter::new(mesh.streamer.follower().hierarchy().clone(), query, STILL);
-        let adapters: Vec<Adapter> = queries.iter().map(adapter).collect::<lodpack::Result<_>>()?;
-        let unified = unify_cuts(&adapters, Unification::Quality)?;
+        let hierarchy = mesh.streamer.follower().hierarchy();
+        let mut tiles = Tiles::new(hierarchy, &queries, STILL, Unification::Quality)?;
+        let unified = tiles.update(&queries)?.unified;
         let corner = [f64::from(at[0]) / f64::from(columns), 1.0 - f64::from(at[1] + 1) / f64::from(rows)];
-        let mut tiles = queries.iter().filter_map(|query| query.view).zip(&unified.tiles);
-        let tile = tiles.find(|(view, _)| view.window[0] == corner);
-        let (view, own) = tile.context("the tile is missing in its tree")?;
-        let tree = mesh.tree()?;
-        let arcs_of = |node: &Node| &tree.arcs[node.root as usize];
-        let arcs: HashSet<u32> = own.iter().flat_map(arcs_of).copied().collect();
-        // In a tree, roots that meet only at a corner may change each other's borders, and anywhere each other's
-        // normals, so all are kept.
-        let needs_all = self.has_light || mesh.file.top_count() < mesh.file.root_count();
-        let is_near =
-            |node: &Node| needs_all || arcs_of(node).iter().any(|arc| arcs.contains(arc)) || own.contains(node);
-        Ok((view, unified.nodes.into_iter().filter(is_near).collect()))
+        let mut tiles = queries.iter().filter_map(|query| query.view).zip(tiles.with_neighbours(&unified));
+        tiles.find(|(view, _)| view.window[0] == corner).context("the tile is missing in its tree")
     }
 }
 

@@ -176,9 +176,7 @@ fn direction(normal: [i16; 3]) -> Texel {
 /// A texture of these texels.
 fn uploaded(gpu: &Gpu, size: [u32; 2], format: TextureFormat, texels: &[u8]) -> wgpu::Texture {
     let image = gpu.texture(size, format, TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST);
-    let row = texels.len() as u32 / size[1].max(1);
-    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
-    gpu.queue.write_texture(image.as_image_copy(), texels, layout, image.size());
+    gpu.write_texels(&image, texels);
     image
 }
 

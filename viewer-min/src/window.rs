@@ -8,7 +8,7 @@ use std::{
 
 use anyhow::{Context, Result, anyhow};
 use image::{RgbaImage, imageops};
-use lodpack::{View, select::FrameTimes, stream::Mode};
+use lodpack::{View, stream::Mode};
 use winit::{
     application::ApplicationHandler,
     dpi::PhysicalSize,
@@ -162,6 +162,8 @@ impl App {
         let exceeded_before = self.report.exceeded;
         let mut result = Ok(());
         let mut canvas = RgbaImage::new(size[0], size[1]);
+        // The device may still draw the frame before.
+        let wait_ms = present.frames.begin()?;
         if let Some(Looked { scene, camera, .. }) = &mut self.looked {
             let begun = Instant::now();
             let pixel_tolerance = self.controls.limit(scene);
@@ -171,21 +173,24 @@ impl App {
                 ..from
             });
             match scene.follow(&chosen) {
-                Ok(report) => self.report = report,
+                Ok(report) => self.report = Report { wait_ms, draw_ms: self.report.draw_ms, ..report },
                 Err(error) => result = Err(error),
             }
             let look = (&view, &*self.controls.args.overlay, self.controls.args.unlit);
             let drawn = present.renderer.draw_scene(&present.targets, scene, look, &mut self.report);
-            let frame = milliseconds(begun.elapsed());
-            self.panel.record(frame);
-            let times = FrameTimes { frame, adapt: self.report.select_ms, node_count: self.report.nodes as u64 };
-            self.controls.record(times);
+            self.report.frame_ms = wait_ms + milliseconds(begun.elapsed());
+            for drawn in present.frames.take_drawn() {
+                self.panel.record(drawn.times().frame);
+                self.controls.record(&drawn);
+                self.report.draw_ms = drawn.draw_ms;
+            }
             self.recording.iter_mut().for_each(|path| path.push(*camera));
             // A lost device says more than its consequences.
             result = drawn.and(result);
             if self.controls.args.has(Overlay::Text) {
                 let mut notes = if self.controls.frozen.is_some() { "the cut is frozen\n" } else { "" }.to_string();
                 notes.extend(self.recording.as_ref().map(|path| format!("recording: {} frames", path.len())));
+                notes.extend(self.controls.costs().map(|costs| format!("\n{costs}")));
                 self.panel.draw(&mut canvas, scene, (&view, way), &self.report, &notes);
             }
         }
@@ -199,6 +204,7 @@ impl App {
         texts.extend(self.controls.args.has(Overlay::Keys).then_some((KEY_CARD, INK)));
         texts.iter().fold(size[1], |bottom, &(text, ink)| write_above(&mut canvas, bottom, text, ink));
         present.show(window, &canvas);
+        present.frames.end(self.report);
         self.canvas = canvas;
         let result = result.and(present.gpu.check());
         // Performance mode takes what it gets. Budgets that were asked for are worth a message, when they begin to be

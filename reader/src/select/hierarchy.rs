@@ -318,6 +318,12 @@ impl Hierarchy {
         self.bounds[node as usize]
     }
 
+    /// The box of the node that a number names in cuts, if there is one.
+    pub(crate) fn bounds_of(&self, id: u32) -> Option<[[f64; 3]; 2]> {
+        let node = if self.ids.is_empty() { Some(id as usize) } else { self.ids.binary_search(&id).ok() };
+        node.and_then(|node| self.bounds.get(node).copied())
+    }
+
     /// The level of one of a node's resolutions.
     pub fn level(&self, node: u32, resolution: u8) -> u8 {
         self.grade(node, resolution).level

@@ -23,14 +23,15 @@ fn a_node_budget_of_performance_mode_stops_no_frame() {
         let plane = Plane { size: 16 >> depth, depth, ..Plane::default() };
         let (hierarchy, size) = (plane.hierarchy(), f64::from(plane.size));
         let most = u64::from(hierarchy.node_count());
-        let controls = Controls { tolerance: 4.0, max_nodes: most };
-        let target = PerformanceTarget { adapt_time: 1e-3, ..PerformanceTarget::default() };
-        let mut mode = PerformanceMode::new(target, controls, [0.1, 64.0], [1, most]).unwrap();
+        let target =
+            PerformanceTarget { tolerance: 4.0, adapt_time: 1e-3, nodes: [1, most], ..PerformanceTarget::default() };
+        let mut mode = PerformanceMode::new(target).unwrap();
         let query = |frame: u32, controls: Controls| {
             let view = View { pixel_tolerance: controls.tolerance, ..view_from(size, 0.2 + f64::from(frame) * 0.05) };
             Query { view: Some(view), max_nodes: Some(controls.max_nodes), ..Query::default() }
         };
-        let mut adapter = Adapter::new(Arc::clone(&hierarchy), &query(0, controls), Coherence::default()).unwrap();
+        let mut adapter =
+            Adapter::new(Arc::clone(&hierarchy), &query(0, mode.controls()), Coherence::default()).unwrap();
         let mut node_counts = Vec::new();
         for frame in 1..300 {
             let query = query(frame, mode.controls());
@@ -42,7 +43,8 @@ fn a_node_budget_of_performance_mode_stops_no_frame() {
             let finest = select_in(&hierarchy, &Query { max_nodes: None, ..query.clone() }).unwrap();
             let most = finest.pixel_error.max(mode.controls().tolerance);
             assert!(depth > 0 || cut.pixel_error <= most * (1.0 + Coherence::default().play));
-            mode.record(FrameTimes { frame: 15.0, adapt: 5.0, node_count: report.node_count });
+            let (node_count, triangle_count) = (report.node_count, report.triangle_count);
+            mode.record(FrameTimes { frame: 15.0, adapt: 5.0, node_count, triangle_count, upload_bytes: 0 });
         }
         assert!(depth > 0 || node_counts[0] * 2 < *node_counts.last().unwrap());
     }

@@ -1,0 +1,105 @@
+//! Both programs of a wall, without windows.
+
+use std::{sync::Arc, time::Duration};
+
+use anyhow::{Context, Result};
+use lodpack::{Query, select::Coherence, stream::Mode};
+
+use super::{
+    controller::{Adapted, Controller},
+    display::{Display, Wanted},
+};
+use crate::{
+    args::{Args, Size},
+    draw::Renderer,
+    gpu::{Gpu, Targets},
+    picture::{numbered, save},
+    scene::{Looks, STILL, Scene, open_source},
+};
+
+/// How long the controller sleeps while displays are missing.
+const WAIT: Duration = Duration::from_millis(50);
+
+fn open(args: &Args) -> Result<Scene> {
+    let address = args.file.as_deref().context("no file given: lodpack-view FILE; see --help")?;
+    let mode = if args.wait { Mode::Synchronous } else { Mode::Asynchronous };
+    let looks = Looks { mode, is_flat: args.flat, ..Looks::default() };
+    let mut scene = Scene::open_with(open_source(address)?, looks).with_context(|| address.to_string())?;
+    scene.limit(args);
+    scene.choose_channel(args).with_context(|| address.to_string())?;
+    scene.choose_objects(args).with_context(|| address.to_string())?;
+    Ok(scene)
+}
+
+/// Controls a wall: waits for all its displays, then sends them along the path of the command line. Writes a table of
+/// frames.
+///
+/// # Errors
+/// If the file or the address cannot be opened.
+pub fn control_wall(args: &Args, counts: Size, address: &str) -> Result<()> {
+    let scene = open(args)?;
+    let file = &scene.mesh().context("walls show meshes")?.file;
+    let path = args.views(scene.first_extent()?)?;
+    let coherence = if args.wait { STILL } else { Coherence::default() };
+    let known = (file.hierarchy()?, file.index().id().numbers());
+    let (mut wall, at) = Controller::listen(address, known, counts, args.size)?;
+    eprintln!("lodpack-view: listening at {at}");
+    while wall.display_count() < (counts[0] * counts[1]) as usize {
+        wall.seat(WAIT);
+    }
+    let mut table = csv::Writer::from_writer(Vec::new());
+    let mut adapted: Option<Adapted> = None;
+    for view in path.iter().map(Some).chain([None]) {
+        wall.seat(Duration::ZERO);
+        if let Some(frame) = &adapted {
+            wall.draw(frame);
+        }
+        // Beside the displays, which draw the frame before.
+        let next = view.map(|view| wall.adapt(&Query { view: Some(*view), ..scene.query.clone() }, coherence));
+        if adapted.is_some() {
+            table.serialize(wall.show())?;
+        }
+        adapted = next.transpose()?;
+    }
+    wall.end();
+    let table = String::from_utf8(table.into_inner()?)?;
+    match &args.csv {
+        Some(path) if path.as_os_str() != "-" => {
+            std::fs::write(path, table).with_context(|| format!("{} cannot be written", path.display()))?;
+        }
+        _ => print!("{table}"),
+    }
+    Ok(())
+}
+
+/// Is a display of the wall at an address until that ends. Writes pictures, if it is asked for some.
+///
+/// # Errors
+/// If the file cannot be opened, there is no such wall, it does not want this display, or it goes away.
+pub fn join_wall(args: &Args, address: &str) -> Result<()> {
+    let mut scene = open(args)?;
+    let file = scene.mesh().context("walls show meshes")?.file.index().id().numbers();
+    let mut display = Display::join(address, file, args.place)?;
+    eprintln!("lodpack-view: display {},{} of the wall at {address}", display.place[0], display.place[1]);
+    let gpu = Arc::new(Gpu::headless()?);
+    let mut renderer = Renderer::new(&gpu, args.way());
+    let targets = Targets::smooth(&gpu, display.size);
+    loop {
+        match display.next(&mut scene, args.wait)? {
+            Wanted::Frame(mut frame) => {
+                let look = (&frame.view, &*args.overlay, args.unlit);
+                renderer.draw_scene(&targets, &scene, look, &mut frame.report)?;
+                gpu.wait()?;
+                let problems = scene.take_problems().into_iter().chain(renderer.take_problems());
+                problems.for_each(|problem| eprintln!("lodpack-view: {problem}"));
+                display.answer(&frame)?;
+            }
+            Wanted::Show(number) => {
+                if let Some(path) = &args.screenshot {
+                    save(targets.colours(&gpu)?, &numbered(path, number))?;
+                }
+            }
+            Wanted::End => return Ok(()),
+        }
+    }
+}
