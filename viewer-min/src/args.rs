@@ -18,6 +18,16 @@ pub enum Way {
     Pulled,
 }
 
+/// How several devices share a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Cuts {
+    /// So that all devices draw as many triangles.
+    #[default]
+    Balanced,
+    /// Into parts of one width.
+    Equal,
+}
+
 /// Layers over the plain surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Overlay {
@@ -65,7 +75,7 @@ fn more_help() -> String {
   lodpack-view scan.lodpack --screenshot scan.png --size 1600x1200 --camera 0,0,3:0,0,0
   lodpack-view scan.lodpack --path circle:200 --csv frames.csv
   lodpack-view scan.lodpack --wall 2x2 --listen 0.0.0.0:4600 --path circle:1000
-  lodpack-view scan.lodpack --join controller:4600 --place 0,1 --screenshot 'display-{n}.png'
+  lodpack-view scan.lodpack --join controller:4600 --place 0,1 --full-screen
   lodpack-view --check scan.lodpack --against scan.ply
 
 Exit status: 0 success; 1 --check found errors; 2 the request could not be carried out.";
@@ -145,18 +155,27 @@ pub struct Args {
     /// Draw the picture in WxH tiles, one process each, join them, and compare with the whole picture (1x1: no tiles)
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub tiles: Option<Size>,
-    /// Control a wall of WxH displays, each a process of its own; --size is that of all together
+    /// Fill the screen
+    #[arg(long)]
+    pub full_screen: bool,
+    /// Control a wall of WxH displays, each a process of its own; --size is that of all together. With --path without a window
     #[arg(long, value_name = "WxH", value_parser = parse_wall, requires = "listen")]
     pub wall: Option<Size>,
     /// Where the displays of --wall reach the controller, for instance 0.0.0.0:4600; nobody is asked for a password
     #[arg(long, value_name = "HOST:PORT", requires = "wall")]
     pub listen: Option<String>,
-    /// Be a display of the wall whose controller listens there
+    /// Be a display of the wall whose controller listens there; with --screenshot without a window
     #[arg(long, value_name = "HOST:PORT", conflicts_with = "wall")]
     pub join: Option<String>,
     /// Which display to be, column and row from the upper left one; without this option any that is missing
     #[arg(long, value_name = "X,Y", value_parser = parse_place, requires = "join")]
     pub place: Option<Size>,
+    /// Draw each picture with N devices side by side, with --screenshot or --csv
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=64), default_value = "1")]
+    pub devices: u8,
+    /// How the picture is divided among --devices
+    #[arg(long, value_enum, default_value = "balanced")]
+    pub cuts: Cuts,
     /// Check the drawing; exit status 0: correct, 1: wrong, 2: could not be checked
     #[arg(long)]
     pub check: bool,
@@ -169,6 +188,9 @@ pub struct Args {
     /// Folder for the difference pictures of failed checks
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     pub difference: PathBuf,
+    /// Frames that the device may have before another is begun, for measuring: with 1 nothing overlaps
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=3), default_value = "2", hide = true)]
+    pub in_flight: u8,
     /// Lose the graphics device at a frame, for tests
     #[arg(long, value_name = "N", hide = true)]
     pub lose_device: Option<u64>,

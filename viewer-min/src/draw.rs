@@ -3,7 +3,6 @@
 use std::{
     cell::{OnceCell, RefCell},
     sync::Arc,
-    time::Instant,
 };
 
 use anyhow::Result;
@@ -11,7 +10,7 @@ use glam::DVec3;
 use lodpack::{
     Index, Lattice, View,
     decode::Appearance,
-    stream::{ByPiece, DrawnRoot, DrawnTexture, Lit, Picture as Surfaces, Strip, TileImages},
+    stream::{ByPiece, DrawnRoot, Lit, Picture as Surfaces},
 };
 use wgpu::{BufferUsages, Color, LoadOp, Operations, RenderPassDepthStencilAttachment as DepthStencil, StoreOp};
 
@@ -20,89 +19,15 @@ use crate::{
     blocks::{RECORD, border_records, snap_table},
     camera::{Vertex, pair, vertices},
     gpu::{Gpu, Programs, Targets},
+    kept::Kept,
     picture::{BACKGROUND, Picture},
     pool::{List, Place, Pool},
-    scene::{GroundScene, Report, Scene, milliseconds},
+    root_data::{Batch, Block, Own, RootInfo},
     texels::{Texels, look_number, mean},
 };
 
 /// Camera and settings, as laid out in the shader.
 type Globals = [[f32; 4]; 9];
-/// A root in the shader: number, level, bits of the error, depth in the tree, mean of its image.
-type RootInfo = [u32; 5];
-
-/// Indexed triangles on the GPU.
-struct Batch {
-    vertices: wgpu::Buffer,
-    indices: wgpu::Buffer,
-    index_count: u32,
-}
-
-impl Batch {
-    fn new(gpu: &Gpu, vertices: &[Vertex], triangles: &[[u32; 3]]) -> Self {
-        Self {
-            vertices: gpu.buffer(vertices, BufferUsages::VERTEX | BufferUsages::STORAGE),
-            indices: gpu.buffer(triangles, BufferUsages::INDEX | BufferUsages::STORAGE),
-            index_count: 3 * triangles.len() as u32,
-        }
-    }
-}
-
-/// The data of a root on the GPU.
-struct Block {
-    /// Of the root as it was last uploaded; 0 where something of it waits.
-    stamp: u64,
-    info: RootInfo,
-    strips: Vec<Arc<Strip>>,
-    /// Of its normals, as they were last uploaded.
-    light: u64,
-    /// Where its triangles lie in the pool; nowhere if there are none, or they are in buffers of their own.
-    place: Option<Place>,
-    own: Option<Box<Own>>,
-    /// What it was made with.
-    texture: Option<Arc<DrawnTexture>>,
-    images: Option<Arc<TileImages>>,
-}
-
-/// What a root does not share with others. Most roots have nothing of it.
-#[derive(Default)]
-struct Own {
-    /// Its triangles. Where the border is pulled, they are the inner ones.
-    triangles: Option<Batch>,
-    /// For pulling: the bound buffers, and the number of vertices of the border.
-    pulled: Option<(wgpu::BindGroup, u32)>,
-    /// Its image.
-    texels: Option<Texels>,
-    /// With an image: the piece of each stitched vertex; of a tile of heights the place.
-    pieces: Option<wgpu::Buffer>,
-}
-
-impl Block {
-    /// Triangles in buffers of their own, or nothing.
-    fn new(info: RootInfo, strips: Vec<Arc<Strip>>, own: Option<Own>) -> Self {
-        Self { stamp: 0, info, strips, light: 0, place: None, own: own.map(Box::new), texture: None, images: None }
-    }
-
-    /// Whether the triangles of a root would be uploaded as these.
-    fn has_triangles_of(&self, drawn: &DrawnRoot) -> bool {
-        let mut strips = self.strips.iter().zip(&drawn.strips);
-        let has_normals = drawn.light_stamp() == self.light || drawn.images().is_some();
-        has_normals && self.info[1] == u32::from(drawn.surface.level) && strips.all(|(a, b)| Arc::ptr_eq(a, b))
-    }
-
-    fn has_texels(&self) -> bool {
-        self.own.as_ref().is_some_and(|own| own.texels.is_some())
-    }
-
-    fn is_own(&self) -> bool {
-        self.own.as_ref().is_some_and(|own| own.triangles.is_some())
-    }
-
-    fn has_image_of(&self, drawn: &DrawnRoot) -> bool {
-        self.texture.as_ref().map(Arc::as_ptr) == drawn.texture().map(Arc::as_ptr)
-            && self.images.as_ref().map(Arc::as_ptr) == drawn.images().map(Arc::as_ptr)
-    }
-}
 
 /// How a renderer shows a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -122,22 +47,25 @@ const MESH: u32 = u32::MAX;
 /// Draws roots in either way, and meshes.
 pub struct Renderer {
     pub way: Way,
-    overlays: Vec<Overlay>,
+    pub(crate) overlays: Vec<Overlay>,
     /// Number of levels, which scales their colours.
-    level_count: usize,
+    pub(crate) level_count: usize,
     /// Of a mesh: how deep roots are in its tree.
-    index: Option<Arc<Index>>,
-    gpu: Arc<Gpu>,
+    pub(crate) index: Option<Arc<Index>>,
+    pub(crate) gpu: Arc<Gpu>,
     /// A planted fault: the border of this root is drawn shifted.
     pub shifted: Option<(u32, DVec3)>,
     /// The channel that is shown, if there is one.
     shown: Option<Shown>,
-    lattice: Lattice,
+    pub(crate) lattice: Lattice,
     /// How many images are uploaded in a frame, so that none takes long (Niski 2007, section 6.1.2). The others follow.
     pub images_per_frame: usize,
     /// What could not be drawn as wanted.
-    problems: Vec<String>,
+    pub(crate) problems: Vec<String>,
+    /// The roots that are drawn, where others are drawn elsewhere; ascending.
+    pub(crate) share: Option<Vec<u32>>,
     pool: Pool,
+    kept: Kept,
     /// Each in a slot, where it stays: a frame looks only at those that change.
     blocks: Vec<Option<Block>>,
     /// Slots without blocks.
@@ -151,7 +79,7 @@ pub struct Renderer {
     infos: Infos,
     made: Made,
     /// Draws the ground of a mesh into the same picture.
-    ground: Option<Box<Self>>,
+    pub(crate) ground: Option<Box<Self>>,
 }
 
 /// Which of the things in one picture a renderer draws.
@@ -201,7 +129,9 @@ impl Renderer {
             lattice: Lattice::default(),
             images_per_frame: usize::MAX,
             problems: Vec::new(),
+            share: None,
             pool: Pool::new(gpu),
+            kept: Kept::default(),
             blocks: Vec::new(),
             free: Vec::new(),
             order: Vec::new(),
@@ -223,7 +153,7 @@ impl Renderer {
     }
 
     /// Shows a channel from now on, or none.
-    fn show(&mut self, shown: Option<Shown>) {
+    pub(crate) fn show(&mut self, shown: Option<Shown>) {
         // The shader does the ramp.
         let number = |shown: Option<Shown>| shown.map(|shown| shown.number);
         if number(self.shown) != number(shown) {
@@ -239,8 +169,9 @@ impl Renderer {
 
     /// Draws nothing, and gives back what the blocks had in the pool.
     fn clear(&mut self) {
-        let places = std::mem::take(&mut self.blocks).into_iter().flatten().filter_map(|block| block.place);
-        places.for_each(|place| self.pool.free(place));
+        let blocks = std::mem::take(&mut self.blocks).into_iter().flatten();
+        blocks.flat_map(|block| [block.place, block.border]).flatten().for_each(|place| self.pool.free(place));
+        self.kept.clear(&mut self.pool);
         (self.stamp, self.made) = (None, Made::default());
         self.free.clear();
         self.order.clear();
@@ -254,12 +185,14 @@ impl Renderer {
 
     /// Draws these surfaces from now on. Looks only at what has changed, and uploads only what is new.
     pub fn update(&mut self, surfaces: &Surfaces) {
-        if self.stamp == Some(surfaces.stamp()) && self.waiting.is_empty() {
+        if self.stamp == Some(surfaces.stamp()) && self.waiting.is_empty() && self.share.is_none() {
             return;
         }
         self.made = Made::default();
         let mut changed = std::mem::take(&mut self.waiting);
-        match self.stamp.and_then(|stamp| surfaces.changed_since(stamp)) {
+        // Whatever others draw may change without the picture.
+        let known = self.stamp.filter(|_| self.share.is_none());
+        match known.and_then(|stamp| surfaces.changed_since(stamp)) {
             Some(roots) => changed.extend(roots),
             None => {
                 changed.extend(self.order.iter().map(|(root, _)| root));
@@ -275,8 +208,9 @@ impl Renderer {
             order.extend(std::iter::from_fn(|| before.next_if(|(other, _)| *other < root)));
             let slot = before.next_if(|(other, _)| *other == root).map(|(_, slot)| slot);
             let known = slot.and_then(|slot| self.blocks[slot as usize].take());
-            let Some(drawn) = surfaces.root(root) else {
-                self.pool.give_back(known.and_then(|block| block.place));
+            let is_own = self.share.as_ref().is_none_or(|share| share.binary_search(&root).is_ok());
+            let Some(drawn) = surfaces.root(root).filter(|_| is_own) else {
+                known.into_iter().for_each(|block| self.retire(block));
                 self.free.extend(slot);
                 continue;
             };
@@ -345,22 +279,46 @@ impl Renderer {
         let stamp = if waits { 0 } else { drawn.stamp() };
         // The image that is drawn until a finer one is uploaded.
         let mut coarser = None;
+        let mut surface = None;
         let known = match before {
             Some(before) if before.has_triangles_of(drawn) && (has_image || waits) => {
                 return Block { info, stamp, ..before };
             }
-            Some(before) => {
+            Some(mut before) => {
                 let keeps_image = has_image || waits && before.info[1] == level;
-                coarser = before.texture.filter(|_| keeps_image);
-                self.pool.give_back(before.place);
-                before.own.and_then(|own| own.texels).filter(|_| keeps_image)
+                coarser = before.texture.take().filter(|_| keeps_image);
+                let texels = before.own.take().and_then(|own| own.texels).filter(|_| keeps_image);
+                if before.has_surface(&drawn.surface) {
+                    surface = before.place.take().map(|place| (place, before.light));
+                }
+                self.retire(before);
+                texels
             }
             None => None,
         };
+        if surface.is_none() && self.shifted.is_none() {
+            surface = self.kept.take(&drawn.surface, &mut self.pool).map(|place| (place, 0));
+        }
         let texels = if is_uploaded { self.upload(drawn) } else { known };
         let texture = if waits { coarser } else { drawn.texture().cloned() };
         let images = drawn.images().cloned();
-        Block { stamp, light: drawn.light_stamp(), texture, images, ..self.block(info, &self.planted(drawn), texels) }
+        Block {
+            stamp,
+            light: drawn.light_stamp(),
+            texture,
+            images,
+            ..self.block(info, &self.planted(drawn), texels, surface)
+        }
+    }
+
+    /// Gives back what a block has in the pool; its surface may stay there for a while.
+    fn retire(&mut self, block: Block) {
+        let is_divided = block.is_divided();
+        self.pool.give_back(block.border);
+        match block.place {
+            Some(place) if is_divided => self.kept.keep(&block.surface, place, &mut self.pool),
+            place => self.pool.give_back(place),
+        }
     }
 
     /// Uploads a root's image, if it has one.
@@ -376,7 +334,29 @@ impl Renderer {
         })
     }
 
-    fn block(&mut self, info: RootInfo, drawn: &DrawnRoot, texels: Option<Texels>) -> Block {
+    /// Uploads a root. Its surface may be there, with a stamp of its normals.
+    fn block(
+        &mut self,
+        info: RootInfo,
+        drawn: &DrawnRoot,
+        texels: Option<Texels>,
+        there: Option<(Place, u64)>,
+    ) -> Block {
+        let is_pooled = self.way == Way::Stitched && drawn.images().is_none();
+        if is_pooled && let Some(by_piece) = texels.as_ref().and_then(|_| drawn.by_piece()) {
+            self.pool.give_back(there.map(|(place, _)| place));
+            let ByPiece { positions, triangles, pieces, normals } = by_piece;
+            let pieces = Some(self.gpu.buffer(&pieces, BufferUsages::VERTEX));
+            let triangles = Some(Batch::new(&self.gpu, &vertices(&positions, &normals), &triangles));
+            return Block::new(info, drawn.strips.clone(), Some(Own { triangles, texels, pieces, pulled: None }));
+        }
+        if is_pooled {
+            let [place, border] = self.pooled(drawn, there);
+            let own = texels.map(|texels| Own { texels: Some(texels), ..Own::default() });
+            let surface = Arc::downgrade(&drawn.surface);
+            return Block { surface, place, border, ..Block::new(info, drawn.strips.clone(), own) };
+        }
+        self.pool.give_back(there.map(|(place, _)| place));
         let gpu = Arc::clone(&self.gpu);
         let (surface, strips) = (&drawn.surface, drawn.strips.clone());
         if let Some(images) = drawn.images() {
@@ -386,22 +366,6 @@ impl Renderer {
             let pieces = Some(gpu.buffer(&places, BufferUsages::VERTEX));
             let triangles = Some(Batch::new(&gpu, &vertices(&positions, &[]), &triangles));
             return Block::new(info, strips, Some(Own { triangles, texels, pieces, pulled: None }));
-        }
-        if self.way == Way::Stitched {
-            if let Some(ByPiece { positions, triangles, pieces, normals }) =
-                texels.as_ref().and_then(|_| drawn.by_piece())
-            {
-                let pieces = Some(gpu.buffer(&pieces, BufferUsages::VERTEX));
-                let triangles = Some(Batch::new(&gpu, &vertices(&positions, &normals), &triangles));
-                return Block::new(info, strips, Some(Own { triangles, texels, pieces, pulled: None }));
-            }
-            let Lit { positions, triangles, normals } = drawn.lit().unwrap_or_else(|| {
-                let (positions, triangles) = drawn.joined();
-                Lit { positions, triangles, normals: Vec::new() }
-            });
-            let place = self.pool.place(&vertices(&positions, &normals), &triangles);
-            let own = texels.map(|texels| Own { texels: Some(texels), ..Own::default() });
-            return Block { place, ..Block::new(info, strips, own) };
         }
         let light = drawn.light();
         let records = border_records(surface, light.as_ref());
@@ -422,6 +386,51 @@ impl Renderer {
         Block::new(info, strips, Some(Own { triangles: Some(batch), pulled, texels, pieces: None }))
     }
 
+    /// Uploads the surface of a root, unless it is there, and its border beside it. Both are one where the border has no
+    /// room there, or there is none.
+    fn pooled(&mut self, drawn: &DrawnRoot, there: Option<(Place, u64)>) -> [Option<Place>; 2] {
+        let Lit { positions, triangles, normals } = drawn.lit().unwrap_or_else(|| {
+            let (positions, triangles) = drawn.joined();
+            Lit { positions, triangles, normals: Vec::new() }
+        });
+        let all = vertices(&positions, &normals);
+        let (inner, outer) = triangles.split_at(drawn.surface.triangles.len());
+        let own_count = drawn.surface.positions.len();
+        let of_strips = own_count..own_count + drawn.strips.iter().map(|strip| strip.positions.len()).sum::<usize>();
+        // What belongs to strips comes last: vertices at creases come before them.
+        let further_count = all.len() - of_strips.end;
+        let own = [&all[..own_count], &all[of_strips.end..]].concat();
+        let moved = |index: u32| match index as usize {
+            index if index < own_count => index as u32,
+            index if index < of_strips.end => (index + further_count) as u32,
+            index => (index - of_strips.len()) as u32,
+        };
+        let renumbered = |triangles: &[[u32; 3]]| -> Vec<[u32; 3]> {
+            triangles.iter().map(|triangle| triangle.map(moved)).collect()
+        };
+        let place = match there {
+            Some((place, light)) => {
+                if light != drawn.light_stamp() {
+                    self.pool.write(&place, 0, &own[..drawn.surface.keys.len()]);
+                    self.pool.write(&place, own_count as u32, &own[own_count..]);
+                }
+                Some(place)
+            }
+            None => self.pool.place(&own, &renumbered(inner)),
+        };
+        let Some(place) = place else { return [self.pool.place(&all, &triangles), None] };
+        if outer.is_empty() {
+            return [Some(place), None];
+        }
+        match self.pool.place_beside(&place, &all[of_strips.clone()], &renumbered(outer)) {
+            Some(border) => [Some(place), Some(border)],
+            None => {
+                self.pool.free(place);
+                [self.pool.place(&all, &triangles), None]
+            }
+        }
+    }
+
     fn planted(&self, drawn: &DrawnRoot) -> DrawnRoot {
         let mut drawn = drawn.clone();
         if let Some((_, by)) = self.shifted.filter(|(root, _)| *root == drawn.surface.root) {
@@ -437,7 +446,7 @@ impl Renderer {
         self.set_vertices(&vertices(positions, &[]), triangles);
     }
 
-    fn set_vertices(&mut self, vertices: &[Vertex], triangles: &[[u32; 3]]) {
+    pub(crate) fn set_vertices(&mut self, vertices: &[Vertex], triangles: &[[u32; 3]]) {
         self.clear();
         let triangles = Some(Batch::new(&self.gpu, vertices, triangles));
         let slot = self.free_slot();
@@ -553,7 +562,9 @@ impl Renderer {
             let own = || of_kind().filter_map(|(slot, block)| Some((slot, block.own.as_ref()?, &block.images)));
             pass.set_pipeline(program(0));
             if !is_textured {
-                let list = || self.pool.list(of_kind().filter_map(|(slot, block)| Some((slot, block.place.as_ref()?))));
+                let list = || {
+                    self.pool.list(of_kind().flat_map(|(slot, block)| block.places().map(move |place| (slot, place))))
+                };
                 self.pool.draw(pass, self.made.lists[usize::from(!draws_images)].get_or_init(list));
             }
             if is_pooled {
@@ -590,60 +601,6 @@ impl Renderer {
                 }
             }
         }
-    }
-
-    /// Uploads and hands over the current surfaces of a scene and of its ground, and adds times and bytes to a report.
-    pub fn draw_scene(
-        &mut self,
-        targets: &Targets,
-        scene: &Scene,
-        look: (&View, &[Overlay], bool),
-        report: &mut Report,
-    ) -> Result<()> {
-        let Some(GroundScene { scene: below, frame, .. }) = scene.ground() else {
-            self.ground = None;
-            return self.draw_part(targets, scene, (look, Turn::Only), report);
-        };
-        self.draw_part(targets, scene, (look, Turn::First), report)?;
-        let mut ground = self.ground.take().unwrap_or_else(|| Box::new(Self::new(&self.gpu, self.way)));
-        ground.images_per_frame = self.images_per_frame;
-        let view = frame.view_of_ground(look.0);
-        let drawn = ground.draw_part(targets, below, ((&view, look.1, look.2), Turn::Last), report);
-        self.problems.extend(ground.take_problems());
-        self.ground = Some(ground);
-        drawn
-    }
-
-    fn draw_part(
-        &mut self,
-        targets: &Targets,
-        scene: &Scene,
-        ((view, overlays, is_unlit), turn): ((&View, &[Overlay], bool), Turn),
-        report: &mut Report,
-    ) -> Result<()> {
-        let (begun, uploaded_before) = (Instant::now(), self.gpu.uploaded());
-        (self.overlays, self.level_count) = (overlays.to_vec(), scene.level_count());
-        self.index = scene.mesh().ok().map(|mesh| Arc::clone(mesh.file.index()));
-        self.lattice = scene.lattice();
-        self.show(scene.channel.as_ref().map(|channel| Shown {
-            number: channel.number,
-            appearance: channel.appearance,
-            is_unlit,
-        }));
-        match scene.overview() {
-            Some(mesh) if scene.has_light => {
-                let Lit { positions, triangles, normals } = Lit::of(mesh);
-                self.set_vertices(&vertices(&positions, &normals), &triangles);
-            }
-            Some(mesh) => self.set_mesh(&mesh.positions, &mesh.triangles),
-            None => self.update(scene.picture()),
-        }
-        report.upload_ms += milliseconds(begun.elapsed());
-        let begun = Instant::now();
-        self.draw_in_turn(targets, view, turn);
-        report.record_ms += milliseconds(begun.elapsed());
-        report.uploaded += self.gpu.uploaded() - uploaded_before;
-        self.gpu.check()
     }
 
     pub fn picture(&self, targets: &Targets, view: &View) -> Result<Picture> {

@@ -14,15 +14,16 @@ use crate::{
     scene::{Report, milliseconds},
 };
 
-/// Frames that the device may draw or wait for while another one is written: with two, it never runs out of work, and
-/// pictures are late by no more than one.
-const IN_FLIGHT: usize = 2;
+/// Frames that the device may have: with two it draws one while the other is written, and pictures are late by no more
+/// than one.
+pub const IN_FLIGHT: usize = 2;
 /// Two timestamps.
 const BYTES: u64 = 16;
 
 /// The frames that the device has not finished.
 pub struct Frames {
     gpu: Arc<Gpu>,
+    in_flight: usize,
     clock: Option<Clock>,
     under_way: VecDeque<UnderWay>,
     begun: usize,
@@ -48,16 +49,25 @@ struct UnderWay {
 }
 
 impl Frames {
-    pub fn new(gpu: &Arc<Gpu>) -> Self {
+    /// Frames of which the device may have so many, at least one: with one, nothing overlaps.
+    pub fn new(gpu: &Arc<Gpu>, in_flight: usize) -> Self {
         let clock = gpu.has_clock.then(|| Clock {
             stamps: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: None,
                 ty: wgpu::QueryType::Timestamp,
-                count: 2 * IN_FLIGHT as u32,
+                count: 2 * in_flight as u32,
             }),
             period: f64::from(gpu.queue.get_timestamp_period()),
         });
-        Self { gpu: Arc::clone(gpu), clock, under_way: VecDeque::new(), begun: 0, drawn: Vec::new(), last_end: None }
+        Self {
+            gpu: Arc::clone(gpu),
+            in_flight,
+            clock,
+            under_way: VecDeque::new(),
+            begun: 0,
+            drawn: Vec::new(),
+            last_end: None,
+        }
     }
 
     /// Begins a frame, as soon as the device has finished the one before the last. Returns the milliseconds that this
@@ -67,7 +77,7 @@ impl Frames {
     /// If the device is lost.
     pub fn begin(&mut self) -> Result<f64> {
         let begun = Instant::now();
-        while self.under_way.len() >= IN_FLIGHT {
+        while self.under_way.len() >= self.in_flight {
             self.wait_for_first()?;
         }
         let waited = milliseconds(begun.elapsed());
@@ -80,7 +90,10 @@ impl Frames {
     }
 
     /// Ends the frame that was begun: all its commands have been handed over.
-    pub fn end(&mut self, report: Report) {
+    ///
+    /// # Errors
+    /// If the device is lost.
+    pub fn end(&mut self, report: Report) -> Result<()> {
         let gpu = &self.gpu;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let stamps = self.clock.as_ref().map(|clock| {
@@ -102,6 +115,7 @@ impl Frames {
         });
         self.under_way.push_back(UnderWay { report, submission, submitted, ended, stamps });
         self.begun += 1;
+        if self.in_flight == 1 { self.finish() } else { Ok(()) }
     }
 
     /// Waits until all frames are finished.
@@ -122,7 +136,7 @@ impl Frames {
     }
 
     fn first_stamp(&self) -> u32 {
-        2 * (self.begun % IN_FLIGHT) as u32
+        2 * (self.begun % self.in_flight) as u32
     }
 
     fn wait_for_first(&mut self) -> Result<()> {

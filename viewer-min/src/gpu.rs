@@ -32,6 +32,19 @@ pub(crate) fn instance(mut descriptor: wgpu::InstanceDescriptor) -> wgpu::Instan
     wgpu::Instance::new(descriptor)
 }
 
+const NO_ADAPTER: &str =
+    "no graphics adapter: install a driver; without a GPU, Mesa's lavapipe works too (Debian: mesa-vulkan-drivers)";
+
+/// Which of several adapters are taken together: those of the best kind.
+fn worth(info: &wgpu::AdapterInfo) -> u8 {
+    match info.device_type {
+        wgpu::DeviceType::DiscreteGpu => 3,
+        wgpu::DeviceType::IntegratedGpu | wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Cpu => 1,
+        wgpu::DeviceType::Other => 0,
+    }
+}
+
 /// A device for drawing.
 pub struct Gpu {
     pub(crate) adapter: wgpu::Adapter,
@@ -54,17 +67,33 @@ impl Gpu {
         Self::new(&instance(wgpu::InstanceDescriptor::new_without_display_handle_from_env()), None)
     }
 
+    /// One of several devices without a window: of adapter after adapter, the best kind first, and of each again where
+    /// there are fewer.
+    pub(crate) fn numbered(number: usize) -> Result<Self> {
+        // Devices of one instance may share what draws; those of two do not.
+        let instance = instance(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+        adapters.sort_by_key(|adapter| std::cmp::Reverse(worth(&adapter.get_info())));
+        let best = adapters.first().map(|adapter| worth(&adapter.get_info()));
+        adapters.retain(|adapter| Some(worth(&adapter.get_info())) == best);
+        let count = adapters.len().max(1);
+        Self::of(adapters.into_iter().nth(number % count).context(NO_ADAPTER)?)
+    }
+
     /// A device that can draw into a window surface.
     pub(crate) fn new(instance: &wgpu::Instance, surface: Option<&wgpu::Surface<'_>>) -> Result<Self> {
         let options = wgpu::RequestAdapterOptions { compatible_surface: surface, ..Default::default() };
-        let adapter = pollster::block_on(instance.request_adapter(&options)).context(
-            "no graphics adapter: install a driver; without a GPU, Mesa's lavapipe works too (Debian: mesa-vulkan-drivers)",
-        )?;
+        Self::of(pollster::block_on(instance.request_adapter(&options)).context(NO_ADAPTER)?)
+    }
+
+    fn of(adapter: wgpu::Adapter) -> Result<Self> {
         let clock = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
         let required_features = adapter.features() & (wgpu::Features::INDIRECT_FIRST_INSTANCE | clock);
         let reads_lists = adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::INDIRECT_EXECUTION);
         let draws_lists = reads_lists && required_features.contains(wgpu::Features::INDIRECT_FIRST_INSTANCE);
-        let has_clock = required_features.contains(clock);
+        // A clock of lavapipe has the processor wait for all that came before.
+        let is_cpu = adapter.get_info().device_type == wgpu::DeviceType::Cpu;
+        let has_clock = required_features.contains(clock) && !is_cpu;
         let descriptor =
             wgpu::DeviceDescriptor { required_features, required_limits: adapter.limits(), ..Default::default() };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).context("no graphics device")?;

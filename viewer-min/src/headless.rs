@@ -1,6 +1,7 @@
 //! Pictures without a window: one camera, a path, a tile, or all tiles.
 
 use std::{
+    io::Write,
     path::{Path, PathBuf},
     process::Command,
     sync::Arc,
@@ -10,28 +11,62 @@ use std::{
 use anyhow::{Context, Result, bail};
 use image::{RgbaImage, imageops};
 use lodpack::{View, stream::Mode};
+use serde::Serialize;
 
 use crate::{
     args::{Args, Overlay, Size},
     controls::Controls,
+    devices::Devices,
     draw::Renderer,
     frames::Frames,
     gpu::{Gpu, Targets},
     overlay::Panel,
     picture::{different_colours, load, marked, numbered, save},
     scene::{Looks, Report, Scene, milliseconds, open_source},
+    shot::Shot,
 };
+
+/// Opens the file of the command line, with what it says of looks, channels and objects.
+///
+/// # Errors
+/// If there is none, or the file cannot be opened or does not have these.
+pub(crate) fn open_scene(args: &Args, mode: Mode) -> Result<Scene> {
+    let address = args.file.as_deref().context("no file given: lodpack-view FILE; see --help")?;
+    let looks = Looks { mode, is_flat: args.flat, ..Looks::default() };
+    let open = || -> Result<Scene> {
+        let mut scene = Scene::open_with(open_source(address)?, looks)?;
+        scene.limit(args);
+        scene.choose_channel(args)?;
+        scene.choose_objects(args)?;
+        Ok(scene)
+    };
+    open().with_context(|| address.to_string())
+}
+
+/// Writes a row for each frame, where the command line says.
+///
+/// # Errors
+/// If the file cannot be written.
+pub(crate) fn write_table<T: Serialize>(args: &Args, frames: &[T]) -> Result<()> {
+    let Some(path) = &args.csv else { return Ok(()) };
+    let mut table = csv::Writer::from_writer(Vec::new());
+    frames.iter().try_for_each(|frame| table.serialize(frame))?;
+    let table = table.into_inner()?;
+    if path == Path::new("-") {
+        return Ok(std::io::stdout().write_all(&table)?);
+    }
+    std::fs::write(path, table).with_context(|| format!("{} cannot be written", path.display()))
+}
 
 /// Draws the camera or path of the command line; writes the last picture and the table of frames.
 pub fn draw_picture(args: &Args) -> Result<()> {
-    let address = args.file.as_deref().context("no file given: lodpack-view FILE; see --help")?;
     let waits = args.wait || args.path.is_none();
     let mode = if waits { Mode::Synchronous } else { Mode::AsynchronousWithPrefetch };
-    let looks = Looks { mode, is_flat: args.flat, ..Looks::default() };
-    let mut scene = Scene::open_with(open_source(address)?, looks).with_context(|| address.to_string())?;
-    scene.choose_channel(args).with_context(|| address.to_string())?;
-    scene.choose_objects(args).with_context(|| address.to_string())?;
+    let mut scene = open_scene(args, mode)?;
     scene.objects.selected.iter().for_each(|selected| eprintln!("lodpack-view: {}", selected.text));
+    if args.devices > 1 {
+        return draw_with_devices(args, scene, waits);
+    }
     let mut path = args.views(scene.first_extent()?)?;
     let gpu = Arc::new(Gpu::headless()?);
     let mut renderer = Renderer::new(&gpu, args.way());
@@ -42,7 +77,7 @@ pub fn draw_picture(args: &Args) -> Result<()> {
         size = [0, 1].map(|k| args.size[k] / counts[k]);
     }
     let targets = Targets::smooth(&gpu, size);
-    let mut frames = Frames::new(&gpu);
+    let mut frames = Frames::new(&gpu, args.in_flight.into());
     let mut controls = Controls::of(args);
     let mut reports: Vec<Report> = Vec::with_capacity(path.len());
     for (number, view) in path.iter().enumerate() {
@@ -64,18 +99,15 @@ pub fn draw_picture(args: &Args) -> Result<()> {
         let problems = scene.take_problems().into_iter().chain(renderer.take_problems());
         problems.for_each(|problem| eprintln!("lodpack-view: {problem}"));
         report.frame_ms = milliseconds(begun.elapsed());
-        frames.end(report);
+        frames.end(report)?;
         if let Some(path) = args.screenshot.as_ref().filter(|path| numbered(path, 0) != path.as_path()) {
             save(targets.colours(&gpu)?, &numbered(path, number as u64 + 1))?;
         }
     }
     frames.finish()?;
     reports.extend(frames.take_drawn());
-    let (mut panel, mut table) = (Panel::default(), csv::Writer::from_writer(Vec::new()));
-    for report in &reports {
-        panel.record(report.frame_ms);
-        table.serialize(report)?;
-    }
+    let mut panel = Panel::default();
+    reports.iter().for_each(|report| panel.record(report.frame_ms));
     controls.costs().iter().for_each(|costs| eprintln!("lodpack-view: {costs}"));
     let report = reports.last().copied().unwrap_or_default();
     let single = args.screenshot.as_ref().filter(|path| numbered(path, 0) == path.as_path());
@@ -88,13 +120,36 @@ pub fn draw_picture(args: &Args) -> Result<()> {
         }
         save(picture, file)?;
     }
-    let table = String::from_utf8(table.into_inner()?)?;
-    match &args.csv {
-        Some(path) if path == Path::new("-") => print!("{table}"),
-        Some(path) => std::fs::write(path, table).with_context(|| format!("{} cannot be written", path.display()))?,
-        None => eprintln!("{} triangles, {} nodes, {:.2} pixels", report.triangles, report.nodes, report.error_px),
+    if args.csv.is_none() {
+        eprintln!("{} triangles, {} nodes, {:.2} pixels", report.triangles, report.nodes, report.error_px);
     }
-    Ok(())
+    write_table(args, &reports)
+}
+
+/// As [`draw_picture`], with several devices.
+fn draw_with_devices(args: &Args, mut scene: Scene, waits: bool) -> Result<()> {
+    if scene.ground().is_some() || args.tile.is_some() {
+        bail!("several devices draw whole pictures of one thing, not a mesh on its ground, and no tiles");
+    }
+    let path = args.views(scene.first_extent()?)?;
+    let mut devices = Devices::new(args.devices.into(), args.cuts, args.size, args.way())?;
+    let mut reports = Vec::with_capacity(path.len());
+    for (number, view) in path.iter().enumerate() {
+        let begun = Instant::now();
+        let report = if waits { scene.follow_to_the_end(view)? } else { scene.follow(view)? };
+        let mut report = Report { frame: number, ..report };
+        let picture = devices.draw(&Shot::of(&scene, *view, &args.overlay, args.unlit), &mut report)?;
+        let problems = scene.take_problems().into_iter().chain(devices.take_problems());
+        problems.for_each(|problem| eprintln!("lodpack-view: {problem}"));
+        report.frame_ms = milliseconds(begun.elapsed());
+        reports.push(report);
+        let is_last = number + 1 == path.len();
+        let wanted = |path: &&PathBuf| is_last || numbered(path, 0) != path.as_path();
+        if let Some(path) = args.screenshot.as_ref().filter(wanted) {
+            save(picture, &numbered(path, number as u64 + 1))?;
+        }
+    }
+    write_table(args, &reports)
 }
 
 /// Share of the pixels that may differ where tiles are joined.

@@ -11,9 +11,9 @@ fn main() -> ExitCode {
         check_file(&args)
     } else if let Some(counts) = args.tiles.filter(|&counts| counts != [1, 1]) {
         draw_tiles(&args, counts)
-    } else if let (Some(counts), Some(address)) = (args.wall, &args.listen) {
+    } else if let (Some(counts), Some(address), Some(_)) = (args.wall, &args.listen, &args.path) {
         control_wall(&args, counts, address).map(|()| true)
-    } else if let Some(address) = &args.join {
+    } else if let (Some(address), Some(_)) = (&args.join, &args.screenshot) {
         join_wall(&args, address).map(|()| true)
     } else if args.screenshot.is_some() || args.csv.is_some() {
         draw_picture(&args).map(|()| true)

@@ -22,11 +22,18 @@ pub(crate) struct Place {
     buffer: usize,
     vertices: Range<u32>,
     indices: Range<u32>,
+    /// What is added to indices: where these vertices begin, or nothing where they count from the buffer's start.
+    base: u32,
 }
 
 impl Place {
     fn call(&self, slot: u32) -> Call {
-        [self.indices.len() as u32, 1, self.indices.start, self.vertices.start, slot]
+        [self.indices.len() as u32, 1, self.indices.start, self.base, slot]
+    }
+
+    /// Its size on the device.
+    pub fn bytes(&self) -> u64 {
+        self.vertices.len() as u64 * size_of::<Vertex>() as u64 + 4 * self.indices.len() as u64
     }
 }
 
@@ -51,6 +58,9 @@ impl Shared {
     }
 
     fn take(&mut self, [vertex_count, index_count]: [u32; 2]) -> Option<[Range<u32>; 2]> {
+        if vertex_count == 0 {
+            return Some([0..0, self.free_indices.allocate_range(index_count).ok()?]);
+        }
         let vertices = self.free_vertices.allocate_range(vertex_count).ok()?;
         let Ok(indices) = self.free_indices.allocate_range(index_count) else {
             self.free_vertices.free_range(vertices);
@@ -90,12 +100,40 @@ impl Pool {
             self.buffers[number] = Some(shared);
             Some((number, taken))
         })?;
-        if let Some(shared) = &self.buffers[buffer] {
-            let at = u64::from(vertices.start) * size_of::<Vertex>() as u64;
+        let place = Place { buffer, base: vertices.start, vertices, indices };
+        self.write(&place, 0, positions);
+        self.write_triangles(&place, triangles);
+        Some(place)
+    }
+
+    /// Uploads triangles that have vertices of a place, and then vertices of their own. None if its buffer has no room.
+    pub fn place_beside(&mut self, place: &Place, positions: &[Vertex], triangles: &[[u32; 3]]) -> Option<Place> {
+        let counts = [positions.len() as u32, 3 * triangles.len() as u32];
+        let [vertices, indices] = self.buffers[place.buffer].as_mut()?.take(counts)?;
+        let shared_count = place.vertices.len() as u32;
+        let in_buffer = |index: u32| match index.checked_sub(shared_count) {
+            Some(own) => vertices.start + own,
+            None => place.vertices.start + index,
+        };
+        let triangles: Vec<[u32; 3]> = triangles.iter().map(|triangle| triangle.map(in_buffer)).collect();
+        let beside = Place { buffer: place.buffer, vertices, indices, base: 0 };
+        self.write(&beside, 0, positions);
+        self.write_triangles(&beside, &triangles);
+        Some(beside)
+    }
+
+    /// Uploads vertices of a place again, from one of them on.
+    pub fn write(&self, place: &Place, first: u32, positions: &[Vertex]) {
+        if let Some(shared) = self.buffers[place.buffer].as_ref().filter(|_| !positions.is_empty()) {
+            let at = u64::from(place.vertices.start + first) * size_of::<Vertex>() as u64;
             self.gpu.write(&shared.vertices, at, bytemuck::cast_slice(positions));
-            self.gpu.write(&shared.indices, 4 * u64::from(indices.start), bytemuck::cast_slice(triangles));
         }
-        Some(Place { buffer, vertices, indices })
+    }
+
+    fn write_triangles(&self, place: &Place, triangles: &[[u32; 3]]) {
+        if let Some(shared) = &self.buffers[place.buffer] {
+            self.gpu.write(&shared.indices, 4 * u64::from(place.indices.start), bytemuck::cast_slice(triangles));
+        }
     }
 
     /// Gives room back, if there is any.
@@ -109,7 +147,9 @@ impl Pool {
     pub fn free(&mut self, place: Place) {
         let slot = &mut self.buffers[place.buffer];
         let Some(shared) = slot else { return };
-        shared.free_vertices.free_range(place.vertices);
+        if !place.vertices.is_empty() {
+            shared.free_vertices.free_range(place.vertices);
+        }
         shared.free_indices.free_range(place.indices);
         if shared.free_indices.is_empty() {
             *slot = None;

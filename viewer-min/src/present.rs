@@ -10,7 +10,7 @@ use winit::{event_loop::ActiveEventLoop, window::Window};
 use crate::{
     args::Way,
     draw::Renderer,
-    frames::Frames,
+    frames::{Frames, IN_FLIGHT},
     gpu::{self, COLOUR, Gpu, Targets},
 };
 
@@ -52,16 +52,18 @@ impl Present {
         let blitter = wgpu::util::TextureBlitterBuilder::new(&gpu.device, config.format);
         let blitter = blitter.blend_state(wgpu::BlendState::ALPHA_BLENDING).build();
         let (renderer, targets) = (renderer(&gpu, way), Targets::smooth(&gpu, size));
-        let frames = Frames::new(&gpu);
+        let frames = Frames::new(&gpu, IN_FLIGHT);
         Ok(Self { gpu, renderer, frames, targets, surface, config, blitter })
     }
 
-    /// Adapts to the window's size, which is not zero, and to the way of drawing.
-    pub fn adjust(&mut self, size: [u32; 2], way: Way) {
-        if self.targets.size != size {
-            [self.config.width, self.config.height] = size;
+    /// Adapts to the sizes of the window, which is not zero, and of the picture, and to the way of drawing.
+    pub fn adjust(&mut self, window: [u32; 2], picture: [u32; 2], way: Way) {
+        if [self.config.width, self.config.height] != window {
+            [self.config.width, self.config.height] = window;
             self.surface.configure(&self.gpu.device, &self.config);
-            self.targets = Targets::smooth(&self.gpu, size);
+        }
+        if self.targets.size != picture {
+            self.targets = Targets::smooth(&self.gpu, picture);
         }
         if self.renderer.way != way {
             self.renderer = renderer(&self.gpu, way);

@@ -8,13 +8,13 @@ use std::{
 
 use anyhow::{Context, Result, anyhow};
 use image::{RgbaImage, imageops};
-use lodpack::{View, stream::Mode};
+use lodpack::{Query, View, stream::Mode};
 use winit::{
     application::ApplicationHandler,
     dpi::PhysicalSize,
     event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent},
     event_loop::{ActiveEventLoop, ControlFlow, EventLoop},
-    window::{Window, WindowId},
+    window::{Fullscreen, Window, WindowId},
 };
 
 use crate::{
@@ -25,6 +25,7 @@ use crate::{
     picture::save,
     present::Present,
     scene::{Looks, Report, Scene, milliseconds, open_source},
+    wall::{Role, Wanted},
 };
 
 /// How long a message is shown.
@@ -65,6 +66,7 @@ struct App {
     /// The text drawn over the last picture.
     canvas: RgbaImage,
     looked: Option<Looked>,
+    role: Option<Role>,
     /// The file that is being opened.
     opening: Option<(String, JoinHandle<Result<Looked>>)>,
     controls: Controls,
@@ -107,6 +109,12 @@ impl App {
         match thread.join().unwrap_or_else(|_| Err(anyhow!("opening the file failed"))) {
             Ok(looked) => {
                 self.remember();
+                if self.role.is_none() {
+                    match Role::of(&self.controls.args, &looked.scene) {
+                        Ok(role) => self.role = role,
+                        Err(error) => self.fatal = Some(error),
+                    }
+                }
                 self.looked = Some(looked);
                 self.controls.forget_view();
             }
@@ -129,7 +137,10 @@ impl App {
         if let Some(looked) = &mut self.looked {
             self.controls.advance(&mut looked.camera, looked.scene.bounds, passed.as_secs_f64().min(0.1));
         }
-        let drawn = self.draw(event_loop, &window, size);
+        let drawn = match &self.role {
+            Some(Role::Shows(_)) => self.show_wall(event_loop, &window, size),
+            _ => self.draw(event_loop, &window, size),
+        };
         let is_lost = self.present.as_ref().is_none_or(|present| present.gpu.check().is_err());
         self.losses = if is_lost { self.losses + 1 } else { 0 };
         match drawn {
@@ -158,7 +169,7 @@ impl App {
         if self.controls.args.lose_device == Some(self.frames) {
             present.gpu.device.destroy();
         }
-        present.adjust(size, way);
+        present.adjust(size, size, way);
         let exceeded_before = self.report.exceeded;
         let mut result = Ok(());
         let mut canvas = RgbaImage::new(size[0], size[1]);
@@ -175,6 +186,10 @@ impl App {
             match scene.follow(&chosen) {
                 Ok(report) => self.report = Report { wait_ms, draw_ms: self.report.draw_ms, ..report },
                 Err(error) => result = Err(error),
+            }
+            if let Some(Role::Controls(wall)) = &mut self.role {
+                let query = Query { view: Some(chosen), ..scene.query.clone() };
+                result = wall.follow(&query).and(result);
             }
             let look = (&view, &*self.controls.args.overlay, self.controls.args.unlit);
             let drawn = present.renderer.draw_scene(&present.targets, scene, look, &mut self.report);
@@ -204,9 +219,9 @@ impl App {
         texts.extend(self.controls.args.has(Overlay::Keys).then_some((KEY_CARD, INK)));
         texts.iter().fold(size[1], |bottom, &(text, ink)| write_above(&mut canvas, bottom, text, ink));
         present.show(window, &canvas);
-        present.frames.end(self.report);
+        let ended = present.frames.end(self.report);
         self.canvas = canvas;
-        let result = result.and(present.gpu.check());
+        let result = result.and(ended).and(present.gpu.check());
         // Performance mode takes what it gets. Budgets that were asked for are worth a message, when they begin to be
         // too small.
         let begins = self.report.exceeded != exceeded_before && !self.controls.wants_speed();
@@ -214,6 +229,36 @@ impl App {
             self.say(complaint);
         }
         result
+    }
+
+    /// Draws and shows what the controller of the wall wants.
+    fn show_wall(&mut self, event_loop: &ActiveEventLoop, window: &Arc<Window>, size: [u32; 2]) -> Result<()> {
+        let way = self.controls.args.way();
+        let present = match &mut self.present {
+            Some(present) => present,
+            none => none.insert(Present::new(event_loop, window, way)?),
+        };
+        let (Some(Role::Shows(display)), Some(Looked { scene, .. })) = (&mut self.role, &mut self.looked) else {
+            return Ok(());
+        };
+        present.adjust(size, display.size, way);
+        loop {
+            match display.poll(scene) {
+                Ok(Some(Wanted::Frame(mut frame))) => {
+                    let look = (&frame.view, &*self.controls.args.overlay, self.controls.args.unlit);
+                    present.renderer.draw_scene(&present.targets, scene, look, &mut frame.report)?;
+                    present.gpu.wait()?;
+                    self.fatal = display.answer(&frame).err();
+                }
+                Ok(Some(Wanted::Show(_))) => present.show(window, &RgbaImage::new(size[0], size[1])),
+                Ok(Some(Wanted::End)) => event_loop.exit(),
+                Ok(None) => return Ok(()),
+                Err(error) => self.fatal = Some(error),
+            }
+            if self.fatal.is_some() || event_loop.exiting() {
+                return Ok(());
+            }
+        }
     }
 
     /// Selects what lies at a pixel.
@@ -282,6 +327,8 @@ impl ApplicationHandler for App {
         let title = format!("lodpack-view {}", self.controls.args.file.as_deref().unwrap_or_default());
         let [width, height] = self.controls.args.size;
         let attributes = Window::default_attributes().with_title(title);
+        let is_full = self.controls.args.full_screen;
+        let attributes = attributes.with_fullscreen(is_full.then_some(Fullscreen::Borderless(None)));
         match event_loop.create_window(attributes.with_inner_size(PhysicalSize::new(width, height))) {
             Ok(window) => self.window = Some(Arc::new(window)),
             Err(error) => self.fatal = Some(error.into()),
@@ -326,7 +373,8 @@ impl ApplicationHandler for App {
     }
 
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
-        let is_busy = self.controls.is_moving() || !self.report.is_complete;
+        let shows = matches!(self.role, Some(Role::Shows(_)));
+        let is_busy = self.controls.is_moving() || !self.report.is_complete || shows;
         let rest = if is_busy { Duration::from_millis(2) } else { REST };
         event_loop.set_control_flow(ControlFlow::WaitUntil(Instant::now() + rest));
         self.window.iter().for_each(|window| window.request_redraw());

@@ -48,6 +48,29 @@ impl View {
         f64::from(self.viewport[1]) / (2.0 * (self.vertical_fov / 2.0).tan())
     }
 
+    /// Where a box lies across the whole picture: its left and right end, of which 0 and 1 are those of the picture. None
+    /// if all of it is behind the near plane; everything if a part of it is.
+    pub fn interval_of(&self, bounds: [[f64; 3]; 2]) -> Option<[f64; 2]> {
+        let [right, _, forward] = self.axes();
+        let scale = self.pixels_per_tangent() / f64::from(self.viewport[0].max(1));
+        let (mut interval, mut behind) = ([f64::INFINITY, f64::NEG_INFINITY], 0);
+        for corner in 0..8 {
+            let to = [0, 1, 2].map(|k| bounds[corner >> k & 1][k] - self.position[k]);
+            let depth = dot(to, forward);
+            if depth < self.near {
+                behind += 1;
+                continue;
+            }
+            let place = 0.5 + dot(to, right) / depth * scale;
+            interval = [interval[0].min(place), interval[1].max(place)];
+        }
+        match behind {
+            0 => Some(interval),
+            8 => None,
+            _ => Some([0.0, 1.0]),
+        }
+    }
+
     /// Moves along its own axes: right, up and forward, world units.
     pub fn shift(&mut self, by: [f64; 3]) {
         let axes = self.axes();
@@ -138,6 +161,23 @@ mod tests {
         let before = view;
         view.orbit(view.position, 0.5, 0.0);
         assert!(view.position == before.position && view.forward != before.forward);
+    }
+
+    #[test]
+    fn a_box_lies_where_its_points_are_drawn() {
+        let view = View::around(BOX, [0.0, 1.0, 0.0], 0.3, 0.2);
+        let [left, right] = view.interval_of(BOX).unwrap();
+        assert!(left > 0.0 && right < 1.0 && left < 0.5 && right > 0.5, "{left} {right}");
+        let place = |point: [f64; 3]| {
+            let to = sub(point, view.position);
+            let [x, _, z] = view.axes().map(|axis| dot(to, axis));
+            0.5 + x / z * view.pixels_per_tangent() / f64::from(view.viewport[0])
+        };
+        let within = |point: [f64; 3]| (left - 1e-12..=right + 1e-12).contains(&place(point));
+        assert!(within(BOX[0]) && within(BOX[1]) && within(MIDDLE));
+        assert_eq!(View { position: MIDDLE, ..view }.interval_of(BOX), Some([0.0, 1.0]));
+        let turned = View { forward: view.forward.map(|x| -x), ..view };
+        assert_eq!(turned.interval_of(BOX), None);
     }
 
     #[test]

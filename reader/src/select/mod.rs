@@ -45,6 +45,6 @@ pub(crate) use from_index::SMALL_INDEX_BYTES;
 pub use from_index::{boundary_edge_count, select_cut, uniform_cut};
 pub use hierarchy::{Hierarchy, HierarchyNode, Resolution};
 pub use performance::{Controls, PerformanceGoal, PerformanceMode, PerformanceTarget};
-pub use unify::{TileTree, Tiles, TilesReport, Unification, Unified, unify_cuts};
+pub use unify::{ScreenLoad, TileTree, Tiles, TilesReport, Unification, Unified, balanced_cuts, unify_cuts};
 pub(crate) use view::{OrientedBox, Projection};
 pub use view::{Plane, View, Volume};

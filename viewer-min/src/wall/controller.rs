@@ -42,14 +42,14 @@ struct Seat {
 }
 
 /// A frame of all displays, ready to be sent.
-pub(super) struct Adapted {
+pub(crate) struct Adapted {
     views: Vec<View>,
     nodes: Vec<Vec<Node>>,
 }
 
 /// What a frame has cost.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize)]
-pub(super) struct WallReport {
+pub(crate) struct WallReport {
     pub frame: u64,
     /// Displays that have drawn it in time.
     pub displays: usize,
@@ -65,7 +65,7 @@ pub(super) struct WallReport {
 }
 
 /// The wall.
-pub(super) struct Controller {
+pub(crate) struct Controller {
     hierarchy: Arc<Hierarchy>,
     /// Which file it shows.
     file: [u32; 2],
@@ -269,6 +269,18 @@ impl Controller {
         let read = self.seats.iter().flatten().map(|seat| seat.last.bytes_read).sum();
         (report.sent, report.read) = (self.sent, read);
         report
+    }
+
+    /// Has all displays show the last frame, and draw the next one: what a query wants.
+    ///
+    /// # Errors
+    /// As [`Controller::adapt`].
+    pub fn follow(&mut self, query: &Query) -> Result<()> {
+        self.seat(Duration::ZERO);
+        let adapted = self.adapt(query, Coherence::default())?;
+        self.show();
+        self.draw(&adapted);
+        Ok(())
     }
 
     /// Sends the displays home.

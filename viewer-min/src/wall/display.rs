@@ -1,6 +1,12 @@
 //! A display of a wall: loads and draws what the controller wants, and shows it when all others have drawn theirs.
 
-use std::{collections::BTreeMap, io::BufReader, net::TcpStream, time::Instant};
+use std::{
+    collections::BTreeMap,
+    io::BufReader,
+    net::TcpStream,
+    sync::mpsc::{Receiver, TryRecvError, channel},
+    time::Instant,
+};
 
 use anyhow::{Context, Result, bail};
 use lodpack::{Node, View};
@@ -12,9 +18,9 @@ use crate::{
 };
 
 /// A place in a wall.
-pub(super) struct Display {
+pub(crate) struct Display {
     stream: TcpStream,
-    from: BufReader<TcpStream>,
+    orders: Receiver<Result<Order>>,
     nodes: BTreeMap<u32, u8>,
     bytes_read: u64,
     pub place: Size,
@@ -22,7 +28,7 @@ pub(super) struct Display {
 }
 
 /// What the controller wants.
-pub(super) enum Wanted {
+pub(crate) enum Wanted {
     /// A frame to draw, and then to answer.
     Frame(Box<Begun>),
     /// What was drawn is shown.
@@ -32,7 +38,7 @@ pub(super) enum Wanted {
 }
 
 /// A frame whose surfaces are in the scene.
-pub(super) struct Begun {
+pub(crate) struct Begun {
     number: u64,
     at: Instant,
     pub view: View,
@@ -53,20 +59,47 @@ impl Display {
         send(&mut stream, &Answer::Hello { protocol: PROTOCOL, version, file, place })?;
         match receive(&mut from)? {
             Some(Order::Welcome { place, size }) => {
-                Ok(Self { stream, from, nodes: BTreeMap::new(), bytes_read: 0, place, size })
+                let (said, orders) = channel();
+                std::thread::spawn(move || {
+                    loop {
+                        let order = receive(&mut from).and_then(|order| order.context("the controller has gone"));
+                        let is_last = !matches!(order, Ok(Order::Draw(_) | Order::Show { .. }));
+                        if said.send(order).is_err() || is_last {
+                            break;
+                        }
+                    }
+                });
+                Ok(Self { stream, orders, nodes: BTreeMap::new(), bytes_read: 0, place, size })
             }
             Some(Order::Refused { why }) => bail!("the wall at {address} refuses: {why}"),
             _ => bail!("what answers at {address} is no wall"),
         }
     }
 
-    /// The next thing to do. Frames have their surfaces in the scene then, as far as they are loaded, or all of them if
-    /// it waits.
+    /// Waits for the next thing to do. Frames have their surfaces in the scene then, as far as they are loaded, or all
+    /// of them if it waits for these, too.
     ///
     /// # Errors
     /// If the controller has gone or says something that makes no sense.
     pub fn next(&mut self, scene: &mut Scene, waits: bool) -> Result<Wanted> {
-        match receive(&mut self.from)?.context("the controller has gone")? {
+        let order = self.orders.recv().context("the controller has gone")?;
+        self.obey(order?, scene, waits)
+    }
+
+    /// The next thing to do, if there is one by now.
+    ///
+    /// # Errors
+    /// As [`Display::next`].
+    pub fn poll(&mut self, scene: &mut Scene) -> Result<Option<Wanted>> {
+        match self.orders.try_recv() {
+            Ok(order) => self.obey(order?, scene, false).map(Some),
+            Err(TryRecvError::Empty) => Ok(None),
+            Err(TryRecvError::Disconnected) => bail!("the controller has gone"),
+        }
+    }
+
+    fn obey(&mut self, order: Order, scene: &mut Scene, waits: bool) -> Result<Wanted> {
+        match order {
             Order::Draw(frame) => self.follow(frame, scene, waits),
             Order::Show { number } => Ok(Wanted::Show(number)),
             Order::End => Ok(Wanted::End),

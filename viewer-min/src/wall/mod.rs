@@ -17,8 +17,40 @@ use anyhow::{Context, Result, bail};
 use lodpack::View;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-use crate::args::Size;
+use crate::{
+    args::{Args, Size},
+    scene::Scene,
+};
+pub(crate) use controller::Controller;
+pub(crate) use display::{Display, Wanted};
 pub use run::{control_wall, join_wall};
+
+/// What a window is in a wall.
+pub(crate) enum Role {
+    /// Its camera is that of all displays.
+    Controls(Box<Controller>),
+    /// It shows what the controller wants.
+    Shows(Box<Display>),
+}
+
+impl Role {
+    /// As the command line says; none without a wall.
+    ///
+    /// # Errors
+    /// As [`control_wall`] and [`join_wall`].
+    pub fn of(args: &Args, scene: &Scene) -> Result<Option<Self>> {
+        let file = || Ok::<_, anyhow::Error>(&scene.mesh().context("walls show meshes")?.file);
+        if let Some(address) = &args.join {
+            let display = Display::join(address, file()?.index().id().numbers(), args.place)?;
+            return Ok(Some(Self::Shows(Box::new(display))));
+        }
+        let (Some(counts), Some(address)) = (args.wall, &args.listen) else { return Ok(None) };
+        let known = (file()?.hierarchy()?, file()?.index().id().numbers());
+        let (wall, at) = Controller::listen(address, known, counts, args.size)?;
+        eprintln!("lodpack-view: listening at {at}");
+        Ok(Some(Self::Controls(Box::new(wall))))
+    }
+}
 
 /// What this program speaks. Others are refused.
 const PROTOCOL: u32 = 1;

@@ -13,22 +13,16 @@ use crate::{
     args::{Args, Size},
     draw::Renderer,
     gpu::{Gpu, Targets},
+    headless::{open_scene, write_table},
     picture::{numbered, save},
-    scene::{Looks, STILL, Scene, open_source},
+    scene::{STILL, Scene},
 };
 
 /// How long the controller sleeps while displays are missing.
 const WAIT: Duration = Duration::from_millis(50);
 
 fn open(args: &Args) -> Result<Scene> {
-    let address = args.file.as_deref().context("no file given: lodpack-view FILE; see --help")?;
-    let mode = if args.wait { Mode::Synchronous } else { Mode::Asynchronous };
-    let looks = Looks { mode, is_flat: args.flat, ..Looks::default() };
-    let mut scene = Scene::open_with(open_source(address)?, looks).with_context(|| address.to_string())?;
-    scene.limit(args);
-    scene.choose_channel(args).with_context(|| address.to_string())?;
-    scene.choose_objects(args).with_context(|| address.to_string())?;
-    Ok(scene)
+    open_scene(args, if args.wait { Mode::Synchronous } else { Mode::Asynchronous })
 }
 
 /// Controls a wall: waits for all its displays, then sends them along the path of the command line. Writes a table of
@@ -47,7 +41,7 @@ pub fn control_wall(args: &Args, counts: Size, address: &str) -> Result<()> {
     while wall.display_count() < (counts[0] * counts[1]) as usize {
         wall.seat(WAIT);
     }
-    let mut table = csv::Writer::from_writer(Vec::new());
+    let mut reports = Vec::with_capacity(path.len());
     let mut adapted: Option<Adapted> = None;
     for view in path.iter().map(Some).chain([None]) {
         wall.seat(Duration::ZERO);
@@ -57,19 +51,12 @@ pub fn control_wall(args: &Args, counts: Size, address: &str) -> Result<()> {
         // Beside the displays, which draw the frame before.
         let next = view.map(|view| wall.adapt(&Query { view: Some(*view), ..scene.query.clone() }, coherence));
         if adapted.is_some() {
-            table.serialize(wall.show())?;
+            reports.push(wall.show());
         }
         adapted = next.transpose()?;
     }
     wall.end();
-    let table = String::from_utf8(table.into_inner()?)?;
-    match &args.csv {
-        Some(path) if path.as_os_str() != "-" => {
-            std::fs::write(path, table).with_context(|| format!("{} cannot be written", path.display()))?;
-        }
-        _ => print!("{table}"),
-    }
-    Ok(())
+    write_table(args, &reports)
 }
 
 /// Is a display of the wall at an address until that ends. Writes pictures, if it is asked for some.

@@ -8,9 +8,10 @@
 //! - [`pictures`]: the program without a window: pictures, tiles, paths, exit codes
 //! - [`references`]: what pictures are compared with: PLY files, the rasteriser without a GPU, distances
 //! - [`sources`]: servers that fail while a file is being viewed
+//! - [`walls`]: displays in processes of their own show one picture, come, go, and are refused
 //! - [`window`]: the window under Xvfb: opens, takes keys, draws, closes
 //!
-//! [`channels`], [`checks`], [`drawings`], [`heights`], [`pictures`] and [`window`] need a graphics adapter (Mesa's
+//! [`channels`], [`checks`], [`drawings`], [`heights`], [`pictures`], [`walls`] and [`window`] need a graphics adapter (Mesa's
 //! lavapipe is enough). Without one they report that they were skipped, and fail only if LODPACK_REQUIRE_GPU=1 is set.
 #![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 
@@ -22,6 +23,7 @@ mod heights;
 mod pictures;
 mod references;
 mod sources;
+mod walls;
 mod window;
 
 use std::{

@@ -1,6 +1,6 @@
 //! The program without a window.
 
-use lodpack_view::picture::{BACKGROUND, load};
+use lodpack_view::picture::{BACKGROUND, different_colours, load};
 
 use crate::{Model, folder, has_gpu, program};
 
@@ -96,6 +96,32 @@ fn every_frame_of_a_path_has_a_surface() {
             }
         }
     }
+}
+
+#[test]
+fn two_devices_draw_what_one_does_and_a_model_holds_a_frame_rate() {
+    if !has_gpu() {
+        return;
+    }
+    let (path, folder) = (Model::sphere_path(), folder("devices"));
+    // The model is in the left half.
+    let camera = "0,0,4:1.5,0,0:0,1,0:50";
+    let picture_of = |name: &str, more: &[&str]| {
+        let out = folder.join(name);
+        let arguments = [path.to_str().unwrap(), "--size", "320x200", "--camera", camera, "--screenshot"];
+        let output = program(&[&arguments[..], &[out.to_str().unwrap()], more].concat());
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        load(&out).unwrap()
+    };
+    let one = picture_of("one.png", &[]);
+    for more in [&["--devices", "2"][..], &["--devices", "3"], &["--devices", "2", "--cuts", "equal"]] {
+        let several = picture_of("several.png", more);
+        let different = different_colours(&one, &several, 2).len();
+        assert!(different <= 64, "{more:?}: {different} pixels");
+    }
+    let held = ["--path", "circle:60", "--frame-rate", "20", "--csv", "-", "--size", "160x120"];
+    let output = program(&[&[path.to_str().unwrap()][..], &held].concat());
+    assert!(output.status.success() && text(&output.stderr).contains("frames take"), "{}", text(&output.stderr));
 }
 
 #[test]

@@ -1,6 +1,12 @@
 //! Tiles that follow one camera: their cuts are adapted side by side, then unified.
 
-use std::{collections::BTreeMap, num::NonZeroUsize, sync::Arc, thread};
+use std::{
+    collections::BTreeMap,
+    num::NonZeroUsize,
+    sync::Arc,
+    thread,
+    time::{Duration, Instant},
+};
 
 use super::{Unification, Unified, unify_cuts};
 use crate::{
@@ -22,6 +28,8 @@ pub struct TilesReport {
     pub unified: Unified,
     /// Of each tile alone, before unification.
     pub tiles: Vec<AdaptReport>,
+    /// How long each tile took, without unification.
+    pub times: Vec<Duration>,
 }
 
 impl Tiles {
@@ -52,14 +60,18 @@ impl Tiles {
         }
         let threads = thread::available_parallelism().map_or(1, NonZeroUsize::get);
         let share = count.div_ceil(threads).max(1);
-        let update = |(adapters, queries): (&mut [Adapter], &[Query])| -> Vec<Result<AdaptReport>> {
-            adapters.iter_mut().zip(queries).map(|(adapter, query)| adapter.update(query)).collect()
+        let update_one = |(adapter, query): (&mut Adapter, &Query)| {
+            let begun = Instant::now();
+            adapter.update(query).map(|report| (report, begun.elapsed()))
+        };
+        let update = |(adapters, queries): (&mut [Adapter], &[Query])| -> Vec<Result<(AdaptReport, Duration)>> {
+            adapters.iter_mut().zip(queries).map(update_one).collect()
         };
         let mut shares = self.adapters.chunks_mut(share).zip(queries.chunks(share));
         let own = shares.next();
         let reports = thread::scope(|scope| {
             let others: Vec<_> = shares.map(|share| scope.spawn(|| update(share))).collect();
-            let mut reports: Vec<Vec<Result<AdaptReport>>> = own.into_iter().map(update).collect();
+            let mut reports: Vec<Vec<Result<_>>> = own.into_iter().map(update).collect();
             for other in others {
                 match other.join() {
                     Ok(of_share) => reports.push(of_share),
@@ -68,8 +80,8 @@ impl Tiles {
             }
             reports
         });
-        let tiles = reports.into_iter().flatten().collect::<Result<_>>()?;
-        Ok(TilesReport { unified: unify_cuts(&self.adapters, self.unification)?, tiles })
+        let (tiles, times) = reports.into_iter().flatten().collect::<Result<(Vec<_>, Vec<_>)>>()?;
+        Ok(TilesReport { unified: unify_cuts(&self.adapters, self.unification)?, tiles, times })
     }
 
     /// The nodes of the unified cut that each tile has to have: its own, and those whose boxes touch them, so that its

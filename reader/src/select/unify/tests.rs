@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use super::{TileTree, Unification, unify_cuts};
+use super::{TileTree, Tiles, Unification, unify_cuts};
 use crate::{
     Node, Query,
     select::{Adapter, Coherence, Hierarchy, View, tests::synthetic::Plane},
@@ -188,4 +188,31 @@ fn without_budgets_tiles_draw_what_one_cut_for_the_picture_would() {
         assert!(unified.nodes == cut.nodes, "frame {frame}");
     }
     assert!(changes > 0);
+}
+
+#[test]
+fn tiles_side_by_side_are_those_one_after_the_other_and_know_what_touches_them() {
+    let hierarchy = plane(1).hierarchy();
+    let side = plane(1).size;
+    let tree = TileTree::new(3).unwrap();
+    let queries = |frame| tree.queries(&query(frame, side)).unwrap();
+    let mut one_by_one = adapters(&hierarchy, &queries(0));
+    let mut tiles = Tiles::new(&hierarchy, &queries(0), Coherence::default(), Unification::Quality).unwrap();
+    for frame in (0..200).step_by(10) {
+        let report = tiles.update(&queries(frame)).unwrap();
+        let alone = one_by_one.iter_mut().zip(queries(frame)).map(|(tile, query)| tile.update(&query).unwrap());
+        assert_eq!(report.tiles, alone.collect::<Vec<_>>());
+        let unified = unify_cuts(&one_by_one, Unification::Quality).unwrap();
+        assert_eq!(report.unified, unified);
+        for (own, all) in unified.tiles.iter().zip(tiles.with_neighbours(&unified)) {
+            let bounds = |node: &Node| hierarchy.bounds(node.root);
+            let touches = |a: [[f64; 3]; 2], b: [[f64; 3]; 2]| (0..3).all(|k| a[0][k] <= b[1][k] && b[0][k] <= a[1][k]);
+            let expected = unified
+                .nodes
+                .iter()
+                .filter(|node| own.contains(node) || own.iter().any(|other| touches(bounds(node), bounds(other))));
+            assert_eq!(all, expected.copied().collect::<Vec<_>>());
+        }
+    }
+    assert!(tiles.update(&queries(0)[1..]).is_err());
 }
