@@ -3,6 +3,7 @@
 //!
 //! `cargo run --release -p lodpack --example tiles_bench FILE`
 
+#[allow(dead_code, reason = "other examples use the rest")]
 mod viewing;
 
 use std::{error::Error, sync::Arc};

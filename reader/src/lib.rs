@@ -65,8 +65,9 @@
 //! [`select::Coherence`] allows, and reports each [`select::Change`] in an [`select::AdaptReport`].
 //! [`select::PerformanceMode`] holds a [`select::PerformanceGoal`]: [`select::PerformanceTarget`] and
 //! [`select::FrameTimes`] go in, [`select::Controls`] come out, by a [`select::FrameModel`]. Tiles of a
-//! [`select::TileTree`] adapt side by side as [`select::Tiles`]; [`select::unify_cuts`] joins them by a rule of [`select::Unification`] to
-//! [`select::Unified`] cuts. Several devices share a picture by [`select::balanced_cuts`] of [`select::ScreenLoad`]s.
+//! [`select::TileTree`] adapt side by side as [`select::Tiles`]; [`select::unify_cuts`] joins them by a rule of
+//! [`select::Unification`] to [`select::Unified`] cuts. Several devices share a picture by [`select::balanced_cuts`] of
+//! [`select::ScreenLoad`]s.
 //!
 //! **Frames while loading.** [`stream`] draws something complete and watertight in every frame while the rest is
 //! loaded; its page places its types.

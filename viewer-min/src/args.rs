@@ -158,7 +158,8 @@ pub struct Args {
     /// Fill the screen
     #[arg(long)]
     pub full_screen: bool,
-    /// Control a wall of WxH displays, each a process of its own; --size is that of all together. With --path without a window
+    /// Control a wall of WxH displays, each a process of its own; --size is that of all together. With --path without a
+    /// window
     #[arg(long, value_name = "WxH", value_parser = parse_wall, requires = "listen")]
     pub wall: Option<Size>,
     /// Where the displays of --wall reach the controller, for instance 0.0.0.0:4600; nobody is asked for a password
@@ -189,7 +190,7 @@ pub struct Args {
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     pub difference: PathBuf,
     /// Frames that the device may have before another is begun, for measuring: with 1 nothing overlaps
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=3), default_value = "2", hide = true)]
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=3), default_value = "2", hide = true)]
     pub in_flight: u8,
     /// Lose the graphics device at a frame, for tests
     #[arg(long, value_name = "N", hide = true)]

@@ -386,8 +386,8 @@ impl Renderer {
         Block::new(info, strips, Some(Own { triangles: Some(batch), pulled, texels, pieces: None }))
     }
 
-    /// Uploads the surface of a root, unless it is there, and its border beside it. Both are one where the border has no
-    /// room there, or there is none.
+    /// Uploads the surface of a root, unless it is there, and its border beside it. Both are one where the border has
+    /// no room there, or there is none.
     fn pooled(&mut self, drawn: &DrawnRoot, there: Option<(Place, u64)>) -> [Option<Place>; 2] {
         let Lit { positions, triangles, normals } = drawn.lit().unwrap_or_else(|| {
             let (positions, triangles) = drawn.joined();
@@ -540,7 +540,8 @@ impl Renderer {
             ..Default::default()
         };
         self.record(&mut encoder.begin_render_pass(&descriptor), view, programs);
-        self.gpu.queue.submit([encoder.finish()]);
+        // Whoever draws next finds out if the device is lost.
+        let _ = self.gpu.submit(encoder);
     }
 
     fn record(&self, pass: &mut wgpu::RenderPass<'_>, view: &View, programs: &Programs) {

@@ -6,7 +6,7 @@ use std::{
     time::Instant,
 };
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use wgpu::{BufferUsages, SubmissionIndex};
 
 use crate::{
@@ -41,7 +41,7 @@ struct Clock {
 
 struct UnderWay {
     report: Report,
-    submission: SubmissionIndex,
+    submission: Option<SubmissionIndex>,
     submitted: Instant,
     /// When it was found finished.
     ended: Arc<OnceLock<Instant>>,
@@ -95,17 +95,18 @@ impl Frames {
     /// If the device is lost.
     pub fn end(&mut self, report: Report) -> Result<()> {
         let gpu = &self.gpu;
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let stamps = self.clock.as_ref().map(|clock| {
-            let first = self.first_stamp();
+        let first = self.first_stamp();
+        let timed = self.clock.as_ref().map(|clock| {
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
             encoder.write_timestamp(&clock.stamps, first + 1);
             let resolved = gpu.empty_buffer(BYTES, BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC);
             let mapped = gpu.empty_buffer(BYTES, BufferUsages::MAP_READ | BufferUsages::COPY_DST);
             encoder.resolve_query_set(&clock.stamps, first..first + 2, &resolved, 0);
             encoder.copy_buffer_to_buffer(&resolved, 0, &mapped, 0, BYTES);
-            mapped
+            (gpu.queue.submit([encoder.finish()]), mapped)
         });
-        let submission = gpu.queue.submit([encoder.finish()]);
+        let (submission, stamps) = timed.unzip();
+        let submission = submission.or_else(|| gpu.last_submission());
         let submitted = Instant::now();
         let ended = Arc::<OnceLock<Instant>>::default();
         stamps.iter().for_each(|stamps| stamps.slice(..).map_async(wgpu::MapMode::Read, |_| ()));
@@ -129,8 +130,8 @@ impl Frames {
         Ok(())
     }
 
-    /// The frames that were found finished since the last call, with the time that the device took for each. Of one that
-    /// has no clock of its own, it is the time in which it had nothing else to do.
+    /// The frames that were found finished since the last call, with the time that the device took for each. Of one
+    /// that has no clock of its own, it is the time in which it had nothing else to do.
     pub fn take_drawn(&mut self) -> Vec<Report> {
         std::mem::take(&mut self.drawn)
     }
@@ -143,9 +144,7 @@ impl Frames {
         let Some(UnderWay { report, submission, submitted, ended, stamps }) = self.under_way.pop_front() else {
             return Ok(());
         };
-        let until = wgpu::PollType::Wait { submission_index: Some(submission), timeout: None };
-        self.gpu.device.poll(until).context("the graphics device does not answer")?;
-        self.gpu.check()?;
+        submission.map_or(Ok(()), |submission| self.gpu.wait_for(submission))?;
         let end = ended.get().copied().unwrap_or_else(Instant::now);
         let begun = self.last_end.map_or(submitted, |last| last.max(submitted));
         self.last_end = Some(end);

@@ -1,15 +1,18 @@
 //! The graphics device, its pipelines, the textures that it draws into, and reading them back.
 
-use std::sync::{
-    Arc, OnceLock,
-    atomic::{AtomicU64, Ordering},
+use std::{
+    sync::{
+        Arc, Mutex, OnceLock, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
+    time::{Duration, Instant},
 };
 
 use anyhow::{Context, Result, bail};
 use image::RgbaImage;
 use wgpu::{
-    BufferUsages, CompareFunction, StencilFaceState, StencilOperation, TextureFormat, TextureFormatFeatureFlags,
-    TextureUsages,
+    BufferUsages, CompareFunction, StencilFaceState, StencilOperation, SubmissionIndex, TextureFormat,
+    TextureFormatFeatureFlags, TextureUsages,
 };
 
 use crate::picture::Picture;
@@ -58,6 +61,9 @@ pub struct Gpu {
     /// Whether it says when it begins and ends.
     pub(crate) has_clock: bool,
     uploaded: AtomicU64,
+    last: Mutex<Option<SubmissionIndex>>,
+    /// Nanoseconds.
+    waited: AtomicU64,
     trouble: Arc<OnceLock<String>>,
 }
 
@@ -91,7 +97,7 @@ impl Gpu {
         let required_features = adapter.features() & (wgpu::Features::INDIRECT_FIRST_INSTANCE | clock);
         let reads_lists = adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::INDIRECT_EXECUTION);
         let draws_lists = reads_lists && required_features.contains(wgpu::Features::INDIRECT_FIRST_INSTANCE);
-        // A clock of lavapipe has the processor wait for all that came before.
+        // With lavapipe each submission waits for the one before, so none is spent on times.
         let is_cpu = adapter.get_info().device_type == wgpu::DeviceType::Cpu;
         let has_clock = required_features.contains(clock) && !is_cpu;
         let descriptor =
@@ -110,8 +116,20 @@ impl Gpu {
         let has = |format, flags| adapter.get_texture_format_features(format).flags.contains(flags);
         let four = TextureFormatFeatureFlags::MULTISAMPLE_X4;
         let can_smooth = has(COLOUR, four | TextureFormatFeatureFlags::MULTISAMPLE_RESOLVE) && has(DEPTH, four);
-        let uploaded = AtomicU64::new(0);
-        Ok(Self { adapter, device, queue, pipelines, can_smooth, draws_lists, has_clock, uploaded, trouble })
+        let (uploaded, last, waited) = (AtomicU64::new(0), Mutex::default(), AtomicU64::new(0));
+        Ok(Self {
+            adapter,
+            device,
+            queue,
+            pipelines,
+            can_smooth,
+            draws_lists,
+            has_clock,
+            uploaded,
+            last,
+            waited,
+            trouble,
+        })
     }
 
     /// An error if anything has gone wrong so far. The device cannot be used any more then.
@@ -198,6 +216,42 @@ impl Gpu {
             usage,
             view_formats: &[],
         })
+    }
+
+    /// Hands over what draws a picture.
+    ///
+    /// # Errors
+    /// If the device is lost.
+    pub(crate) fn submit(&self, encoder: wgpu::CommandEncoder) -> Result<()> {
+        let buffer = encoder.finish();
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if !self.has_clock
+            && let Some(before) = last.take()
+        {
+            // Lavapipe would do that, too, and it would count as work of the processor.
+            let begun = Instant::now();
+            self.wait_for(before)?;
+            self.waited.fetch_add(begun.elapsed().as_nanos() as u64, Ordering::Relaxed);
+        }
+        *last = Some(self.queue.submit([buffer]));
+        Ok(())
+    }
+
+    /// What was handed over last.
+    pub(crate) fn last_submission(&self) -> Option<SubmissionIndex> {
+        self.last.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// How long pictures waited for those before them since the last call.
+    pub(crate) fn take_waited(&self) -> Duration {
+        Duration::from_nanos(self.waited.swap(0, Ordering::Relaxed))
+    }
+
+    /// Waits until something is done that was handed over; an error if the device is lost.
+    pub(crate) fn wait_for(&self, submission: SubmissionIndex) -> Result<()> {
+        let until = wgpu::PollType::Wait { submission_index: Some(submission), timeout: None };
+        self.device.poll(until).context("the graphics device does not answer")?;
+        self.check()
     }
 
     /// Waits until all submitted work is done; an error if the device is lost.

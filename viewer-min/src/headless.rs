@@ -94,7 +94,7 @@ pub fn draw_picture(args: &Args) -> Result<()> {
         if let Some(complaint) = report.complaint().filter(|_| !controls.wants_speed()) {
             bail!("{complaint}");
         }
-        (report.frame, report.wait_ms) = (number, wait_ms);
+        (report.frame, report.wait_ms) = (number, report.wait_ms + wait_ms);
         renderer.draw_scene(&targets, &scene, (view, &args.overlay, args.unlit), &mut report)?;
         let problems = scene.take_problems().into_iter().chain(renderer.take_problems());
         problems.for_each(|problem| eprintln!("lodpack-view: {problem}"));

@@ -69,3 +69,42 @@ impl Kept {
         std::mem::take(self).places.into_values().for_each(|(_, _, place)| pool.free(place));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use lodpack::{View, stream::Mode};
+
+    use crate::{
+        args::Way,
+        camera::whole,
+        draw::Renderer,
+        gpu::{Gpu, Targets},
+        scene::{Scene, open_source},
+    };
+
+    #[test]
+    fn a_picture_that_stays_uploads_nothing_and_what_comes_back_little() {
+        let Ok(gpu) = Gpu::headless() else {
+            assert!(std::env::var_os("LODPACK_REQUIRE_GPU").is_none_or(|value| value != "1"), "no graphics adapter");
+            return;
+        };
+        let gpu = std::sync::Arc::new(gpu);
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../format-spec/vectors/tree.lodpack");
+        let mut scene = Scene::open(open_source(path).unwrap(), Mode::Synchronous).unwrap();
+        let (targets, mut renderer) = (Targets::new(&gpu, [64; 2]), Renderer::new(&gpu, Way::Stitched));
+        let mut upload = |pixel_tolerance: f64| {
+            let view = View { pixel_tolerance, viewport: [64; 2], ..whole(scene.bounds, [0.0, 1.0, 0.0], 1.0) };
+            scene.follow_to_the_end(&view).unwrap();
+            let before = gpu.uploaded();
+            renderer.update(scene.picture());
+            renderer.draw(&targets, &view);
+            (gpu.uploaded() - before, renderer.picture(&targets, &view).unwrap())
+        };
+        let (first, picture) = upload(1e-3);
+        assert_eq!(upload(1e-3).0, 0);
+        upload(1e4);
+        let (again, same) = upload(1e-3);
+        assert!(again * 2 < first, "{first} bytes, and then {again}");
+        assert!(picture == same);
+    }
+}

@@ -120,7 +120,9 @@ impl Renderer {
         report.upload_ms += milliseconds(begun.elapsed());
         let begun = Instant::now();
         self.draw_in_turn(targets, &shot.view, turn);
-        report.record_ms += milliseconds(begun.elapsed());
+        let waited = milliseconds(self.gpu.take_waited());
+        report.record_ms += milliseconds(begun.elapsed()) - waited;
+        report.wait_ms += waited;
         report.uploaded += self.gpu.uploaded() - uploaded_before;
         self.gpu.check()
     }

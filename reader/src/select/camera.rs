@@ -48,8 +48,8 @@ impl View {
         f64::from(self.viewport[1]) / (2.0 * (self.vertical_fov / 2.0).tan())
     }
 
-    /// Where a box lies across the whole picture: its left and right end, of which 0 and 1 are those of the picture. None
-    /// if all of it is behind the near plane; everything if a part of it is.
+    /// Where a box lies across the whole picture: its left and right end, of which 0 and 1 are those of the picture.
+    /// None if all of it is behind the near plane; everything if a part of it is.
     pub fn interval_of(&self, bounds: [[f64; 3]; 2]) -> Option<[f64; 2]> {
         let [right, _, forward] = self.axes();
         let scale = self.pixels_per_tangent() / f64::from(self.viewport[0].max(1));

@@ -180,8 +180,8 @@ impl PerformanceMode {
         self.controls
     }
 
-    /// Corrects the goal where a window of frames has missed it. Frames that the tolerance keeps short do not count, nor
-    /// those that miss it by far: they teach the model.
+    /// Corrects the goal where a window of frames has missed it. Frames that the tolerance keeps short do not count,
+    /// nor those that miss it by far: they teach the model.
     fn correct(&mut self, goal: f64, times: &FrameTimes) {
         let is_limited = times.triangle_count as f64 > 0.9 * self.controls.max_triangles as f64;
         if !is_limited || (times.frame / goal - 1.0).abs() > FAR {
