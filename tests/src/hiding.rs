@@ -217,9 +217,14 @@ impl<'a> Comparison<'a> {
     }
 }
 
+/// Two vertices, the lower number first.
+type Edge = (u32, u32);
+/// A triangle at an edge: whether it passes it upward, and its object.
+type Side = (bool, Option<u32>);
+
 /// The edges that do not lie between two triangles of one object. What groups show has no object that is known.
 fn open_edges(mesh: &Mesh, objects: &[Option<u32>]) -> u64 {
-    let mut sides: BTreeMap<(u32, u32), Vec<(bool, Option<u32>)>> = BTreeMap::new();
+    let mut sides: BTreeMap<Edge, Vec<Side>> = BTreeMap::new();
     for (corners, &object) in mesh.triangles.iter().zip(objects) {
         for k in 0..3 {
             let (a, b) = (corners[k], corners[(k + 1) % 3]);
@@ -228,7 +233,7 @@ fn open_edges(mesh: &Mesh, objects: &[Option<u32>]) -> u64 {
             }
         }
     }
-    let is_open = |sides: &Vec<(bool, Option<u32>)>| {
+    let is_open = |sides: &Vec<Side>| {
         let forward = sides.iter().filter(|(is_forward, _)| *is_forward).count();
         let owners: BTreeSet<u32> = sides.iter().filter_map(|&(_, object)| object).collect();
         2 * forward != sides.len() || owners.len() > 1
