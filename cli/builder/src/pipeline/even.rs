@@ -167,13 +167,19 @@ fn nearest(points: &[DVec3], positions: &[DVec3], triangles: &[[u32; 3]], at_onc
         corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
     };
     let parts: Vec<[DVec3; 2]> = triangles.par_chunks(at_once).map(bounds_of).collect();
-    // No farther than the far corner of any part.
-    let farthest = |[low, high]: &[DVec3; 2], point: DVec3| (point - *low).abs().max((*high - point).abs()).length();
+    // No farther than the nearest of a few triangles of all parts, so that most points are looked for in one part alone.
+    let step = parts.len().max(1);
+    let some: Vec<[u32; 3]> = triangles.iter().step_by(step).copied().collect();
+    let of_all = Surface::new(positions, &some);
     let first = |&point: &DVec3| {
-        let most = parts.iter().map(|part| farthest(part, point)).fold(f64::INFINITY, f64::min);
-        (most, NONE)
+        let closest = of_all.bvh().closest(point, &mut Hint::default());
+        (closest.distance, closest.triangle.saturating_mul(step as u32))
     };
     let mut best: Vec<(f64, u32)> = points.par_iter().map(first).collect();
+    drop(of_all);
+    if step == 1 {
+        return best.into_iter().map(|(_, triangle)| triangle).collect();
+    }
     for (number, (part, &[low, high])) in triangles.chunks(at_once).zip(&parts).enumerate() {
         let first = (number * at_once) as u32;
         let surface = Surface::new(positions, part);
@@ -183,7 +189,7 @@ fn nearest(points: &[DVec3], positions: &[DVec3], triangles: &[[u32; 3]], at_onc
                 return;
             }
             let closest = surface.bvh().closest(point, &mut Hint::default());
-            if closest.distance < *distance || *triangle == NONE && closest.distance == *distance {
+            if closest.distance < *distance {
                 (*distance, *triangle) = (closest.distance, first + closest.triangle);
             }
         });
