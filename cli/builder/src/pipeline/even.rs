@@ -167,7 +167,7 @@ fn nearest(points: &[DVec3], positions: &[DVec3], triangles: &[[u32; 3]], at_onc
         corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
     };
     let parts: Vec<[DVec3; 2]> = triangles.par_chunks(at_once).map(bounds_of).collect();
-    // No farther than the nearest of a few triangles of all parts, so that most points are looked for in one part alone.
+    // No farther than the nearest of a few triangles of all parts: most points are looked for in one part alone.
     let step = parts.len().max(1);
     let some: Vec<[u32; 3]> = triangles.iter().step_by(step).copied().collect();
     let of_all = Surface::new(positions, &some);
