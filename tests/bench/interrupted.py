@@ -2,8 +2,9 @@
 """Interrupts every kind of job, and checks what is left: python tests/bench/interrupted.py FOLDER [options]
 
 FOLDER holds inputs: mesh.ply and more.ply (two meshes), textured (a folder of meshes with images, `generate city`),
-heights.asc (a raster), file.lodpack (for tilesets). Jobs are builds that can be resumed, plans with parts and merges,
-stages, `add`, files of heights, 3D Tiles and their archives. Each step of a job runs
+plant.glb (objects, `generate plant`), heights.asc (a raster), file.lodpack (for tilesets). Jobs are builds that can be
+resumed, plans with parts and merges, stages, `add`, files of heights, 3D Tiles and their archives. Each step of a job
+runs
 
 * killed (SIGKILL) at random moments, --kills of them in all;
 * with files that may not grow beyond a random size, as on a disk that is full, --full times in all;
@@ -38,6 +39,7 @@ def step(words, product=None):
 def jobs(inputs):
     """The steps of each kind of job, all of which can be repeated."""
     mesh, more, textured = inputs / "mesh.ply", inputs / "more.ply", inputs / "textured"
+    plant = inputs / "plant.glb"
     heights, file = inputs / "heights.asc", inputs / "file.lodpack"
     merge = step(["merge", "job", "-o", "out.lodpack", "--force"], "out.lodpack")
 
@@ -62,6 +64,9 @@ def jobs(inputs):
         "textured parts": planned(textured, 3, *small),
         "textured stages": staged(textured, *small),
         "stages": staged(mesh, *small),
+        "objects, resumed": [step(["build", plant, *small, "-o", "out.lodpack", "--resume"], "out.lodpack")],
+        "parts of objects": planned(plant, 3, *small),
+        "stages of objects": staged(plant, *small),
         "add": [*planned(mesh, 2, *later)[:-1], add, *parts("second", 2), joined],
         "heights": [step(["build", heights, "-o", "out.lodpack", "--force"], "out.lodpack")],
         "parts of heights": planned(heights, 3),

@@ -8,6 +8,7 @@ use lodpack::index::Scale;
 use lodpack::source::Fetched;
 use lodpack::write::ObjectNode;
 use lodpack::{File, islands};
+use lodpack_tests::hiding::Comparison;
 use lodpack_tests::scene::{COLOURS, Scene, Shape, Sharing, plant, write_glb, write_obj};
 
 use super::{build_file, open};
@@ -145,6 +146,18 @@ fn each_object_of_a_plant_owns_what_it_was() {
             }
         }
     }
+}
+
+#[test]
+fn hiding_and_isolating_changes_the_pixels_that_the_input_names_and_leaves_closed_objects() {
+    let scene = plant(80);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("plant.glb");
+    write_glb(&scene, Sharing::Meshes, &path).unwrap();
+    let (bytes, _) = build_file(&path, "0.002");
+    let found = Comparison::new(&scene, &open(&bytes), 160).unwrap().random(24).unwrap();
+    assert_eq!((found.wrong, found.shown, found.open), (0, 0, 0), "{found:?}");
+    assert!(found.changed > 1000 && found.beside < found.changed / 50, "{found:?}");
 }
 
 /// The colour that each triangle of a root shows at a level, all over.

@@ -33,6 +33,7 @@
 //! - [`heights`]: files of heights keep their promises on planes and globes, and commands work with them
 //! - [`draped_heights`]: images over files of heights: where they are, how good, what is transparent, and commands
 //! - [`heights_jobs`]: files of heights in parts: kills, changed files, the bytes of one build
+//! - [`object_jobs`]: files of objects have the same bytes on any number of threads, in parts, in stages, after kills
 //! - [`objects_out`]: objects through commands: listed, taken out, picked, and back again
 //! - [`ground`]: a mesh on its ground of heights in one file: joined, taken apart, verified, exported, refused
 //! - [`tin`]: few triangles of any shape out of files of heights, within a tolerance
@@ -77,6 +78,7 @@ mod lossless;
 mod many_texels;
 mod normals;
 mod nothing_unneeded;
+mod object_jobs;
 mod objects;
 mod objects_out;
 mod python;

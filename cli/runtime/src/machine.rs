@@ -14,6 +14,17 @@ pub fn return_large_blocks() {
     }
 }
 
+/// Gives memory back to the system that is free, but lies between blocks that are in use, such as the names of a
+/// million objects. It takes milliseconds, so it is for the ends of long steps.
+#[expect(unsafe_code, reason = "the standard library has no say in this")]
+pub fn return_free_memory() {
+    #[cfg(target_env = "gnu")]
+    // SAFETY: malloc_trim has no conditions, and leaves all that is in use where it is.
+    unsafe {
+        libc::malloc_trim(0);
+    }
+}
+
 /// Processor time that this process has used so far, all threads together.
 pub fn process_cpu_time() -> Duration {
     clock(libc::CLOCK_PROCESS_CPUTIME_ID)

@@ -1,5 +1,7 @@
 //! What a ray meets first: leaves from front to back, each at its finest level.
 
+use std::ops::Range;
+
 use super::{Mesh, cut::joined};
 use crate::{
     codec::patch::Patch,
@@ -8,11 +10,20 @@ use crate::{
     islands::islands,
     objects::{ObjectFilter, ObjectState},
     select::{Cut, Node},
-    source::{Fetched, requests::plan},
+    source::{
+        Fetched,
+        requests::{plan, plan_within},
+    },
 };
 
-/// Leaves whose bytes are asked for at once: the first one that a ray enters is often not the one that it meets.
-const AT_ONCE: usize = 4;
+/// Leaves are asked for at once up to this many bytes: the first one that a ray enters is often not the one that it
+/// meets, and each further step of a pick waits for a server.
+const AT_ONCE_BYTES: u64 = 48 << 10;
+/// The most of them. They are decoded once more when the answer comes.
+const AT_ONCE: usize = 6;
+/// Requests are joined up to this many bytes, whatever lies between: leaves that lie near each other do so in the file,
+/// too, but not side by side.
+const JOINED_BYTES: u64 = 96 << 10;
 
 /// What a ray meets first.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,14 +67,21 @@ pub fn pick_shown(index: &Index, ray: Ray, filter: Option<&ObjectFilter>, fetche
         }
         let leaf = match Leaf::new(index, root, filter, fetched) {
             Err(Error::Missing { mut ranges }) => {
+                let enough = |ranges: &[Range<u64>]| {
+                    plan(ranges.iter().cloned()).iter().map(|range| range.end - range.start).sum::<u64>()
+                        >= AT_ONCE_BYTES
+                };
                 for &(_, root) in others.iter().take(AT_ONCE - 1).take_while(|leaf| leaf.0 <= reached) {
+                    if enough(&ranges) {
+                        break;
+                    }
                     match Leaf::new(index, root, filter, fetched) {
                         Err(Error::Missing { ranges: more }) => ranges.extend(more),
                         Err(error) => return Err(error),
                         Ok(_) => {}
                     }
                 }
-                return Err(Error::Missing { ranges: plan(ranges) });
+                return Err(Error::Missing { ranges: plan_within(JOINED_BYTES, ranges) });
             }
             leaf => leaf?,
         };

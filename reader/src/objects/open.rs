@@ -24,6 +24,9 @@ use crate::{
 /// Parts that are kept decoded, those used last.
 const MOST_KEPT: usize = 96;
 
+/// Bytes that a first question reads behind the roots of lists.
+const BEHIND_ROOTS: u64 = 4 << 10;
+
 /// The objects of a file, as far as they are known.
 #[derive(Debug)]
 pub(crate) struct OpenObjects {
@@ -123,10 +126,11 @@ impl OpenObjects {
         }
     }
 
-    /// Where the roots of all lists are: a first question reads them at once.
+    /// Where the roots of all lists are: a first question reads them at once, and some of what follows, which are the
+    /// pages of owners of a small file.
     fn roots(&self) -> Range<u64> {
         let end = self.head.roots.iter().map(|part| part.offset + part.length).max().unwrap_or(0);
-        self.section.offset..self.section.offset + end
+        self.section.offset..self.section.offset + end.saturating_add(BEHIND_ROOTS).min(self.section.length)
     }
 
     /// A directory; the root has the greatest height.

@@ -142,17 +142,16 @@ impl ObjectsWriter {
     pub fn finish(mut self) -> Result<Written> {
         let objects = self.order.len() as u32;
         self.number_assemblies();
-        let nodes: Vec<ObjectNode> = self.order.iter().map(|&node| self.placed(node)).collect();
-        let all = nodes.len() as u32;
+        let all = self.order.len() as u32;
         let (mut names, mut ids, mut children) = (vec![], vec![], vec![]);
-        for (number, node) in (0..).zip(&nodes) {
-            let place = number / PAGE;
+        for (number, &node) in (0..).zip(&self.order) {
+            let (place, node) = (number / PAGE, &self.nodes[node as usize]);
             names.extend(node.name.as_deref().map(|name| (hash(name, all), place)));
             ids.extend(node.id.as_deref().map(|id| (hash(id, all), place)));
-            children.push((node.parent.map_or(0, |parent| parent + 1), place));
+            children.push((node.parent.map_or(0, |parent| self.numbers[parent as usize] + 1), place));
         }
         self.further.sort_unstable();
-        let mut lists = [names, ids, children, self.further];
+        let mut lists = [names, ids, children, std::mem::take(&mut self.further)];
         for pairs in &mut lists {
             pairs.sort_unstable();
             pairs.dedup();
@@ -166,9 +165,10 @@ impl ObjectsWriter {
         }
         // The pages of each list, as entries and as bytes; those of owners are elsewhere.
         let of_nodes = Nodes { objects, all };
-        let mut pages = vec![(self.owners, vec![]), (vec![], vec![])];
-        for nodes in nodes.chunks(PAGE as usize) {
-            push(&mut pages[1], 0, of_nodes.write(nodes)?);
+        let mut pages = vec![(std::mem::take(&mut self.owners), vec![]), (vec![], vec![])];
+        for nodes in self.order.chunks(PAGE as usize) {
+            let nodes: Vec<ObjectNode> = nodes.iter().map(|&node| self.placed(node)).collect();
+            push(&mut pages[1], 0, of_nodes.write(&nodes)?);
         }
         for (&kind, pairs) in ListKind::ALL[2..].iter().zip(&lists) {
             let mut list = (vec![], vec![]);

@@ -67,6 +67,20 @@ pub(crate) fn plan_after(before: Before, ranges: impl IntoIterator<Item = Range<
     requests
 }
 
+/// [`plan`] for few ranges of which each costs a step that somebody waits for: joins them, the smallest gaps first, as
+/// long as all together stay within some bytes.
+pub(crate) fn plan_within(bytes: u64, ranges: impl IntoIterator<Item = Range<u64>>) -> Vec<Range<u64>> {
+    let mut runs = plan(ranges);
+    let mut sum: u64 = runs.iter().map(|run| run.end - run.start).sum();
+    loop {
+        let gaps = (1..).zip(runs.windows(2)).map(|(next, pair)| (pair[1].start.saturating_sub(pair[0].end), next));
+        let Some((gap, next)) = gaps.min().filter(|(gap, _)| sum.saturating_add(*gap) <= bytes) else { return runs };
+        sum += gap;
+        let end = runs.remove(next).end;
+        runs[next - 1].end = runs[next - 1].end.max(end);
+    }
+}
+
 /// Ranges by ascending offset; adjacent ones become one. Only hostile files have ranges that overlap: these stay apart,
 /// and bytes may be read twice.
 fn touching(ranges: impl IntoIterator<Item = Range<u64>>) -> Vec<Range<u64>> {
@@ -116,6 +130,16 @@ mod tests {
         assert_eq!(plan([0..1 << 20, (1 << 20) + MAX_GAP..2 << 20]).len(), 1);
         // Requests stay bounded.
         assert_eq!(plan([0..MAX_REQUEST, MAX_REQUEST..MAX_REQUEST + 9]).len(), 2);
+    }
+
+    #[test]
+    fn a_few_ranges_are_joined_as_long_as_all_are_small() {
+        assert_eq!(plan_within(1000, []), []);
+        let some = [100_000..100_300, 0..100, 300..400, 100_900..101_000];
+        assert_eq!(plan_within(600, some.clone()), [0..100, 300..400, 100_000..100_300, 100_900..101_000]);
+        assert_eq!(plan_within(800, some.clone()), [0..400, 100_000..100_300, 100_900..101_000]);
+        assert_eq!(plan_within(1400, some.clone()), [0..400, 100_000..101_000]);
+        assert_eq!(plan_within(101_000, some).len(), 1);
     }
 
     #[test]

@@ -13,7 +13,7 @@ export class CoreStream {
   #options;
   #stream; // The session's number in the reader, once the index is there.
   #flying = new Map();
-  #set = new Map(); // What it shows: calls by their names.
+  #begun; // Once there is a session, or will be none.
   #failure; // Why there will be no session.
   #overview;
   #hasOverview = false; // Whether whoever draws has the overview.
@@ -23,13 +23,10 @@ export class CoreStream {
 
   constructor(core, host, number, begin, overview, options) {
     [this.#core, this.#host, this.#number, this.#options, this.#overview] = [core, host, number, options, overview];
-    begin().then(
+    this.#begun = begin().then(
       (stream) => {
         if (this.#isClosed) return;
         this.#stream = stream;
-        this.#guard(() => {
-          for (const call of this.#set) core.call(call[0], stream, ...call[1]);
-        });
         host.notify(number);
       },
       (error) => {
@@ -141,10 +138,12 @@ export class CoreStream {
     }
   }
 
-  /** Says what it shows, once there is a session. */
+  /** Says what it shows, and waits for the session that it says it to. */
   set(name, ...args) {
-    this.#set.set(name, args);
-    if (this.#stream !== undefined) this.#core.call(name, this.#stream, ...args);
+    const call = () => {
+      if (this.#stream !== undefined) this.#core.call(name, this.#stream, ...args);
+    };
+    return this.#stream === undefined ? this.#begun.then(call) : call();
   }
 
   lose() {

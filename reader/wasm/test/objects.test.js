@@ -3,6 +3,7 @@
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { describe, test } from 'node:test';
+import { CoreStream } from '../js/core-stream.js';
 import { BytesSource, Pool, open } from '../js/index.js';
 import { objectsOf } from '../js/objects.js';
 import { launch, mounts, newPage } from './browser.js';
@@ -93,6 +94,23 @@ describe('objects', { skip }, () => {
     const none = await objects.filter({ only: [] });
     assert.equal((await objects.extract({}, none)).triangles.length, 0);
     file.close();
+  });
+
+  test('a stream says what it shows once it has a session, and whoever asks may close it after that', async () => {
+    const [calls, failed] = [[], []];
+    const core = { call: (...call) => calls.push(call) };
+    for (const [session, expected] of [[7, [['show_objects', 7, 1], ['show_objects', 7, 2]]], [undefined, []]]) {
+      let begin;
+      const begun = new Promise((resolve, reject) => { begin = () => (session ? resolve(session) : reject(new Error('no session'))); });
+      const stream = new CoreStream(core, { notify: (number) => failed.push(number) }, 3, () => begun, null, {});
+      const shown = ['show_objects', 'show_objects'].map((name, k) => Promise.resolve(stream.set(name, k + 1)).then(() => calls.push(['close', k + 1])));
+      await new Promise((resolve) => { setTimeout(resolve, 5); });
+      assert.deepEqual(calls, [], 'nothing is closed before it is shown');
+      begin();
+      await Promise.all(shown);
+      assert.deepEqual(calls.splice(0).filter(([name]) => name !== 'close'), expected);
+      assert.ok(failed.splice(0).includes(3));
+    }
   });
 
   test('picks name an object, and go past those that are hidden', async () => {

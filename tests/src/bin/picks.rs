@@ -14,77 +14,14 @@ use glam::DVec3;
 use lodpack::index::Ray;
 use lodpack::source::Counting;
 use lodpack::{File, Limits, Query};
-use lodpack_tests::scene::{Scene, plant};
+use lodpack_tests::rays::{Hit, brute, meets, placed};
+use lodpack_tests::scene::plant;
 use rayon::prelude::*;
 
 type Failure = Box<dyn std::error::Error>;
 
 /// How much farther than its error a pick may be: rays meet surfaces at a slant.
 const SLANT: f64 = 20.0;
-
-/// An object of the input, with y up.
-struct Object {
-    node: u32,
-    triangles: Vec<[DVec3; 3]>,
-    bounds: [DVec3; 2],
-}
-
-/// What a ray met: how far away, and the node.
-type Hit = Option<(f64, u32)>;
-
-fn objects(scene: &Scene) -> Vec<Object> {
-    let to_world = scene.in_world();
-    let object = |(node, to): (usize, &glam::DAffine3)| {
-        let shape = &scene.shapes[scene.nodes[node].shape? as usize];
-        let place = |v: u32| {
-            let p = to.transform_point3(shape.positions[v as usize]);
-            DVec3::new(p.x, p.z, -p.y)
-        };
-        let triangles: Vec<[DVec3; 3]> = shape.triangles.iter().map(|corners| corners.map(place)).collect();
-        let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        let bounds = triangles.iter().flatten().fold(start, |[low, high], &p| [low.min(p), high.max(p)]);
-        Some(Object { node: node as u32, triangles, bounds })
-    };
-    to_world.iter().enumerate().filter_map(object).collect()
-}
-
-/// Möller and Trumbore 1997, from either side.
-fn meets([a, b, c]: [DVec3; 3], origin: DVec3, direction: DVec3) -> Option<f64> {
-    let (ab, ac) = (b - a, c - a);
-    let across = direction.cross(ac);
-    let inverse = 1.0 / ab.dot(across);
-    let from = origin - a;
-    let u = from.dot(across) * inverse;
-    let q = from.cross(ab);
-    let v = direction.dot(q) * inverse;
-    let distance = ac.dot(q) * inverse;
-    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && distance >= 0.0).then_some(distance)
-}
-
-fn enters([low, high]: [DVec3; 2], origin: DVec3, direction: DVec3) -> Option<f64> {
-    let inverse = direction.recip();
-    let (a, b) = ((low - origin) * inverse, (high - origin) * inverse);
-    let (first, last) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
-    (first <= last).then_some(first)
-}
-
-fn brute(objects: &[Object], origin: DVec3, direction: DVec3) -> Hit {
-    let mut best: Hit = None;
-    for object in objects {
-        let limit = best.map_or(f64::INFINITY, |(distance, _)| distance);
-        if enters(object.bounds, origin, direction).is_none_or(|enters| enters > limit) {
-            continue;
-        }
-        for &triangle in &object.triangles {
-            if let Some(distance) = meets(triangle, origin, direction)
-                && best.is_none_or(|(nearest, _)| distance < nearest)
-            {
-                best = Some((distance, object.node));
-            }
-        }
-    }
-    best
-}
 
 /// The part of `count` at which a number of a low-discrepancy sequence lies.
 fn share(number: u32, base: u32) -> f64 {
@@ -114,7 +51,7 @@ fn main() -> Result<(), Failure> {
     let bytes = fs::read(args.next().ok_or(usage)?)?;
     let rays: u32 = args.next().map_or(Ok(10_000), |rays| rays.parse())?;
     let scene = plant(count);
-    let objects = objects(&scene);
+    let objects = placed(&scene);
     let whole = File::open(bytes.as_slice(), Limits::default())?;
     let [low, high] = whole.bounds().ok_or("the file is empty")?.map(DVec3::from);
     let ids = |node: u32| (scene.nodes[node as usize].name.clone(), scene.nodes[node as usize].id.clone());

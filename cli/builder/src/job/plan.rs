@@ -16,6 +16,7 @@ use crate::pipeline::summary::{BuildSummary, Stopwatch, Times};
 use crate::pipeline::{PipelineError, Plan, Prepared, RegionSize, Scale, join, prepare};
 use crate::region::{DividedMesh, RegionDirectory, RegionError, RegionStore, Regions, settle_objects};
 use lodpack_import::{Imported, Overflow, Room, SpilledMesh};
+use lodpack_runtime::machine::return_free_memory;
 use lodpack_runtime::progress::Progress;
 use lodpack_runtime::storage::memory::least_bytes;
 use lodpack_runtime::storage::{JobId, PLAN_NAME, RecordReader, SealedReader, SealedWriter, WorkDirectory, WorkError};
@@ -166,6 +167,7 @@ impl Job {
     ) -> Result<BuildSummary, BuildError> {
         self.directory.keep(true);
         let (plan, sizes) = self.planned(mesh, options, progress, &mut watch)?;
+        return_free_memory();
         let (job, count) = (self.manifest.id(), plan.regions);
         let regions = RegionDirectory::charted(self.directory.clone(), job, count as usize);
         let mut times = Times::default();
@@ -181,6 +183,7 @@ impl Job {
             times.add(&took);
             self.directory.count(bytes);
             regions.remove_charted(region as usize);
+            return_free_memory();
         }
         let paths = (0..count).map(|region| self.directory.path(&part_name(region)));
         let products = PartProducts { paths: paths.collect() };
@@ -199,6 +202,7 @@ impl Job {
             return Ok(plan);
         }
         let divided = self.divided(mesh, options, progress)?;
+        return_free_memory();
         watch.lap("divide");
         let earlier = self.earlier.as_ref().map(EarlierJob::regions);
         let input_triangles = divided.triangle_count();
@@ -206,6 +210,7 @@ impl Job {
         progress.begin("repair", input_triangles);
         let regions = Regions::on_disk(divided, options.memory, options.model.extensible, earlier, progress)?;
         watch.lap("repair");
+        return_free_memory();
         let Prepared { store, plan, sizes, seams } =
             prepare(regions, input_triangles, &options.model, earlier, progress)
                 .map_err(|error| BuildError::of_inputs(error, &options.inputs))?;

@@ -356,8 +356,8 @@ impl Task<'_> {
     fn find_pairs(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
         let CutProduct { tree, are_joined, .. } = self.product(Stage::Cut, 0)?;
         let regions = tree.region_count();
-        let ImportProduct { attributes, appearance, .. } = self.carried(are_joined)?;
-        let nodes = Nodes::of(&attributes);
+        let ImportProduct { mut attributes, appearance, .. } = self.carried(are_joined)?;
+        let nodes = Nodes::taken(&mut attributes);
         let store = self.regions(regions, 1);
         let mut stats = store.stats_of(0..regions as usize)?;
         let Agreement { matching, doubled_vertices, repairs, reversed } = Agreement::of(&mut stats);

@@ -173,9 +173,9 @@ impl DividedMesh {
         &self.counts.appearance
     }
 
-    /// What the input names, as far as it is kept.
-    pub fn nodes(&self) -> Nodes {
-        Nodes::of(&self.counts.attributes)
+    /// Takes out what the input names, as far as it is kept.
+    pub fn take_nodes(&mut self) -> Nodes {
+        Nodes::taken(&mut self.counts.attributes)
     }
 
     /// Triangles before repair.

@@ -111,8 +111,8 @@ pub struct Regions {
 
 impl Regions {
     /// Divides, repairs and matches a mesh.
-    pub fn in_memory(surface: Surface, division: Division) -> Self {
-        let (appearance, nodes) = (surface.appearance.clone(), Nodes::of(&surface.attributes));
+    pub fn in_memory(mut surface: Surface, division: Division) -> Self {
+        let (appearance, nodes) = (surface.appearance.clone(), Nodes::taken(&mut surface.attributes));
         let meshes = split_mesh(surface, division);
         let alone = meshes.len() == 1;
         let of_all = trace::parallel("regions");
@@ -128,17 +128,19 @@ impl Regions {
     /// # Errors
     /// [`RegionError`].
     pub fn on_disk(
-        divided: DividedMesh,
+        mut divided: DividedMesh,
         memory: u64,
         for_later: bool,
         earlier: Option<&Earlier>,
         progress: &dyn Progress,
     ) -> Result<Self, RegionError> {
         let (largest, count) = (divided.largest_region_bytes(), divided.region_count());
-        let at_once = at_once(largest, memory)?;
+        let nodes = divided.take_nodes();
+        // Names leave memory for fewer regions at once, but for one in any case.
+        let at_once = at_once(largest, memory.saturating_sub(nodes.bytes()).max(memory.min(least_bytes(largest))))?;
         let store = RegionDirectory::new(divided.directory.clone(), divided.job, count, at_once);
         let stats = repair_regions(&store, &divided, 0..count, for_later, earlier, progress)?;
-        let (appearance, nodes) = (divided.appearance().clone(), divided.nodes());
+        let appearance = divided.appearance().clone();
         divided.finish();
         Ok(Self::matched(RegionStore::Directory(store), stats, appearance, nodes))
     }

@@ -14,10 +14,16 @@ pub struct Nodes {
 }
 
 impl Nodes {
-    /// Those of an input.
-    pub fn of(attributes: &Attributes) -> Self {
+    /// Those of an input, which are taken out of it: a million of them take as much memory as a small region.
+    pub fn taken(attributes: &mut Attributes) -> Self {
         let [objects, _] = attributes.node_counts();
-        Self { list: attributes.nodes.clone(), objects }
+        Self { list: std::mem::take(&mut attributes.nodes), objects }
+    }
+
+    /// Bytes of memory that they take.
+    pub fn bytes(&self) -> u64 {
+        let text = |text: &Option<String>| text.as_ref().map_or(0, |text| text.len().next_multiple_of(16) + 16);
+        self.list.iter().map(|node| (size_of::<ObjectNode>() + text(&node.name) + text(&node.id)) as u64).sum()
     }
 
     /// How many of them are assemblies.

@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use super::buffers::Buffers;
-use super::document::{Accessor, Dimensions, Document, Index, Sparse};
+use super::document::{Accessor, Dimensions, Document, Sparse};
+use super::fields::Index;
 use crate::error::{Location, Parsed};
 use crate::source::Source;
 

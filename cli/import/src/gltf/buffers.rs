@@ -8,7 +8,9 @@ use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
-use super::document::{Compressed, Document, Index, View, unless_negligible};
+use super::document::{Compressed, Document, View};
+use super::document_bytes::unless_negligible;
+use super::fields::Index;
 use super::meshopt;
 use crate::beside::leaves_folder;
 use crate::error::{ImportError, Location, Parsed};

@@ -1,7 +1,7 @@
 //! Extensions that a document requires: those that are read, and those without which its surface is the same.
 
 use super::document::Document;
-use super::document::{UNREAD_IMAGES, WEBP};
+use super::material_fields::{UNREAD_IMAGES, WEBP};
 use crate::error::Parsed;
 use crate::source::Source;
 

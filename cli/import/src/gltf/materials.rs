@@ -4,9 +4,9 @@ use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 
 use super::buffers::{Buffers, decode_data_uri, decode_percent, has_scheme};
-use super::document::{
-    Document, Index, Material as GltfMaterial, Texture, TextureInfo, TextureTransform, UNREAD_IMAGES, WEBP,
-};
+use super::document::Document;
+use super::fields::Index;
+use super::material_fields::{Material as GltfMaterial, Texture, TextureInfo, TextureTransform, UNREAD_IMAGES, WEBP};
 use crate::attributes::AttributeSink;
 use crate::beside::{Beside, not_beside};
 use crate::error::Parsed;

@@ -11,10 +11,14 @@ mod arrays;
 mod attributes;
 mod buffers;
 mod document;
+mod document_bytes;
 mod draco;
 mod extensions;
+mod fields;
+mod material_fields;
 mod materials;
 mod meshopt;
+mod node_list;
 mod nodes;
 mod primitive;
 mod scene;
@@ -32,8 +36,10 @@ use super::source::Source;
 use attributes::SceneAttributes;
 use buffers::Buffers;
 pub use buffers::decode_percent;
-use document::{Document, Weights, document_bytes, parse_document};
+use document::{Document, parse_document};
+use document_bytes::document_bytes;
 use draco::DracoDecoder;
+use fields::Weights;
 use primitive::PrimitiveReader;
 
 /// Reads a binary container.
@@ -152,7 +158,7 @@ fn morphed_count(document: &Document) -> u64 {
     // The weights of a node stand in place of those of its mesh.
     let of_nodes = document.nodes.iter().filter_map(|node| {
         let mesh = usize::from(node.mesh?);
-        Some((mesh, node.weights.as_ref().or(weights_of(mesh))))
+        Some((mesh, node.weights().or(weights_of(mesh))))
     });
     let of_meshes =
         (0..document.meshes.len()).filter(|_| document.nodes.is_empty()).map(|mesh| (mesh, weights_of(mesh)));

@@ -1,11 +1,15 @@
 //! The scene graph: which meshes are drawn, and where, in f64 from the JSON to the vertex.
 
+use std::borrow::Cow;
+
 use glam::{DMat4, DVec3};
 
 use super::accessor::{Array, read_vectors};
 use super::buffers::Buffers;
-use super::document::{Document, Index, Instances, Node};
-use super::nodes::{parent_from_node, roots_of_forest, transform};
+use super::document::Document;
+use super::fields::Index;
+use super::node_list::{Instances, Node, transform};
+use super::nodes::roots_of_forest;
 use super::primitive::PrimitiveReader;
 use super::skin::Joints;
 use crate::check_size;
@@ -30,14 +34,18 @@ pub(super) fn read_scene<'a>(
         return (0..document.meshes.len()).try_for_each(|mesh| reader.read_mesh(mesh, &[world_from_scene], None));
     }
     let roots = scene_roots(source, document)?;
-    let uses_skins = document.nodes.iter().any(|node| node.skin.is_some() && node.mesh.is_some());
+    let uses_skins = document.nodes.iter().any(|node| node.skin().is_some() && node.mesh.is_some());
     let joints = uses_skins.then(|| Joints::new(document, buffers));
     let (mut hidden_count, mut named_count) = (0, 0);
     // A list instead of recursion, and each node once: a damaged file can neither overflow the stack nor loop forever.
     let mut seen = vec![false; document.nodes.len()];
-    let mut open: Vec<(usize, DMat4, Option<u32>)> =
-        roots.into_iter().rev().map(|root| (root, world_from_scene, None)).collect();
-    while let Some((number, world_from_parent, parent)) = open.pop() {
+    let mut open: Vec<(std::slice::Iter<Index>, DMat4, Option<u32>)> = vec![(roots.iter(), world_from_scene, None)];
+    while let Some((siblings, world_from_parent, parent)) = open.last_mut() {
+        let (world_from_parent, parent) = (*world_from_parent, *parent);
+        let Some(number) = siblings.next().map(|&number| usize::from(number)) else {
+            open.pop();
+            continue;
+        };
         let location = Location::Item("node", number as u64);
         let Some(node) = document.nodes.get(number) else {
             let problem = format!("is named, but there are {}; export the file again", document.nodes.len());
@@ -47,25 +55,24 @@ pub(super) fn read_scene<'a>(
             let problem = "is reached twice, but nodes must form a tree; export the file again";
             return Err(source.syntax(location, problem));
         }
-        let world_from_node = world_from_parent * parent_from_node(node);
+        let world_from_node = world_from_parent * node.parent_from_node();
         if !world_from_node.is_finite() {
             return Err(source.syntax(location, "has a transform that is not finite; export the file again"));
         }
-        let extensions = node.extensions.as_deref();
-        if extensions.and_then(|extensions| extensions.visibility.as_ref()).is_some_and(|of| !of.visible) {
+        if !node.is_visible() {
             hidden_count += 1;
             continue;
         }
-        let object = reader.sink.wants_objects().then(|| reader.sink.add_node(named(node, parent)));
+        let object = reader.sink.wants_objects().then(|| reader.sink.add_node(named(&node, parent)));
         if let Some(mesh) = node.mesh.map(usize::from) {
             if mesh >= document.meshes.len() {
                 let problem =
                     format!("uses mesh {mesh}, but there are {}; export the file again", document.meshes.len());
                 return Err(source.syntax(location, problem));
             }
-            named_count += u64::from(node.name.0.is_some());
+            named_count += u64::from(node.name.is_some());
             reader.sink.set_object(object.unwrap_or(NONE));
-            match (extensions.and_then(|extensions| extensions.instances.as_ref()), node.skin, &joints) {
+            match (node.instances(), node.skin(), &joints) {
                 (_, Some(skin), Some(joints)) => {
                     let matrices = joints.matrices(source, skin.into())?;
                     reader.read_mesh(mesh, &[world_from_scene], Some(&matrices[..]))?;
@@ -86,7 +93,9 @@ pub(super) fn read_scene<'a>(
                 _ => reader.read_mesh(mesh, &[world_from_node], None)?,
             }
         }
-        open.extend(node.children.iter().rev().map(|&child| (usize::from(child), world_from_node, object)));
+        if !node.children.is_empty() {
+            open.push((node.children.iter(), world_from_node, object));
+        }
     }
     source.note_skipped(hidden_count, "nodes are not visible, and were left out with all below them");
     // A single name is that of the model.
@@ -98,7 +107,7 @@ pub(super) fn read_scene<'a>(
 
 /// What a node names.
 fn named(node: &Node, parent: Option<u32>) -> ObjectNode {
-    let [name, id] = [&node.name.0, &node.id.0].map(|text| text.as_deref().map(str::to_owned));
+    let [name, id] = [node.name, node.id].map(|text| text.map(str::to_owned));
     ObjectNode { name, id, parent }
 }
 
@@ -115,17 +124,17 @@ fn world_from_scene(source: &Source, document: &Document) -> DMat4 {
 }
 
 /// The root nodes of the scene that is read.
-fn scene_roots(source: &Source, document: &Document) -> Parsed<Vec<usize>> {
+fn scene_roots<'a>(source: &Source, document: &'a Document) -> Parsed<Cow<'a, [Index]>> {
     let other_count = (document.scenes.len() as u64).saturating_sub(1);
     source.note_skipped(other_count, "other scenes were left out: only the default one is read");
     let scene = document.scene.map_or(0, usize::from);
     match document.scenes.get(scene) {
-        Some(scene) => Ok(scene.nodes.iter().map(|&node| node.into()).collect()),
+        Some(scene) => Ok(Cow::Borrowed(&scene.nodes)),
         None if scene > 0 => {
             let problem = format!("is the default one, but there are {}; export the file again", document.scenes.len());
             Err(source.syntax(Location::Item("scene", scene as u64), problem))
         }
-        None => Ok(roots_of_forest(document)),
+        None => Ok(Cow::Owned(roots_of_forest(document))),
     }
 }
 

@@ -94,14 +94,7 @@ pub fn finish_all(files: Vec<(PendingFile, File)>) -> Result<()> {
 fn new_file(output: &Path, name: &OsStr) -> io::Result<(PathBuf, File)> {
     let mut taken = io::ErrorKind::AlreadyExists.into();
     for attempt in 0..NAMES {
-        let temporary = output.with_file_name(match attempt {
-            0 => temporary_name(name),
-            _ => {
-                let mut other = name.to_owned();
-                other.push(format!(".{}-{attempt}.tmp", std::process::id()));
-                other
-            }
-        });
+        let temporary = output.with_file_name(temporary_name(name, attempt));
         match File::options().create_new(true).read(true).write(true).open(&temporary) {
             Ok(file) => {
                 interrupt::unfinished(&temporary);
@@ -119,10 +112,37 @@ fn new_file(output: &Path, name: &OsStr) -> io::Result<(PathBuf, File)> {
     Err(taken)
 }
 
-/// The temporary name of an output.
-fn temporary_name(name: &OsStr) -> OsString {
+/// Makes a folder as [`new_file`] makes a file. There is no lock where folders cannot be locked: nobody takes them for
+/// abandoned there.
+fn new_folder(output: &Path, name: &OsStr) -> io::Result<(PathBuf, Option<File>)> {
+    let mut taken = io::ErrorKind::AlreadyExists.into();
+    for attempt in 0..NAMES {
+        let temporary = output.with_file_name(temporary_name(name, attempt));
+        match fs::create_dir(&temporary) {
+            Ok(()) => {
+                interrupt::unfinished(&temporary);
+                let folder = File::open(&temporary).ok();
+                let lock = folder.as_ref().map(File::try_lock);
+                if !matches!(lock, Some(Err(TryLockError::WouldBlock))) && temporary.exists() {
+                    return Ok((temporary, folder.filter(|_| lock.is_some_and(|lock| lock.is_ok()))));
+                }
+                interrupt::finished(&temporary);
+            }
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => taken = error,
+            Err(error) => return Err(error),
+        }
+    }
+    Err(taken)
+}
+
+/// The temporary name of an output; another one after each attempt.
+fn temporary_name(name: &OsStr, attempt: u32) -> OsString {
     let mut temporary = name.to_owned();
-    temporary.push(format!(".{}.tmp", std::process::id()));
+    temporary.push(format!(".{}", std::process::id()));
+    if attempt > 0 {
+        temporary.push(format!("-{attempt}"));
+    }
+    temporary.push(".tmp");
     temporary
 }
 
@@ -197,7 +217,7 @@ impl PendingFolder {
         check_folder(&path)?;
         let Some(name) = path.file_name() else { bail!("{shown} cannot be an output; name another folder with -o") };
         remove_abandoned(folder_of(&path), &name.to_string_lossy());
-        Self::begin(path.with_file_name(temporary_name(name)), path)
+        Self::begin(&path, name, &path)
     }
 
     /// Creates a folder whose files go among those of `path`, which may have any others: within it, so that they can be
@@ -205,24 +225,16 @@ impl PendingFolder {
     /// says how.
     pub fn merging(path: &Path) -> Result<Self> {
         let path = std::path::absolute(path).with_context(|| format!("cannot write {}", path.display()))?;
-        let temporary = match path.file_name() {
-            Some(name) if !path.exists() => path.with_file_name(temporary_name(name)),
-            _ => path.join(temporary_name("unfinished".as_ref())),
-        };
-        Self::begin(temporary, path)
+        match path.file_name().filter(|_| !path.exists()) {
+            Some(name) => Self::begin(&path, name, &path),
+            None => Self::begin(&path.join("unfinished"), "unfinished".as_ref(), &path),
+        }
     }
 
-    fn begin(temporary: PathBuf, path: PathBuf) -> Result<Self> {
-        interrupt::unfinished(&temporary);
-        let cannot_write = || format!("cannot write {}", temporary.display());
-        fs::create_dir(&temporary).with_context(cannot_write)?;
-        // Where folders cannot be locked, nobody takes this one for abandoned either.
-        let lock = File::open(&temporary).ok().filter(|lock| lock.try_lock().is_ok());
-        // A process that looked for abandoned folders may have taken it for one before it was locked.
-        if !temporary.exists() {
-            fs::create_dir(&temporary).with_context(cannot_write)?;
-        }
-        Ok(Self { temporary, path, is_finished: false, _lock: lock })
+    fn begin(beside: &Path, name: &OsStr, path: &Path) -> Result<Self> {
+        let cannot_write = || format!("cannot write a folder beside {}", beside.display());
+        let (temporary, lock) = new_folder(beside, name).with_context(cannot_write)?;
+        Ok(Self { temporary, path: path.to_owned(), is_finished: false, _lock: lock })
     }
 
     /// Where to write.
@@ -357,5 +369,26 @@ mod tests {
             let shown = bound(value).parse::<f64>().unwrap();
             assert!(shown >= value && shown <= value * 1.0011, "{value} {shown}");
         }
+    }
+
+    #[test]
+    fn outputs_of_one_name_at_the_same_moment_have_temporary_folders_of_their_own() {
+        let beside = tempfile::tempdir().unwrap();
+        let path = beside.path().join("tiles");
+        let begin = || {
+            let one = PendingFolder::create(&path, false, |_| false).unwrap();
+            fs::create_dir(one.unfinished().join("own")).unwrap();
+            one
+        };
+        let all: Vec<PendingFolder> = std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..8).map(|_| scope.spawn(|| [begin(), begin()])).collect();
+            threads.into_iter().flat_map(|thread| thread.join().unwrap()).collect()
+        });
+        assert!(all.iter().all(|one| one.unfinished().join("own").is_dir()));
+        let mut all = all.into_iter();
+        all.next().unwrap().finish().unwrap();
+        drop(all);
+        assert!(path.join("own").is_dir());
+        assert_eq!(fs::read_dir(beside.path()).unwrap().count(), 1);
     }
 }
