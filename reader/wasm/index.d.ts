@@ -419,6 +419,11 @@ export interface StreamOptions {
   maxReads?: number;
   /** How far the camera's motion is predicted, milliseconds; 300. 0 turns prefetching off. */
   ahead?: number;
+  /**
+   * Most bytes of surfaces that a frame draws newly; Infinity. What does not fit waits, and what was drawn stays. One
+   * root or group always goes, and so does what nothing was drawn in place of. Heights have no bound.
+   */
+  uploadBytes?: number;
 }
 
 /** The image of a tile of heights: a texel a sample, and one more on each side, which repeats the border. */

@@ -368,6 +368,10 @@ typedef struct {
   uint64_t texel_cache_bytes;
   // About how many texels images have along each side of a pixel, as near as halving allows; above 0. 1 by default.
   double texels_per_pixel;
+  // Most bytes of triangles that are new in a frame; what does not fit waits, and what was drawn stays. One root or
+  // group always goes, and so does what nothing was drawn in place of. UINT64_MAX, the default, for no bound. Those
+  // of heights have none.
+  uint64_t upload_bytes;
   // Threads that read and decode; at least 1, and 256 where it is more.
   uint32_t thread_count;
   // Whether frames wait until everything that they want is there. By default they do not: what is missing is drawn

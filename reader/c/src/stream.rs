@@ -51,6 +51,10 @@ pub struct StreamOptions {
     pub texel_cache_bytes: u64,
     /// About how many texels images have along each side of a pixel, as near as halving allows; above 0. 1 by default.
     pub texels_per_pixel: f64,
+    /// Most bytes of triangles that are new in a frame; what does not fit waits, and what was drawn stays. One root or
+    /// group always goes, and so does what nothing was drawn in place of. UINT64_MAX, the default, for no bound. Those
+    /// of heights have none.
+    pub upload_bytes: u64,
     /// Threads that read and decode; at least 1, and 256 where it is more.
     pub thread_count: u32,
     /// Whether frames wait until everything that they want is there. By default they do not: what is missing is drawn
@@ -149,6 +153,7 @@ pub extern "C" fn lodpack_stream_options_default() -> StreamOptions {
         mesh_cache_bytes: options.decoded_cache,
         texel_cache_bytes: options.texel_cache,
         texels_per_pixel: options.texels_per_pixel,
+        upload_bytes: options.upload_bytes,
         thread_count: thread_count as u32,
         waits: 0,
         channels: std::ptr::null(),
@@ -186,6 +191,7 @@ fn open(file: &File, options: &StreamOptions, channels: &[u32]) -> Result<Stream
         decoded_cache: options.mesh_cache_bytes,
         texel_cache: options.texel_cache_bytes,
         texels_per_pixel: options.texels_per_pixel,
+        upload_bytes: options.upload_bytes,
         ..Options::default()
     };
     let thread_count = options.thread_count.min(256) as usize;

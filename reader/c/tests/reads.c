@@ -255,6 +255,26 @@ static void ask_heights(const lodpack_file *file, int is_sound) {
     free(heights);
 }
 
+/* Draws as little that is new in a frame as there can be, until all of it is drawn, and then nothing more. */
+static void pace(const lodpack_file *file) {
+    lodpack_stream_options options = lodpack_stream_options_default();
+    EXPECT(options.upload_bytes == UINT64_MAX);
+    options.upload_bytes = 0;
+    options.thread_count = 2;
+    lodpack_stream *stream;
+    EXPECT(lodpack_open_stream(file, &options, &stream) == LODPACK_STATUS_OK);
+    lodpack_query query = lodpack_query_default();
+    lodpack_frame frame = {0};
+    for (int number = 0; number < 100000 && !frame.is_complete; number++) {
+        EXPECT(lodpack_draw_frame(stream, &query, &frame) == LODPACK_STATUS_OK);
+        EXPECT(lodpack_settle(stream) == LODPACK_STATUS_OK);
+    }
+    EXPECT(frame.is_complete);
+    EXPECT(lodpack_draw_frame(stream, &query, &frame) == LODPACK_STATUS_OK);
+    EXPECT(frame.is_complete && frame.upload_count == 0 && frame.drop_count == 0);
+    lodpack_close_stream(stream);
+}
+
 /* Flies past a file, and counts the roots that a viewer would have. */
 static void fly(const lodpack_file *file, const lodpack_info *info, int is_sound) {
     uint32_t channel = 0;
@@ -557,6 +577,9 @@ static void read_file(const char *path, nature kind) {
         lodpack_info info;
         if (i == 1 && lodpack_get_info(files[i], &info) == LODPACK_STATUS_OK) {
             fly(files[i], &info, is_sound);
+            if (is_sound && info.kind == LODPACK_KIND_MESH) {
+                pace(files[i]);
+            }
         }
         lodpack_status verified = lodpack_verify(files[i]);
         EXPECT(verified == LODPACK_STATUS_OK || is_refusal(verified));

@@ -49,8 +49,10 @@ impl Goal {
 /// The queues that an algorithm needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Needed {
-    /// Refine and coarsen, and the largest error.
+    /// Refine, and the largest error.
     pub by_error: bool,
+    /// Coarsen.
+    pub coarsens: bool,
     /// Split and merge, where there are trees.
     pub by_triangles: bool,
     /// Splits and merges are priced at the nodes' own errors instead of the tolerance.
@@ -63,6 +65,8 @@ pub(crate) struct Adaptation {
     pub front: Front,
     pub goal: Goal,
     needed: Needed,
+    /// Nodes with errors that are not above this one are in none of the two queues that follow.
+    floor: f64,
     /// All nodes inside, by error. An algorithm without queues by error keeps only those above the tolerance.
     pub worst: Queue,
     /// Nodes above the tolerance that can be refined, by error.
@@ -93,18 +97,20 @@ pub(crate) struct Stamp {
 }
 
 impl Adaptation {
-    pub(crate) fn new(front: Front, goal: Goal, mut needed: Needed) -> Self {
+    /// The queues of a cut. Nodes whose errors are at most `floor`, if that is zero or more, are not in those by error.
+    pub(crate) fn new(front: Front, goal: Goal, mut needed: Needed, floor: f64) -> Self {
         let hierarchy = &front.hierarchy;
         needed.by_triangles &= hierarchy.has_children();
         let of = |needed: bool| Queue::new(if needed { hierarchy.node_count() } else { 0 });
-        let (by_error, by_triangles) = (of(needed.by_error), of(needed.by_triangles));
+        let (refine, coarsen, by_triangles) = (of(needed.by_error), of(needed.coarsens), of(needed.by_triangles));
         let stamps = vec![Stamp::default(); hierarchy.node_count() as usize];
         let mut this = Self {
             goal,
             needed,
+            floor,
             worst: Queue::new(hierarchy.node_count()),
-            refine: by_error.clone(),
-            coarsen: by_error,
+            refine,
+            coarsen,
             split: by_triangles.clone(),
             merge: by_triangles,
             blocked_by: None,
@@ -143,19 +149,38 @@ impl Adaptation {
 
     pub(crate) fn refresh_by_error(&mut self, node: u32) {
         let front = &self.front;
-        if !front.is_inside(node) {
-            self.worst.set(node, None);
-            self.refine.set(node, None);
-            let collapsed = if front.contains(node) { None } else { self.error_if_collapsed(node) };
-            self.coarsen.set(node, collapsed.map(|error| -error));
-            return;
-        }
-        let (error, resolution) = (front.error(node), front.resolution(node));
-        self.worst.set(node, Some(error));
-        let is_open =
-            error > self.goal.tolerance && self.stamps[node as usize].blocked != self.pass && front.can_refine(node);
+        let is_inside = front.is_inside(node);
+        let error = if is_inside && front.may_exceed(node, self.floor) { front.error(node) } else { self.floor };
+        let is_above = error > self.floor;
+        self.worst.set(node, is_above.then_some(error));
+        let is_open = is_above
+            && error > self.goal.tolerance
+            && self.stamps[node as usize].blocked != self.pass
+            && front.can_refine(node);
         self.refine.set(node, is_open.then_some(error));
-        self.coarsen.set(node, (resolution > 0).then(|| -front.error_at(node, resolution - 1)));
+        if self.needed.coarsens {
+            let resolution = front.resolution(node);
+            let coarser = if is_inside {
+                (resolution > 0).then(|| front.error_at(node, resolution - 1))
+            } else if front.contains(node) {
+                None
+            } else {
+                self.error_if_collapsed(node)
+            };
+            self.coarsen.set(node, coarser.map(|error| -error));
+        }
+    }
+
+    /// Lets nodes with smaller errors into the queues by error. Returns whether there may be any above the tolerance.
+    pub(crate) fn lower_floor(&mut self) -> bool {
+        if self.floor < 0.0 || self.floor <= self.goal.tolerance {
+            return false;
+        }
+        let worst = self.worst.peek().map_or(0.0, |(error, _)| error);
+        self.floor = if worst > 0.0 && self.floor > worst / 1024.0 { self.floor / 16.0 } else { -1.0 };
+        self.front.mark_all();
+        self.refresh();
+        true
     }
 
     pub(crate) fn refresh_by_triangles(&mut self, node: u32) {
@@ -165,9 +190,9 @@ impl Adaptation {
         self.merge.set(node, cost.map(|cost| -cost));
     }
 
-    /// The largest weighted error.
+    /// The largest weighted error, or where all are below the floor, the floor.
     pub(crate) fn worst_error(&self) -> f64 {
-        self.worst.peek().map_or(0.0, |(error, _)| error.max(0.0))
+        self.worst.peek().map_or(self.floor, |(error, _)| error).max(0.0)
     }
 
     /// The threshold for local costs at an error.

@@ -5,10 +5,10 @@ use std::{collections::BTreeMap, sync::Arc};
 use super::{
     adaptation::{Adaptation, Goal},
     cut::{Cut, Limiter, Outside, Query},
-    dual_queue,
+    from_scratch::Later,
     front::{ABSENT, Front},
     hierarchy::Hierarchy,
-    quad_queue::{self, Effort},
+    quad_queue::Effort,
     weights::{Scope, Weights},
 };
 use crate::error::Result;
@@ -265,13 +265,5 @@ fn start(hierarchy: &Arc<Hierarchy>, query: &Query, coherence: Coherence) -> Res
     let front = Front::new(hierarchy, weights, query.outside == Outside::Coarsest);
     let goal = query.goal(coherence.hysteresis.clamp(0.0, 0.9));
     let goal = goal.within_reach(&front);
-    let mut adaptation;
-    if query.has_budget() {
-        adaptation = Adaptation::new(front, goal, quad_queue::NEEDED);
-        adaptation.adapt_quad_queue(Effort::FULL);
-    } else {
-        adaptation = Adaptation::new(front, goal, dual_queue::NEEDED);
-        adaptation.adapt_top_down();
-    }
-    Ok(adaptation)
+    Ok(Adaptation::from_scratch(front, goal, query.has_budget(), Later::Frames))
 }

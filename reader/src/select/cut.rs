@@ -4,10 +4,9 @@ use std::sync::Arc;
 
 use super::{
     adaptation::{Adaptation, Goal},
+    from_scratch::Later,
     front::Front,
     hierarchy::Hierarchy,
-    quad_queue::{self, Effort},
-    top_down,
     weights::{Scope, Weights},
 };
 use crate::{
@@ -177,7 +176,8 @@ impl Query {
     }
 }
 
-/// Finds the cut for a query from scratch: by the quad-queue where triangles or bytes are limited, else top-down.
+/// Finds the cut for a query from scratch: that of the smallest threshold within the budgets, and
+/// then as far as the queues change it.
 ///
 /// # Errors
 /// [`Error::Query`] if no cut keeps the budgets (the message says what the coarsest takes), or something in the query
@@ -192,15 +192,7 @@ pub(crate) fn adapt_from_scratch(hierarchy: &Arc<Hierarchy>, query: &Query) -> R
     let front = Front::new(hierarchy, weights, query.outside == Outside::Coarsest);
     let goal = query.goal(0.0);
     check_budgets(&goal, &front)?;
-    if query.has_budget() {
-        let mut adaptation = Adaptation::new(front, goal, quad_queue::NEEDED);
-        adaptation.adapt_quad_queue(Effort::FULL);
-        Ok(adaptation)
-    } else {
-        let mut adaptation = Adaptation::new(front, goal, top_down::NEEDED);
-        adaptation.adapt_top_down();
-        Ok(adaptation)
-    }
+    Ok(Adaptation::from_scratch(front, goal, query.has_budget(), Later::Done))
 }
 
 /// # Errors

@@ -28,8 +28,8 @@ impl Adaptation {
         nodes.sort_unstable();
         nodes.dedup();
         for node in nodes {
-            let error = self.front.is_inside(node).then(|| self.front.error(node));
-            self.worst.set(node, error.filter(|&error| error > self.goal.tolerance));
+            let error = self.is_above_tolerance(node).then(|| self.front.error(node));
+            self.worst.set(node, error);
             if self.has_tree_queues() {
                 self.refresh_by_triangles(node);
             }
@@ -45,8 +45,13 @@ impl Adaptation {
         self.settle(nodes, coarsens);
     }
 
+    fn is_above_tolerance(&self, node: u32) -> bool {
+        let (front, tolerance) = (&self.front, self.goal.tolerance);
+        front.is_inside(node) && front.may_exceed(node, tolerance) && front.error(node) > tolerance
+    }
+
     fn refine_to_tolerance(&mut self, node: u32) {
-        while self.front.is_inside(node) && self.front.error(node) > self.goal.tolerance {
+        while self.is_above_tolerance(node) {
             if self.front.has_finer(node) {
                 self.front.place(node, self.front.resolution(node) + 1);
             } else if self.front.hierarchy.children(node).is_empty() {

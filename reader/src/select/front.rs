@@ -2,7 +2,10 @@
 
 use std::{cell::Cell, sync::Arc};
 
-use super::{hierarchy::Hierarchy, weights::Weights};
+use super::{
+    hierarchy::{Hierarchy, NONE},
+    weights::Weights,
+};
 
 /// As a resolution: the node is not in the cut. As a level: it is not drawn.
 pub(crate) const ABSENT: u8 = u8::MAX;
@@ -62,11 +65,76 @@ impl Front {
 
     /// Goes back to the coarsest cut.
     pub(crate) fn reset(&mut self) {
+        let mut coarsest = vec![ABSENT; self.resolutions.len()];
+        self.hierarchy.roots().iter().for_each(|&root| coarsest[root as usize] = 0);
+        self.lay(&coarsest);
+    }
+
+    /// Takes the place of the whole cut, and counts everything anew: for many changes faster than one by one.
+    pub(crate) fn lay(&mut self, resolutions: &[u8]) {
         let hierarchy = Arc::clone(&self.hierarchy);
-        for node in 0..hierarchy.node_count() {
-            let resolution = if hierarchy.parent(node).is_none() { 0 } else { ABSENT };
-            self.place(node, resolution);
+        for (node, &resolution) in (0..).zip(resolutions) {
+            let before = self.resolution(node);
+            if before == resolution {
+                continue;
+            }
+            self.journal.push((node, before));
+            if resolution == ABSENT {
+                self.weights.forget(node, &hierarchy);
+            } else if before == ABSENT {
+                self.weights.weigh(&hierarchy, node);
+            }
+            self.resolutions[node as usize] = resolution;
         }
+        (self.triangle_count, self.node_count, self.byte_count) = (0, 0, 0);
+        self.page_uses.fill(0);
+        for node in 0..hierarchy.node_count() {
+            let resolution = self.resolution(node);
+            let is_drawn = resolution != ABSENT && (self.draws_outside || self.weights.get(node) > 0.0);
+            self.levels[node as usize] = if is_drawn { hierarchy.level(node, resolution) } else { ABSENT };
+            self.mark(node);
+            if is_drawn {
+                self.count(node, resolution);
+            }
+        }
+        for border in 0..hierarchy.border_count() as u32 {
+            let users = &mut self.users[hierarchy.users_of(border)];
+            let (mut drawn, mut coarsest, mut finest) = (0, ABSENT, 0);
+            for at in 0..users.len() {
+                let level = self.levels[users[at] as usize];
+                if level != ABSENT {
+                    users.swap(at, drawn);
+                    (drawn, coarsest, finest) = (drawn + 1, coarsest.min(level), finest.max(level));
+                }
+            }
+            self.drawn_users[border as usize] = drawn as u32;
+            if coarsest < finest {
+                self.triangle_count += self.extra_triangles(border, NONE, ABSENT);
+            }
+        }
+    }
+
+    /// Counts a node that is drawn from now on, without what stitching adds.
+    fn count(&mut self, node: u32, resolution: u8) {
+        let Self { hierarchy, page_uses, .. } = self;
+        self.triangle_count += hierarchy.grade(node, resolution).triangle_count;
+        self.node_count += 1;
+        for &page in (0..=resolution).flat_map(|resolution| hierarchy.pages(node, resolution)) {
+            let uses = &mut page_uses[page as usize];
+            self.byte_count += if *uses == 0 { hierarchy.page_bytes()[page as usize] } else { 0 };
+            *uses += 1;
+        }
+    }
+
+    /// Adds evaluations of errors that others make.
+    pub(crate) fn add_evaluations(&self, count: u64) {
+        self.evaluation_count.set(self.evaluation_count.get() + count);
+    }
+
+    /// The weight of a node of the cut, or the one that a node would enter it with.
+    pub(crate) fn weight_in_cut(&mut self, node: u32) -> f64 {
+        let hierarchy = Arc::clone(&self.hierarchy);
+        if self.contains(node) { self.weights.get(node) } else { self.weights.foresee(&hierarchy, node) }
     }
 
     pub(crate) fn resolution(&self, node: u32) -> u8 {
@@ -117,6 +185,12 @@ impl Front {
     /// Weighted bound of a node's error in this cut.
     pub(crate) fn error(&self, node: u32) -> f64 {
         self.error_at(node, self.resolution(node))
+    }
+
+    /// Whether a node's error may be above another one, whatever its neighbours are.
+    pub(crate) fn may_exceed(&self, node: u32, error: f64) -> bool {
+        let grade = self.hierarchy.grade(node, self.resolution(node));
+        self.weights.get(node) * grade.refined_error.max(grade.error) > error
     }
 
     /// Bound of the error in world units.
@@ -271,13 +345,7 @@ impl Front {
         self.triangle_count = self.triangle_count + extra_after - extra_before;
         // New pages come first, so that pages that stay are never uncounted.
         if is_drawn {
-            self.triangle_count += hierarchy.grade(node, resolution).triangle_count;
-            self.node_count += 1;
-            for page in (0..=resolution).flat_map(|resolution| hierarchy.pages(node, resolution)) {
-                let uses = &mut self.page_uses[*page as usize];
-                self.byte_count += if *uses == 0 { hierarchy.page_bytes()[*page as usize] } else { 0 };
-                *uses += 1;
-            }
+            self.count(node, resolution);
         }
         if old_level != ABSENT {
             self.triangle_count -= hierarchy.grade(node, old_resolution).triangle_count;

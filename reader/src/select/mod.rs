@@ -1,35 +1,38 @@
 //! Choosing a cut: which node is drawn how finely (SPEC.md, "Cuts"; Niski 2007, chapter 4).
 //!
 //! Everything here is a pure function of a [`Hierarchy`]: no geometry, no reading, no clock. [`select_in`] makes a cut
-//! from scratch; an [`Adapter`] keeps one from frame to frame. [`select_cut`] asks a file's index. The algorithms have
-//! Niski's names:
+//! from scratch; an [`Adapter`] keeps one from frame to frame. [`select_cut`] asks a file's index. Every cut begins
+//! with the one of a threshold (`threshold`), which the queues of Niski (2007) then adapt, in each frame again:
 //!
-//! | module | adapts to | from |
-//! |---|---|---|
-//! | `top_down` | tolerance, node budget | scratch |
-//! | `dual_queue` | tolerance, node budget | the last frame's cut |
-//! | `quad_queue` | triangle, node and byte budgets, and a tolerance | either |
+//! | module | adapts to |
+//! |---|---|
+//! | `dual_queue` | tolerance, node budget |
+//! | `quad_queue` | triangle, node and byte budgets, and a tolerance |
 //!
-//! The coherent ones share a threshold for hysteresis (section 4.3).
+//! Both have a threshold for hysteresis (section 4.3).
 
 mod adaptation;
 mod adapter;
 mod camera;
 mod cut;
+mod draft;
 mod dual_queue;
 mod error_bound;
 mod frame_model;
 mod from_index;
+mod from_scratch;
 mod front;
 mod hierarchy;
+mod histogram;
 mod known;
 mod lines;
 mod page_bytes;
 mod performance;
 mod quad_queue;
 mod queue;
+mod share;
 mod split_merge;
-mod top_down;
+mod threshold;
 mod unify;
 mod view;
 mod weights;
@@ -45,6 +48,7 @@ pub(crate) use from_index::SMALL_INDEX_BYTES;
 pub use from_index::{boundary_edge_count, select_cut, uniform_cut};
 pub use hierarchy::{Hierarchy, HierarchyNode, Resolution};
 pub use performance::{Controls, PerformanceGoal, PerformanceMode, PerformanceTarget};
+pub use share::{Shares, share};
 pub use unify::{ScreenLoad, TileTree, Tiles, TilesReport, Unification, Unified, balanced_cuts, unify_cuts};
 pub(crate) use view::{OrientedBox, Projection};
 pub use view::{Plane, View, Volume};

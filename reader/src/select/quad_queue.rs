@@ -12,7 +12,7 @@ use super::{
 };
 
 /// The queues that the algorithm needs.
-pub(crate) const NEEDED: Needed = Needed { by_error: true, by_triangles: true, local_thresholds: true };
+pub(crate) const NEEDED: Needed = Needed { by_error: true, coarsens: true, by_triangles: true, local_thresholds: true };
 
 /// How thorough a call has to be.
 #[derive(Clone, Copy, Debug)]
@@ -28,14 +28,14 @@ pub(crate) struct Effort {
 }
 
 impl Effort {
-    /// For a cut from scratch.
+    /// For a cut that nothing has adapted yet but its threshold.
     pub(crate) const FULL: Self = Self { max_misfits: usize::MAX, fills_up: true, changes: usize::MAX, rounds: 64 };
     /// For one frame of many.
     pub(crate) const FRAME: Self = Self { max_misfits: 16, fills_up: false, changes: 64, rounds: 2 };
 }
 
 impl Adaptation {
-    /// Adapts the cut as it is, or with [`Effort::FULL`] the coarsest one. Returns whether the last proposal was kept.
+    /// Adapts the cut as it is. Returns whether the last proposal was kept.
     pub(crate) fn adapt_quad_queue(&mut self, effort: Effort) -> bool {
         self.begin();
         self.refresh();
@@ -99,7 +99,7 @@ impl Adaptation {
     fn balance(&mut self, effort: Effort) {
         let mut blocked = Vec::new();
         let mut best = (self.worst_error(), self.front.mark_of_journal());
-        while let Some((error, node)) = self.refine.peek() {
+        while let Some((error, node)) = self.most_urgent() {
             match self.refine_once(node, f64::INFINITY) {
                 Ok(()) => {
                     let now = self.worst_error();
@@ -108,6 +108,7 @@ impl Adaptation {
                     }
                 }
                 Err(_) if blocked.len() >= effort.max_misfits => break,
+                Err(_) if effort.fills_up && !blocked.is_empty() && self.is_used_up() => break,
                 Err(limiter) => {
                     if self.make_room(error, node) {
                         continue;
@@ -124,7 +125,7 @@ impl Adaptation {
         }
         if effort.fills_up && !blocked.is_empty() {
             self.unblock(&blocked);
-            while let Some((_, node)) = self.refine.peek() {
+            while let Some((_, node)) = if self.is_used_up() { None } else { self.most_urgent() } {
                 if self.refine_once(node, best.0).is_err() {
                     self.block(node);
                     blocked.push(node);
@@ -132,6 +133,22 @@ impl Adaptation {
             }
         }
         self.unblock(&blocked);
+    }
+
+    /// The node with the largest error of those that can be refined.
+    fn most_urgent(&mut self) -> Option<(f64, u32)> {
+        loop {
+            match self.refine.peek() {
+                None if self.lower_floor() => {}
+                node => return node,
+            }
+        }
+    }
+
+    /// Whether less than a thousandth of a budget is left.
+    fn is_used_up(&self) -> bool {
+        let left = |most: u64, used: u64| most < u64::MAX && most.saturating_sub(used) < most >> 10;
+        left(self.goal.triangles, self.front.triangle_count) || left(self.goal.bytes, self.front.byte_count)
     }
 
     /// A node does not fit: it is not tried again in this pass, whatever happens around it.

@@ -133,6 +133,15 @@ impl Weights {
         self.scope.factor(hierarchy.bounds(node))
     }
 
+    /// The weight that a node would enter the cut with. Changes none.
+    pub(crate) fn foresee(&mut self, hierarchy: &Hierarchy, node: u32) -> f64 {
+        if self.bundles[hierarchy.bundle(node) as usize].is_asleep {
+            return 0.0;
+        }
+        let play = if self.scope.projection.is_some() { self.play / 2.0 } else { 0.0 };
+        self.glance(hierarchy, node) * (1.0 + play)
+    }
+
     /// Sets the weight of a node that enters the cut.
     pub(crate) fn weigh(&mut self, hierarchy: &Hierarchy, node: u32) -> f64 {
         if self.bundles[hierarchy.bundle(node) as usize].is_asleep {

@@ -6,6 +6,7 @@ use super::{
     content::{FileContent, Unit},
     drawn_surface::DrawnSurface,
     loader::{Loader, UnitState},
+    pace::paced,
     picture::{Changes, Picture},
     queue::Class,
 };
@@ -210,6 +211,8 @@ pub(crate) struct WantedCut {
     holds: SortedMap<Unit, u32>,
     /// Whether surfaces came or went since they were last asked for.
     is_changed: bool,
+    /// Surfaces that were too much for the last frame.
+    pub wait_count: usize,
     /// What was drawn then, by root.
     shown: Vec<Shown>,
     /// Whether blocks that had been given up may be had again, or are drawn otherwise.
@@ -361,10 +364,19 @@ impl WantedCut {
         self.open.len()
     }
 
-    /// What has changed since the last call.
-    pub fn take_changed(&mut self, content: &FileContent) -> Option<Difference> {
+    /// What has changed since the last call, whose picture is still drawn. New surfaces have at most so many bytes; the
+    /// others wait for the next calls.
+    pub fn take_changed(&mut self, content: &FileContent, picture: &Picture, upload_bytes: u64) -> Option<Difference> {
         if !std::mem::take(&mut self.is_changed) {
             return None;
+        }
+        self.wait_count = 0;
+        if upload_bytes < u64::MAX {
+            let drawn: Vec<_> = picture.roots().map(|root| Arc::clone(&root.surface)).collect();
+            let (surfaces, wait_count) = paced(content, &drawn, self.surfaces(content), upload_bytes);
+            (self.wait_count, self.is_changed) = (wait_count, wait_count > 0);
+            let now = surfaces.iter().map(|surface| (Shown::of(surface), surface));
+            return Some(Difference::take(&mut self.shown, now));
         }
         let is_own = |slot: &Slot| slot.shown.is_none_or(|shown| shown.root == slot.node.root);
         if self.staying.is_empty() && self.slots.iter().all(is_own) {

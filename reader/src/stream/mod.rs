@@ -72,6 +72,7 @@ mod loaders;
 mod loading;
 mod motion;
 mod octahedral;
+mod pace;
 mod picture;
 mod prefetch;
 mod queue;
@@ -160,6 +161,11 @@ pub struct Options {
     /// becoming coarser (Niski 2007, section 6.2). Frames may then exceed a triangle budget until the wanted level is
     /// loaded.
     pub may_stay_finer: bool,
+    /// Most bytes of surfaces that a frame draws newly, in memory as in the cache of decoded ones, so that no frame has
+    /// much to upload. What does not fit waits, and what was drawn in its place stays; the largest gain of detail goes
+    /// first. However small the number, one root or group gives way in each frame, and what nothing was drawn in place
+    /// of is drawn at once. No bound by default. Frames that wait ([`Mode::Synchronous`]) and heights have none.
+    pub upload_bytes: u64,
     /// Of heights: in a view, tiles whose samples take more pixels than this give way to their quarters for the sake of
     /// light and colours, even where their triangles are near enough. Infinite by default: then geometry alone decides.
     pub sample_px: f64,
@@ -184,6 +190,7 @@ impl Default for Options {
             max_attempts: 6,
             retry_delay: Duration::from_millis(100),
             may_stay_finer: true,
+            upload_bytes: u64::MAX,
             sample_px: f64::INFINITY,
             light: false,
         }

@@ -257,11 +257,14 @@ impl Session {
             (true, None) => Shows::Nothing,
         };
         let mut changes = Changes::default();
+        let waits = self.options.mode == Mode::Synchronous;
+        let upload_bytes = if waits { u64::MAX } else { self.options.upload_bytes };
         if shows == Shows::Picture
-            && let Some(difference) = self.wanted.take_changed(&self.content)
+            && let Some(difference) = self.wanted.take_changed(&self.content, &self.picture, upload_bytes)
         {
             changes = self.picture.update(difference);
         }
+        let is_complete = is_complete && self.wanted.wait_count == 0;
         let counters = &mut loader.counters;
         counters.late_roots += u64::from(late_roots);
         let strips_of = |root: &u32| self.picture.root(*root).map_or(0, |root| root.strips.len() as u64);

@@ -111,8 +111,8 @@ export class Core {
   async openStream(options) {
     const number = (this.#streamCount += 1);
     const begin = () => this.#ask(() => {
-      const { byteCache, decodedCache, texelCache, texelsPerPixel, maxReads, ahead, light, origin } = options;
-      return this.call('open_stream', byteCache, decodedCache, texelCache, texelsPerPixel, maxReads, ahead, light ? 1 : 0, ...origin);
+      const { byteCache, decodedCache, texelCache, texelsPerPixel, maxReads, ahead, light, origin, uploadBytes } = options;
+      return this.call('open_stream', byteCache, decodedCache, texelCache, texelsPerPixel, maxReads, ahead, light ? 1 : 0, ...origin, uploadBytes);
     });
     const overview = () => (this.call('overview', options.light ? 1 : 0) ? this.#mesh() : null);
     this.#streams.set(number, new CoreStream(this, this.#host, number, begin, overview, options));

@@ -145,12 +145,12 @@ export class LodpackFile {
   /** @private A stream whose calls wait until it is open. */
   streamLater(options) {
     const middle = this.bounds ? this.bounds.min.map((low, axis) => (low + this.bounds.max[axis]) / 2) : [0, 0, 0];
-    const { origin = middle, byteCache = 64 << 20, decodedCache = 256 << 20, texelCache = 128 << 20, texelsPerPixel = 1, maxReads = 6, ahead = 300 } = options;
+    const { origin = middle, byteCache = 64 << 20, decodedCache = 256 << 20, texelCache = 128 << 20, texelsPerPixel = 1, maxReads = 6, ahead = 300, uploadBytes = Infinity } = options;
     const { channel = 'none', range, normals, materials } = options;
     const light = Boolean(options.light) && !this.storesNormals;
     channelNumber(this.channels, channel); // Before anything is started.
     const overviewError = this.overviewSummary?.error ?? Infinity;
-    const number = this.#reader.call('openStream', { origin, byteCache, decodedCache, texelCache, texelsPerPixel, maxReads, ahead, light, overviewError });
+    const number = this.#reader.call('openStream', { origin, byteCache, decodedCache, texelCache, texelsPerPixel, maxReads, ahead, light, uploadBytes, overviewError });
     const stream = new Stream(this.#reader, this.#reading, number, origin, this.channels, (number) => this.#streams.delete(number));
     stream.ready = number.then((number) => {
       this.#streams.set(number, stream);

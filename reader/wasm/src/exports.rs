@@ -199,6 +199,7 @@ pub extern "C" fn lodpack_open_stream(
     x: f64,
     y: f64,
     z: f64,
+    upload_bytes: f64,
 ) -> i32 {
     let options = Options {
         byte_cache: byte_cache as u64,
@@ -206,6 +207,7 @@ pub extern "C" fn lodpack_open_stream(
         texel_cache: texel_cache as u64,
         texels_per_pixel,
         max_reads: max_reads as usize,
+        upload_bytes: upload_bytes as u64,
         // As the native viewer.
         sample_px: 3.0,
         light: light != 0,

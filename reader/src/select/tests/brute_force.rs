@@ -56,9 +56,9 @@ fn measure_all(hierarchy: &Arc<Hierarchy>) -> Vec<(u64, u64, f64)> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Without trees the top-down algorithm finds the best cut there is.
+    /// Without trees the cut of the threshold is the best there is.
     #[test]
-    fn top_down_is_optimal_where_nothing_can_be_split(seed in 0_u64..1000, tolerance in 0.0_f64..0.5) {
+    fn a_tolerance_is_optimal_where_nothing_can_be_split(seed in 0_u64..1000, tolerance in 0.0_f64..0.5) {
         let hierarchy = Plane { size: 2, resolutions: 4, seed, ..Plane::default() }.hierarchy();
         let query = Query { tolerance: Some(tolerance), ..Query::default() };
         let cut = select_in(&hierarchy, &query).unwrap();
@@ -76,7 +76,7 @@ proptest! {
 
     /// With trees it is greedy; how far from the best is bounded here by experience.
     #[test]
-    fn top_down_is_near_the_best_with_a_node_budget(seed in 0_u64..1000, tolerance in 0.02_f64..0.5, nodes in 1_u64..6) {
+    fn a_tolerance_is_near_the_best_with_a_node_budget(seed in 0_u64..1000, tolerance in 0.02_f64..0.5, nodes in 1_u64..6) {
         let plane = Plane { size: 1, depth: 1, resolutions: 4, seed, deviation: 0.3 };
         let hierarchy = plane.hierarchy();
         let query = Query { tolerance: Some(tolerance), max_nodes: Some(nodes), ..Query::default() };

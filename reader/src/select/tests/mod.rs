@@ -5,6 +5,7 @@ mod budgets;
 mod coherent;
 mod queries;
 pub(crate) mod synthetic;
+mod thresholds;
 
 use crate::{
     Cut, Query,

@@ -143,7 +143,8 @@ fn four_tiles_work_little_more_than_one() {
             ratio(0),
             ratio(1)
         );
-        assert!(ratio(1) <= 1.3 && ratio(0) <= 1.3, "{} {}", ratio(0), ratio(1));
+        // From scratch there is so little work that looking at boxes, which each tile does, is most of it.
+        assert!(ratio(1) <= 1.3 && ratio(0) <= 1.5, "{} {}", ratio(0), ratio(1));
     }
 }
 

@@ -8,6 +8,7 @@ mod light;
 mod lists;
 mod loading;
 mod modes;
+mod pace;
 mod textures;
 #[cfg(feature = "threads")]
 mod threads;
@@ -41,6 +42,7 @@ const APART: Options = Options {
     max_attempts: 3,
     retry_delay: Duration::from_millis(10),
     may_stay_finer: true,
+    upload_bytes: u64::MAX,
     sample_px: f64::INFINITY,
     light: false,
 };

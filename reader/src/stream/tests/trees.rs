@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// A closed surface: a top of six groups of four groups of four roots, each of these with up to three levels.
-fn tree(seed: u64) -> Arc<File<Vec<u8>>> {
+pub(super) fn tree(seed: u64) -> Arc<File<Vec<u8>>> {
     let bytes = file_of(&cube(4), ModelOptions { levels: 3, seed, grids_of_four: 1, heights: 3 });
     Arc::new(File::open(bytes, Limits::default()).unwrap())
 }
@@ -37,7 +37,7 @@ fn is_below(file: &File<Vec<u8>>, root: u32, above: u32) -> bool {
 }
 
 /// Checks that a picture is one closed surface, which is that of its nodes, with the strips that would be made now.
-fn check(file: &Arc<File<Vec<u8>>>, picture: &Picture) {
+pub(super) fn check(file: &Arc<File<Vec<u8>>>, picture: &Picture) {
     let mesh = picture.mesh();
     assert_eq!((open_edges(&mesh), euler_characteristic(&mesh)), (0, 2));
     assert_eq!(triangles(&mesh), triangles(&file.extract(&cut_of(&picture.nodes())).unwrap()));

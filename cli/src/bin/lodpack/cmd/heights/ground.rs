@@ -9,6 +9,7 @@ use crate::output::{bound, bytes, count, length, say};
 use anyhow::{Result, bail};
 use lodpack::ReadAt;
 use lodpack::heights::{Heights, HeightsQuery};
+use lodpack::select::share;
 use lodpack::{File, GroundFrame, Outside, Query};
 use serde::Serialize;
 
@@ -144,16 +145,15 @@ pub fn shares(
         let tiles = in_file(&args.file, heights.cut(&HeightsQuery { bounds, tolerance, max_triangles: None }))?;
         anyhow::Ok([(cut.nodes.len(), cut.triangle_count), (tiles.tiles.len(), tiles.triangle_count)])
     };
-    let counts = match args.triangles {
-        None => counts_at(tolerance)?,
-        Some(most) => within_budget(most, tolerance, size_of(surface, frame, heights), counts_at)?,
-    };
-    let all = (counts[0].1 + counts[1].1).max(1);
-    let of_surface = args.triangles.map(|most| match all <= most {
-        // What is left over is of more use to the ground, whose stitches come on top.
-        true => counts[0].1.max(1),
-        false => (u128::from(most) * u128::from(counts[0].1) / u128::from(all)) as u64,
+    let largest = size_of(surface, frame, heights);
+    let shared = args.triangles.map(|most| {
+        let triangles_at = |tolerance| anyhow::Ok(counts_at(Some(tolerance))?.map(|(_, triangles)| triangles).to_vec());
+        share(most, [tolerance.unwrap_or(0.0), largest], triangles_at)
     });
+    let shared = shared.transpose()?;
+    let counts = counts_at(shared.as_ref().map(|shared| shared.tolerance).or(tolerance))?;
+    // What is left over goes to the ground, whose stitches come on top.
+    let of_surface = shared.and_then(|shared| shared.budgets.first().copied());
     let of_ground = args.triangles.zip(of_surface).map(|(most, of_surface)| most.saturating_sub(of_surface));
     let [surface, ground] = [of_surface, of_ground].map(|triangles| ExtractArgs { triangles, ..args.clone() });
     match counts.map(|(nodes, _)| nodes > 0) {
@@ -161,51 +161,6 @@ pub fn shares(
         [false, false] => Ok([Some(surface), None]),
         [has_surface, has_ground] => Ok([has_surface.then_some(surface), has_ground.then_some(ground)]),
     }
-}
-
-/// Nodes and triangles: of a surface, of its ground.
-type Counts = [(usize, u64); 2];
-
-/// The counts at the least tolerance at which both together keep a budget, so that both have about the same error;
-/// those at the largest one where none does. Tolerances become finer step by step, so little more of an index is read
-/// than is drawn.
-fn within_budget(
-    most: u64,
-    least: Option<f64>,
-    largest: f64,
-    counts_at: impl Fn(Option<f64>) -> Result<Counts>,
-) -> Result<Counts> {
-    const HALVINGS: usize = 48;
-    const STEPS: usize = 6;
-    let keeps = |counts: &Counts| counts[0].1 + counts[1].1 <= most;
-    let mut tolerance = largest;
-    let mut best = counts_at(Some(tolerance))?;
-    if !keeps(&best) {
-        return Ok(best);
-    }
-    let mut finer = None;
-    for _ in 0..HALVINGS {
-        let next = (tolerance * 0.5).max(least.unwrap_or(0.0));
-        if next >= tolerance {
-            break;
-        }
-        let counts = counts_at(Some(next))?;
-        if !keeps(&counts) {
-            finer = Some(next);
-            break;
-        }
-        (tolerance, best) = (next, counts);
-    }
-    let Some(mut finer) = finer else { return Ok(best) };
-    for _ in 0..STEPS {
-        let middle = (tolerance * finer).sqrt();
-        let counts = counts_at(Some(middle))?;
-        match keeps(&counts) {
-            true => (tolerance, best) = (middle, counts),
-            false => finer = middle,
-        }
-    }
-    Ok(best)
 }
 
 /// The diagonal of both, in the space of the surface.
