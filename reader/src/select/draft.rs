@@ -170,6 +170,24 @@ impl<'f> Draft<'f> {
         }
     }
 
+    /// The largest error of the draft.
+    pub fn worst_error(&mut self) -> f64 {
+        let hierarchy = Arc::clone(&self.hierarchy);
+        let mut worst = 0.0_f64;
+        for node in 0..hierarchy.node_count() {
+            if self.levels[node as usize] == ABSENT {
+                continue;
+            }
+            let grade = *hierarchy.grade(node, self.resolutions[node as usize]);
+            let weight = self.weight(node);
+            worst = worst.max(weight * grade.error);
+            if weight * grade.refined_error > worst && self.has_finer_neighbour(node, grade.level) {
+                worst = weight * grade.refined_error;
+            }
+        }
+        worst
+    }
+
     /// As that of a front.
     fn has_finer_neighbour(&self, node: u32, level: u8) -> bool {
         let hierarchy = &*self.hierarchy;

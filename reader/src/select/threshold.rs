@@ -26,7 +26,7 @@ pub(crate) fn cut_at_threshold(front: &mut Front, goal: &Goal) -> f64 {
     let mut draft = Draft::new(front);
     draft.saves =
         draft.hierarchy.has_children() && [goal.nodes, goal.bytes] == [u64::MAX; 2] && goal.triangles < u64::MAX;
-    let mut search = Search { draft, goal, histogram: None, best: None };
+    let mut search = Search { draft, goal, histogram: None, best: None, least_worst: f64::INFINITY };
     let (mut bucket, over) = search.last_bucket(0, None);
     if over.is_some_and(|[triangles, nodes, bytes]| {
         nodes > goal.nodes as f64 && triangles <= goal.triangles as f64 && bytes <= goal.bytes as f64
@@ -47,6 +47,8 @@ struct Search<'f, 'g> {
     histogram: Option<Histogram>,
     /// The finest draft that keeps the budgets.
     best: Option<Vec<u8>>,
+    /// The least largest error of a cut so far.
+    least_worst: f64,
 }
 
 impl Search<'_, '_> {
@@ -59,8 +61,12 @@ impl Search<'_, '_> {
             let refine = self.threshold(guess);
             let split = split.map_or(refine, |split| self.threshold(split));
             let used = self.draft.make(Thresholds { refine, split }, self.goal.bytes < u64::MAX);
-            if (0..3).all(|k| used[k] <= budgets[k]) {
+            let fits = (0..3).all(|k| used[k] <= budgets[k]);
+            // Where something finer has larger errors, a smaller threshold may be no gain.
+            let worst = if fits && self.histogram.is_some() { self.draft.worst_error() } else { 0.0 };
+            if fits && worst <= self.least_worst.max(split) {
                 low = guess;
+                self.least_worst = self.least_worst.min(worst);
                 self.best = Some(self.draft.resolutions.clone());
                 let is_near = |k: usize| budgets[k] < u64::MAX && used[k] as f64 >= budgets[k] as f64 * NEAR;
                 if is_near(0) || is_near(2) {
@@ -71,6 +77,10 @@ impl Search<'_, '_> {
             }
             if high - low <= 1 || guess == low && guess == BUCKETS {
                 break;
+            }
+            if self.histogram.is_none() {
+                self.draft.make(Thresholds { refine: f64::INFINITY, split: f64::INFINITY }, false);
+                self.least_worst = self.draft.worst_error();
             }
             let histogram = self.histogram.get_or_insert_with(|| self.draft.histogram(self.goal.tolerance));
             guess = match draft {
