@@ -64,7 +64,7 @@ impl Search<'_, '_> {
             let fits = (0..3).all(|k| used[k] <= budgets[k]);
             // Where something finer has larger errors, a smaller threshold may be no gain.
             let worst = if fits && self.histogram.is_some() { self.draft.worst_error() } else { 0.0 };
-            if fits && worst <= self.least_worst.max(split) {
+            if fits && worst <= self.least_worst.max(if split.is_finite() { split } else { refine }) {
                 low = guess;
                 self.least_worst = self.least_worst.min(worst);
                 self.best = Some(self.draft.resolutions.clone());
