@@ -46,7 +46,7 @@ fn files_of_objects_have_the_same_bytes_after_kills() {
     let (folder, expected) = folder();
     let mut kills = 0;
     for words in [
-        format!("build plant.glb {OPTIONS} --memory 26MiB -o out.lodpack --force --resume"),
+        format!("build plant.glb {OPTIONS} --memory 26MiB -o out.lodpack --resume"),
         format!("plan plant.glb {OPTIONS} -o job --parts 2 --resume"),
         "build --job job --part 0".into(),
         "build --job job --part 1".into(),

@@ -125,6 +125,25 @@ fn two_devices_draw_what_one_does_and_a_model_holds_a_frame_rate() {
 }
 
 #[test]
+fn a_picture_that_stays_uploads_nothing_and_what_comes_back_little() {
+    if !has_gpu() {
+        return;
+    }
+    let (path, folder) = (Model::sphere_path(), folder("uploads"));
+    let (near, far) = ("0,0,3:0,0,0", "0,0,60:0,0,0");
+    let cameras = folder.join("cameras.json");
+    std::fs::write(&cameras, format!("{:?}", [near, near, far, near])).unwrap();
+    let (path, cameras) = (path.to_str().unwrap(), cameras.to_str().unwrap());
+    let output = program(&[path, "--path", cameras, "--wait", "--csv", "-", "--size", "320x240"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let table = text(&output.stdout);
+    let column = table.lines().next().unwrap().split(',').position(|name| name == "uploaded").unwrap();
+    let uploaded: Vec<u64> =
+        table.lines().skip(1).map(|line| line.split(',').nth(column).unwrap().parse().unwrap()).collect();
+    assert!(uploaded[1] == 0 && uploaded[3] * 2 < uploaded[0], "{uploaded:?}");
+}
+
+#[test]
 fn failures_exit_with_2_and_one_sentence() {
     let folder = folder("wrong");
     let broken = folder.join("broken.lodpack");

@@ -64,7 +64,7 @@ impl Wall {
     /// What it says next.
     fn line(&mut self) -> String {
         let mut line = String::new();
-        self.said.read_line(&mut line).unwrap();
+        assert!(self.said.read_line(&mut line).unwrap() > 0, "the controller has ended");
         line
     }
 
@@ -190,7 +190,7 @@ fn walls_refuse_what_does_not_belong_to_them() {
     let others = [1, 2, 3].map(|k| wall.join(file, PLACES[k], &folder));
     assert!(wall.finish().0.status.success());
     [first].into_iter().chain(others).for_each(|mut display| assert!(display.wait().unwrap().success()));
-    let nowhere = start(&[file, "--join", "127.0.0.1:9", "--wait"]);
+    let nowhere = start(&[file, "--join", "127.0.0.1:9", "--wait", "--screenshot", "nowhere.png"]);
     assert!(refusal(nowhere).contains("there is no wall at 127.0.0.1:9"));
 }
 
@@ -216,7 +216,7 @@ fn displays_of_a_controller_that_lies_end_with_an_error() {
     ] {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap().to_string();
-        let display = start(&[file.to_str().unwrap(), "--join", &address, "--wait"]);
+        let display = start(&[file.to_str().unwrap(), "--join", &address, "--wait", "--screenshot", "nowhere.png"]);
         let (mut stream, _) = listener.accept().unwrap();
         stream.write_all(b"{\"welcome\":{\"place\":[0,0],\"size\":[64,64]}}\n").unwrap();
         if lie.is_empty() {
