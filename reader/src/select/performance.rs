@@ -67,8 +67,6 @@ pub struct Controls {
 const FIRST_TRIANGLES: u64 = 100_000;
 /// Triangles change by this factor at most from frame to frame.
 const STEP: f64 = 8.0;
-/// Nodes may take this share of a frame's time: a cut of more nodes fits better, but the triangles must be drawn, too.
-const OF_NODES: f64 = 1.0 / 3.0;
 /// Frames after which the goal is corrected, and by how much at most.
 const WINDOW: u32 = 8;
 const CORRECTION: [f64; 2] = [0.5, 2.0];
@@ -155,15 +153,12 @@ impl PerformanceMode {
         self.upload_bytes = mean(self.upload_bytes, times.upload_bytes as f64);
         let [fixed, of_node, of_triangle, of_byte] = self.model.costs();
         let rest = fixed + of_node * times.node_count as f64 + of_byte * self.upload_bytes;
-        let (triangles, time) = match self.target.goal {
-            PerformanceGoal::Quality => (f64::INFINITY, f64::INFINITY),
-            PerformanceGoal::Throughput(share) => {
-                let triangles = share / (1.0 - share) * rest / of_triangle;
-                (triangles, rest + triangles * of_triangle)
-            }
+        let triangles = match self.target.goal {
+            PerformanceGoal::Quality => f64::INFINITY,
+            PerformanceGoal::Throughput(share) => share / (1.0 - share) * rest / of_triangle,
             PerformanceGoal::FrameTime(time) => {
                 self.correct(time, &times);
-                ((time * self.correction - rest) / of_triangle, time)
+                (time * self.correction - rest) / of_triangle
             }
         };
         let drawn = times.triangle_count.max(1) as f64;
@@ -175,7 +170,8 @@ impl PerformanceMode {
             self.controls.max_triangles = (triangles as u64).clamp(least, most);
         }
         let [least, most] = self.target.nodes;
-        let nodes = (self.target.adapt_time / self.adapt_cost).min(time * OF_NODES / of_node);
+        // What a node costs to draw says nothing here: fewer nodes are no cheaper where they have more triangles each.
+        let nodes = self.target.adapt_time / self.adapt_cost;
         self.controls.max_nodes = if nodes.is_nan() { most } else { (nodes as u64).clamp(least, most) };
         self.controls
     }
