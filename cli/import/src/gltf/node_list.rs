@@ -368,6 +368,6 @@ mod tests {
             + texts.capacity()
             + rare.capacity() * size_of::<Rare>();
         assert!(taken as u64 <= bytes.total(), "{taken} {}", bytes.total());
-        assert!(bytes.total() < 1000 * (2 * (40 + 48 + 5 + 8) + 2 * 192) + 1000, "{}", bytes.total());
+        assert!(bytes.total() < 1000 * (2 * (40 + 48 + 5 + 8) + 2 * 192) + 2000, "{}", bytes.total());
     }
 }
