@@ -276,9 +276,10 @@ impl Controller {
     /// # Errors
     /// As [`Controller::adapt`].
     pub fn follow(&mut self, query: &Query) -> Result<()> {
-        self.seat(Duration::ZERO);
         let adapted = self.adapt(query, Coherence::default())?;
         self.show();
+        // Whoever comes now has not been sent the last frame, so nobody waits for that.
+        self.seat(Duration::ZERO);
         self.draw(&adapted);
         Ok(())
     }

@@ -4,8 +4,8 @@ use std::{
     collections::BTreeMap,
     io::BufReader,
     net::TcpStream,
-    sync::mpsc::{Receiver, TryRecvError, channel},
-    time::Instant,
+    sync::mpsc::{Receiver, RecvTimeoutError, channel},
+    time::{Duration, Instant},
 };
 
 use anyhow::{Context, Result, bail};
@@ -86,15 +86,15 @@ impl Display {
         self.obey(order?, scene, waits)
     }
 
-    /// The next thing to do, if there is one by now.
+    /// The next thing to do, if there is one within two milliseconds.
     ///
     /// # Errors
     /// As [`Display::next`].
     pub fn poll(&mut self, scene: &mut Scene) -> Result<Option<Wanted>> {
-        match self.orders.try_recv() {
+        match self.orders.recv_timeout(Duration::from_millis(2)) {
             Ok(order) => self.obey(order?, scene, false).map(Some),
-            Err(TryRecvError::Empty) => Ok(None),
-            Err(TryRecvError::Disconnected) => bail!("the controller has gone"),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => bail!("the controller has gone"),
         }
     }
 
