@@ -249,14 +249,16 @@ impl Gpu {
 
     /// Waits until something is done that was handed over; an error if the device is lost.
     pub(crate) fn wait_for(&self, submission: SubmissionIndex) -> Result<()> {
-        let until = wgpu::PollType::Wait { submission_index: Some(submission), timeout: None };
-        self.device.poll(until).context("the graphics device does not answer")?;
-        self.check()
+        self.wait_until(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })
     }
 
     /// Waits until all submitted work is done; an error if the device is lost.
     pub(crate) fn wait(&self) -> Result<()> {
-        self.device.poll(wgpu::PollType::wait_indefinitely()).context("the graphics device does not answer")?;
+        self.wait_until(wgpu::PollType::wait_indefinitely())
+    }
+
+    fn wait_until(&self, until: wgpu::PollType) -> Result<()> {
+        self.device.poll(until).context("the graphics device does not answer")?;
         self.check()
     }
 

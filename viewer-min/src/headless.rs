@@ -21,17 +21,24 @@ use crate::{
     frames::Frames,
     gpu::{Gpu, Targets},
     overlay::Panel,
-    picture::{different_colours, load, marked, numbered, save},
+    picture::{different_colours, is_numbered, load, marked, numbered, save},
     scene::{Looks, Report, Scene, milliseconds, open_source},
     shot::Shot,
 };
 
-/// Opens the file of the command line, with what it says of looks, channels and objects.
+/// Opens the file of the command line.
 ///
 /// # Errors
-/// If there is none, or the file cannot be opened or does not have these.
+/// If there is none; as [`open_at`].
 pub(crate) fn open_scene(args: &Args, mode: Mode) -> Result<Scene> {
-    let address = args.file.as_deref().context("no file given: lodpack-view FILE; see --help")?;
+    open_at(args.file.as_deref().context("no file given: lodpack-view FILE; see --help")?, args, mode)
+}
+
+/// Opens a file, with what the command line says of looks, channels and objects.
+///
+/// # Errors
+/// If the file cannot be opened or does not have these.
+pub(crate) fn open_at(address: &str, args: &Args, mode: Mode) -> Result<Scene> {
     let looks = Looks { mode, is_flat: args.flat, ..Looks::default() };
     let open = || -> Result<Scene> {
         let mut scene = Scene::open_with(open_source(address)?, looks)?;
@@ -100,7 +107,7 @@ pub fn draw_picture(args: &Args) -> Result<()> {
         problems.for_each(|problem| eprintln!("lodpack-view: {problem}"));
         report.frame_ms = milliseconds(begun.elapsed());
         frames.end(report)?;
-        if let Some(path) = args.screenshot.as_ref().filter(|path| numbered(path, 0) != path.as_path()) {
+        if let Some(path) = args.screenshot.as_ref().filter(|path| is_numbered(path)) {
             save(targets.colours(&gpu)?, &numbered(path, number as u64 + 1))?;
         }
     }
@@ -110,7 +117,7 @@ pub fn draw_picture(args: &Args) -> Result<()> {
     reports.iter().for_each(|report| panel.record(report.frame_ms));
     controls.costs().iter().for_each(|costs| eprintln!("lodpack-view: {costs}"));
     let report = reports.last().copied().unwrap_or_default();
-    let single = args.screenshot.as_ref().filter(|path| numbered(path, 0) == path.as_path());
+    let single = args.screenshot.as_ref().filter(|path| !is_numbered(path));
     if let (Some(file), Some(view)) = (single, path.last()) {
         let mut picture = targets.colours(&gpu)?;
         if args.has(Overlay::Text) {
@@ -144,7 +151,7 @@ fn draw_with_devices(args: &Args, mut scene: Scene, waits: bool) -> Result<()> {
         report.frame_ms = milliseconds(begun.elapsed());
         reports.push(report);
         let is_last = number + 1 == path.len();
-        let wanted = |path: &&PathBuf| is_last || numbered(path, 0) != path.as_path();
+        let wanted = |path: &&PathBuf| is_last || is_numbered(path);
         if let Some(path) = args.screenshot.as_ref().filter(wanted) {
             save(picture, &numbered(path, number as u64 + 1))?;
         }

@@ -1,7 +1,7 @@
 //! Surfaces that have left the picture and stay on the device, since cameras come back (Niski 2007, section 6.1.2).
 
 use std::{
-    collections::{HashMap, VecDeque},
+    collections::{BTreeMap, HashMap},
     sync::{Arc, Weak},
 };
 
@@ -17,7 +17,8 @@ const MOST_BYTES: u64 = 128 << 20;
 pub(crate) struct Kept {
     /// By root and level, with the number of their leaving.
     places: HashMap<(u32, u8), (u64, Weak<DrawnSurface>, Place)>,
-    order: VecDeque<(u64, (u32, u8))>,
+    /// Their keys by these numbers.
+    order: BTreeMap<u64, (u32, u8)>,
     bytes: u64,
     count: u64,
 }
@@ -31,37 +32,37 @@ impl Kept {
     pub fn keep(&mut self, surface: &Weak<DrawnSurface>, place: Place, pool: &mut Pool) {
         // What was decoded again has another place.
         let Some(alive) = surface.upgrade() else { return pool.free(place) };
-        self.bytes += place.bytes();
+        self.remove(key(&alive), pool);
         self.count += 1;
-        self.order.push_back((self.count, key(&alive)));
-        if let Some((_, _, before)) = self.places.insert(key(&alive), (self.count, surface.clone(), place)) {
-            self.release(before, pool);
-        }
+        self.bytes += place.bytes();
+        self.order.insert(self.count, key(&alive));
+        self.places.insert(key(&alive), (self.count, surface.clone(), place));
         while self.bytes > MOST_BYTES
-            && let Some((number, key)) = self.order.pop_front()
+            && let Some((_, &first)) = self.order.first_key_value()
         {
-            if self.places.get(&key).is_some_and(|kept| kept.0 == number)
-                && let Some((_, _, place)) = self.places.remove(&key)
-            {
-                self.release(place, pool);
-            }
+            self.remove(first, pool);
         }
     }
 
     /// The place of a surface that is drawn again.
     pub fn take(&mut self, surface: &Arc<DrawnSurface>, pool: &mut Pool) -> Option<Place> {
-        let (_, of, place) = self.places.remove(&key(surface))?;
+        let (of, place) = self.forget(key(surface))?;
         if of.as_ptr() == Arc::as_ptr(surface) {
-            self.bytes -= place.bytes();
             return Some(place);
         }
-        self.release(place, pool);
+        pool.free(place);
         None
     }
 
-    fn release(&mut self, place: Place, pool: &mut Pool) {
+    fn forget(&mut self, key: (u32, u8)) -> Option<(Weak<DrawnSurface>, Place)> {
+        let (number, surface, place) = self.places.remove(&key)?;
+        self.order.remove(&number);
         self.bytes -= place.bytes();
-        pool.free(place);
+        Some((surface, place))
+    }
+
+    fn remove(&mut self, key: (u32, u8), pool: &mut Pool) {
+        pool.give_back(self.forget(key).map(|(_, place)| place));
     }
 
     /// Keeps nothing.

@@ -35,9 +35,14 @@ impl Picture {
     }
 }
 
+/// Whether each frame has a picture of its own at a path.
+pub(crate) fn is_numbered(path: &Path) -> bool {
+    path.to_str().is_some_and(|text| text.contains("{n}"))
+}
+
 /// The path of the picture of a frame: `{n}` in it becomes the number of the frame.
 pub(crate) fn numbered(path: &Path, number: u64) -> Cow<'_, Path> {
-    match path.to_str().filter(|text| text.contains("{n}")) {
+    match path.to_str().filter(|_| is_numbered(path)) {
         Some(text) => PathBuf::from(text.replace("{n}", &format!("{number:05}"))).into(),
         None => path.into(),
     }

@@ -21,10 +21,11 @@ use crate::{
     args::{Args, KEY_CARD, Overlay},
     camera::{path_to_json, text},
     controls::{Controls, approach, recent_camera, remember_camera},
+    headless::open_at,
     overlay::{INK, Panel, WARNING, write_above},
     picture::save,
     present::Present,
-    scene::{Looks, Report, Scene, milliseconds, open_source},
+    scene::{Report, Scene, milliseconds, open_source},
     wall::{Role, Wanted},
 };
 
@@ -92,15 +93,13 @@ impl App {
     /// Opens a file in the background. The current one stays until the new one is ready.
     fn open(&mut self, address: String) {
         let args = self.controls.args.clone();
-        let open = move |address: String| -> Result<Looked> {
-            let looks = Looks { mode: Mode::AsynchronousWithPrefetch, is_flat: args.flat, ..Looks::default() };
-            let mut scene = Scene::open_with(open_source(&address)?, looks)?;
-            scene.choose_channel(&args)?;
-            scene.choose_objects(&args)?;
-            Ok(Looked { camera: args.first_view(scene.first_extent()?)?, address, scene })
-        };
         let named = address.clone();
-        let thread = std::thread::spawn(move || open(named.clone()).context(named));
+        let open = move || -> Result<Looked> {
+            let scene = open_at(&named, &args, Mode::AsynchronousWithPrefetch)?;
+            let camera = scene.first_extent().and_then(|extent| args.first_view(extent));
+            Ok(Looked { camera: camera.with_context(|| named.clone())?, address: named, scene })
+        };
+        let thread = std::thread::spawn(open);
         self.opening = Some((address, thread));
     }
 

@@ -39,16 +39,11 @@ impl Role {
     /// # Errors
     /// As [`control_wall`] and [`join_wall`].
     pub fn of(args: &Args, scene: &Scene) -> Result<Option<Self>> {
-        let file = || Ok::<_, anyhow::Error>(&scene.mesh().context("walls show meshes")?.file);
         if let Some(address) = &args.join {
-            let display = Display::join(address, file()?.index().id().numbers(), args.place)?;
-            return Ok(Some(Self::Shows(Box::new(display))));
+            return Ok(Some(Self::Shows(Box::new(run::display_of(args, scene, address)?))));
         }
         let (Some(counts), Some(address)) = (args.wall, &args.listen) else { return Ok(None) };
-        let known = (file()?.hierarchy()?, file()?.index().id().numbers());
-        let (wall, at) = Controller::listen(address, known, counts, args.size)?;
-        eprintln!("lodpack-view: listening at {at}");
-        Ok(Some(Self::Controls(Box::new(wall))))
+        Ok(Some(Self::Controls(Box::new(run::controller_of(args, scene, counts, address)?))))
     }
 }
 

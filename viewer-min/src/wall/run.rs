@@ -25,6 +25,21 @@ fn open(args: &Args) -> Result<Scene> {
     open_scene(args, if args.wait { Mode::Synchronous } else { Mode::Asynchronous })
 }
 
+/// The controller of a wall that shows a scene, which listens already.
+pub(super) fn controller_of(args: &Args, scene: &Scene, counts: Size, address: &str) -> Result<Controller> {
+    let file = &scene.mesh().context("walls show meshes")?.file;
+    let known = (file.hierarchy()?, file.index().id().numbers());
+    let (wall, at) = Controller::listen(address, known, counts, args.size)?;
+    eprintln!("lodpack-view: listening at {at}");
+    Ok(wall)
+}
+
+/// A display of the wall at an address, which shows the same.
+pub(super) fn display_of(args: &Args, scene: &Scene, address: &str) -> Result<Display> {
+    let file = scene.mesh().context("walls show meshes")?.file.index().id().numbers();
+    Display::join(address, file, args.place)
+}
+
 /// Controls a wall: waits for all its displays, then sends them along the path of the command line. Writes a table of
 /// frames.
 ///
@@ -32,12 +47,9 @@ fn open(args: &Args) -> Result<Scene> {
 /// If the file or the address cannot be opened.
 pub fn control_wall(args: &Args, counts: Size, address: &str) -> Result<()> {
     let scene = open(args)?;
-    let file = &scene.mesh().context("walls show meshes")?.file;
     let path = args.views(scene.first_extent()?)?;
     let coherence = if args.wait { STILL } else { Coherence::default() };
-    let known = (file.hierarchy()?, file.index().id().numbers());
-    let (mut wall, at) = Controller::listen(address, known, counts, args.size)?;
-    eprintln!("lodpack-view: listening at {at}");
+    let mut wall = controller_of(args, &scene, counts, address)?;
     while wall.display_count() < (counts[0] * counts[1]) as usize {
         wall.seat(WAIT);
     }
@@ -65,8 +77,7 @@ pub fn control_wall(args: &Args, counts: Size, address: &str) -> Result<()> {
 /// If the file cannot be opened, there is no such wall, it does not want this display, or it goes away.
 pub fn join_wall(args: &Args, address: &str) -> Result<()> {
     let mut scene = open(args)?;
-    let file = scene.mesh().context("walls show meshes")?.file.index().id().numbers();
-    let mut display = Display::join(address, file, args.place)?;
+    let mut display = display_of(args, &scene, address)?;
     eprintln!("lodpack-view: display {},{} of the wall at {address}", display.place[0], display.place[1]);
     let gpu = Arc::new(Gpu::headless()?);
     let mut renderer = Renderer::new(&gpu, args.way());
