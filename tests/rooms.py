@@ -37,7 +37,7 @@ HOUSES = {
         (
             "lodpack_view",
             "viewer-min/src",
-            "main window wall headless check devices controls present frames overlay shot draw kept root_data pool scene objects channel texels blocks gpu picture args camera".split(),
+            "main window wall headless check devices controls present frames overlay shot draw kept root_data pool scene surface report objects channel texels blocks gpu picture args camera".split(),
         )
     ],
 }

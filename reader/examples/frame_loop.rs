@@ -40,12 +40,12 @@ fn main() -> Result<(), Box<dyn Error>> {
             let bytes: usize = drawn.map(|root| root.joined()).map(|(v, t)| size_of_val(&*v) + size_of_val(&*t)).sum();
             println!("frame {number}: {what}; {} roots, {bytes} bytes to upload; {late_roots} late", changed.len());
         }
-        for problem in streamer.session().take_problems() {
+        for problem in streamer.take_problems() {
             eprintln!("{}: {}", problem.location, problem.error);
         }
         let frame_time = Duration::from_secs(1) / FRAMES_PER_SECOND;
         std::thread::sleep(frame_time.saturating_sub(streamed.select_time + streamed.update_time));
     }
-    println!("{:#?}", streamer.session().counters());
+    println!("{:#?}", streamer.counters()[0]);
     Ok(())
 }

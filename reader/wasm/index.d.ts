@@ -489,6 +489,8 @@ export interface Frame {
   triangleCount: number;
   nodeCount: number;
   wantedNodeCount: number;
+  /** Triangles that it would have if everything were there. */
+  wantedTriangleCount: number;
   /** The largest error in the view, pixels; 0 without a view. */
   errorPx: number;
   limitedBy?: Limiter;
@@ -501,6 +503,21 @@ export interface Frame {
   counters: { requests: number; bytesRead: number; decoded: number; failures: number; imageBytes: number; memoryBytes: number };
   /** What has been given up since the frame before, in words. */
   problems: string[];
+}
+
+/**
+ * Has several streams that are drawn into one picture, such as a mesh, its ground and another mesh, keep one budget of
+ * triangles, with about the same error for all after a few frames. In each frame ask for the limits, put them into the
+ * queries, and record the frames.
+ */
+export class SharedBudget {
+  /**
+   * What each of `count` streams may take in the next frame: a tolerance for all of them, at least the one that is worth
+   * having (pixels), and triangles for each, which together are the whole budget.
+   */
+  limits(maxTriangles: number, pixelTolerance: number, count: number): { pixelTolerance: number; maxTriangles: number[] };
+  /** The frames of all streams, in the order of their shares. */
+  record(frames: readonly Pick<Frame, 'wantedTriangleCount' | 'limitedBy'>[]): void;
 }
 
 /** Draws a file for a moving camera while it is being loaded. */

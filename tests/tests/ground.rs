@@ -4,7 +4,7 @@
 use crate::commands::lodpack;
 use glam::DVec3;
 use lodpack::heights::HeightsQuery;
-use lodpack::stream::{HeightsStreamer, Mode, Options, StreamerOptions};
+use lodpack::stream::{Mode, Options, StreamerOptions};
 use lodpack::{File, Ground, Limits, Query, ReadAt, View};
 use lodpack_cli::mesh::Mesh;
 use lodpack_tests::generate::save_ply;
@@ -167,8 +167,7 @@ fn a_ground_streams_from_the_file_of_its_mesh() {
     let whole = heights.mesh(&heights.cut(&HeightsQuery::default()).expect("sound")).expect("sound");
     let session = Options { mode: Mode::Synchronous, ..Options::default() };
     let options = StreamerOptions { session, ..StreamerOptions::default() };
-    let source = Arc::new(heights.source().clone());
-    let mut streamer = HeightsStreamer::new(Arc::clone(heights.index()), source, options).expect("sound");
+    let mut streamer = heights.streamer(options).expect("sound");
     let bounds = frame.bounds(heights.index().bounds().expect("tiles"));
     let view = View { pixel_tolerance: 1e-6, ..View::around(bounds, [0.0, 0.0, 1.0], 0.5, 1.0) };
     let query = Query { view: Some(frame.view_of_ground(&view)), ..Query::default() };

@@ -72,6 +72,7 @@ fn more_help() -> String {
     let examples = "Examples:
   lodpack-view scan.lodpack
   lodpack-view https://example.org/scan.lodpack --tolerance 2
+  lodpack-view terrain.lodpack bridge.lodpack station.lodpack --max-triangles 1000000
   lodpack-view scan.lodpack --screenshot scan.png --size 1600x1200 --camera 0,0,3:0,0,0
   lodpack-view scan.lodpack --path circle:200 --csv frames.csv
   lodpack-view scan.lodpack --wall 2x2 --listen 0.0.0.0:4600 --path circle:1000
@@ -82,12 +83,13 @@ Exit status: 0 success; 1 --check found errors; 2 the request could not be carri
     format!("{examples}\n\n{KEY_CARD}")
 }
 
-/// Shows a .lodpack file, writes pictures of it, and checks that it is drawn correctly.
+/// Shows .lodpack files, writes pictures of it, and checks that it is drawn correctly.
 #[derive(Clone, Debug, Parser)]
 #[command(version, args_override_self = true, after_help = more_help(), after_long_help = more_help())]
 pub struct Args {
-    /// File or URL; without one, the window waits for a file to be dropped
-    pub file: Option<String>,
+    /// Files or URLs, drawn into one picture; without one, the window waits for a file to be dropped
+    #[arg(value_name = "FILE")]
+    pub files: Vec<String>,
     /// Write a picture and exit, without a window; {n} in its name writes one for each frame
     #[arg(long, value_name = "PNG")]
     pub screenshot: Option<PathBuf>,

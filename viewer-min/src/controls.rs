@@ -15,7 +15,8 @@ use winit::{
 use crate::{
     args::{Args, Overlay, Way},
     camera::{Bounds, middle_of, parse, text},
-    scene::{Report, Scene},
+    report::Report,
+    scene::Scene,
 };
 
 #[derive(Default)]
@@ -100,8 +101,8 @@ impl Controls {
             self.performance = PerformanceMode::new(target).ok();
         }
         let Some(held) = self.performance.as_ref().map(PerformanceMode::controls) else { return self.args.tolerance };
-        scene.query.max_nodes = Some(held.max_nodes);
-        scene.query.max_triangles = Some(held.max_triangles);
+        scene.first.query.max_nodes = Some(held.max_nodes);
+        scene.first.query.max_triangles = Some(held.max_triangles);
         held.tolerance
     }
 

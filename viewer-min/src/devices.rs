@@ -15,7 +15,7 @@ use crate::{
     args::{Cuts, Size, Way},
     draw::{Renderer, Turn},
     gpu::{Gpu, Targets},
-    scene::{Report, milliseconds},
+    report::{Report, milliseconds},
     shot::Shot,
 };
 

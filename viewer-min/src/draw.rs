@@ -78,8 +78,8 @@ pub struct Renderer {
     stamp: Option<u64>,
     infos: Infos,
     made: Made,
-    /// Draws the ground of a mesh into the same picture.
-    pub(crate) ground: Option<Box<Self>>,
+    /// Draw what is beside the first file into the same picture.
+    pub(crate) beside: Vec<Self>,
 }
 
 /// Which of the things in one picture a renderer draws.
@@ -89,8 +89,16 @@ pub enum Turn {
     Only,
     /// What comes first: others are drawn over it, where they are nearer.
     First,
+    /// What comes after it.
+    Next,
     /// What comes last.
     Last,
+}
+
+impl Turn {
+    fn is_after(self) -> bool {
+        matches!(self, Self::Next | Self::Last)
+    }
 }
 
 /// How deep a root that is drawn is in its tree. All above it is known, since cuts come down from the top.
@@ -143,7 +151,7 @@ impl Renderer {
                 bound: RefCell::default(),
             },
             made: Made::default(),
-            ground: None,
+            beside: Vec::new(),
         }
     }
 
@@ -497,7 +505,7 @@ impl Renderer {
         let [colour, where_from, depth, _] = &targets.views;
         let [r, g, b, a] = BACKGROUND.0.map(|x| f64::from(x) / 255.0);
         let attachment = |view, resolve_target, colour| {
-            let load = if turn == Turn::Last { LoadOp::Load } else { LoadOp::Clear(colour) };
+            let load = if turn.is_after() { LoadOp::Load } else { LoadOp::Clear(colour) };
             let ops = Operations { load, store: StoreOp::Store };
             Some(wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target, ops })
         };
@@ -512,8 +520,8 @@ impl Renderer {
             Some((colours, depth, programs)) => (&colours[..], *depth, *programs),
             None => (&exact[..], depth, &pipelines.exact),
         };
-        let load = if turn == Turn::Last { LoadOp::Load } else { LoadOp::Clear(0.0) };
-        let store = if turn == Turn::First { StoreOp::Store } else { StoreOp::Discard };
+        let load = if turn.is_after() { LoadOp::Load } else { LoadOp::Clear(0.0) };
+        let store = if matches!(turn, Turn::First | Turn::Next) { StoreOp::Store } else { StoreOp::Discard };
         let depth_ops = Some(Operations { load, store });
         self.pass(colours, DepthStencil { view: depth, depth_ops, stencil_ops: None }, view, programs);
     }

@@ -11,7 +11,7 @@ use wgpu::{BufferUsages, SubmissionIndex};
 
 use crate::{
     gpu::Gpu,
-    scene::{Report, milliseconds},
+    report::{Report, milliseconds},
 };
 
 /// Frames that the device may have: with two it draws one while the other is written, and pictures are late by no more

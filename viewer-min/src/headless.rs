@@ -22,32 +22,39 @@ use crate::{
     gpu::{Gpu, Targets},
     overlay::Panel,
     picture::{different_colours, is_numbered, load, marked, numbered, save},
-    scene::{Looks, Report, Scene, milliseconds, open_source},
+    report::{Report, milliseconds},
+    scene::{Scene, open_source},
     shot::Shot,
+    surface::Looks,
 };
 
-/// Opens the file of the command line.
+/// Opens the files of the command line.
 ///
 /// # Errors
 /// If there is none; as [`open_at`].
 pub(crate) fn open_scene(args: &Args, mode: Mode) -> Result<Scene> {
-    open_at(args.file.as_deref().context("no file given: lodpack-view FILE; see --help")?, args, mode)
+    open_at(&args.files, args, mode)
 }
 
-/// Opens a file, with what the command line says of looks, channels and objects.
+/// Opens files that are drawn into one picture, with what the command line says of looks, channels and objects.
 ///
 /// # Errors
-/// If the file cannot be opened or does not have these.
-pub(crate) fn open_at(address: &str, args: &Args, mode: Mode) -> Result<Scene> {
+/// If a file cannot be opened or placed, or the first one does not have these.
+pub(crate) fn open_at(addresses: &[String], args: &Args, mode: Mode) -> Result<Scene> {
     let looks = Looks { mode, is_flat: args.flat, ..Looks::default() };
-    let open = || -> Result<Scene> {
-        let mut scene = Scene::open_with(open_source(address)?, looks)?;
+    let (first, others) = addresses.split_first().context("no file given: lodpack-view FILE; see --help")?;
+    let mut scene =
+        open_source(first).and_then(|source| Scene::open_with(source, looks)).with_context(|| first.clone())?;
+    for other in others {
+        open_source(other).and_then(|source| scene.add(source, looks)).with_context(|| other.clone())?;
+    }
+    let choose = |scene: &mut Scene| -> Result<()> {
         scene.limit(args);
         scene.choose_channel(args)?;
-        scene.choose_objects(args)?;
-        Ok(scene)
+        scene.first.choose_objects(args)
     };
-    open().with_context(|| address.to_string())
+    choose(&mut scene).with_context(|| first.clone())?;
+    Ok(scene)
 }
 
 /// Writes a row for each frame, where the command line says.
@@ -70,7 +77,7 @@ pub fn draw_picture(args: &Args) -> Result<()> {
     let waits = args.wait || args.path.is_none();
     let mode = if waits { Mode::Synchronous } else { Mode::AsynchronousWithPrefetch };
     let mut scene = open_scene(args, mode)?;
-    scene.objects.selected.iter().for_each(|selected| eprintln!("lodpack-view: {}", selected.text));
+    scene.selected().into_iter().for_each(|selected| eprintln!("lodpack-view: {}", selected.text));
     if args.devices > 1 {
         return draw_with_devices(args, scene, waits);
     }
@@ -79,7 +86,7 @@ pub fn draw_picture(args: &Args) -> Result<()> {
     let mut renderer = Renderer::new(&gpu, args.way());
     let (mut size, mut tile_nodes) = (args.size, None);
     if let Some(tile @ [_, counts]) = args.tile {
-        let (view, nodes) = scene.tile(&path[0], tile)?;
+        let (view, nodes) = scene.first.tile(&path[0], tile)?;
         (path, tile_nodes) = (vec![view], Some((nodes, path[0])));
         size = [0, 1].map(|k| args.size[k] / counts[k]);
     }
@@ -135,7 +142,7 @@ pub fn draw_picture(args: &Args) -> Result<()> {
 
 /// As [`draw_picture`], with several devices.
 fn draw_with_devices(args: &Args, mut scene: Scene, waits: bool) -> Result<()> {
-    if scene.ground().is_some() || args.tile.is_some() {
+    if !scene.beside().is_empty() || args.tile.is_some() {
         bail!("several devices draw whole pictures of one thing, not a mesh on its ground, and no tiles");
     }
     let path = args.views(scene.first_extent()?)?;
@@ -145,7 +152,7 @@ fn draw_with_devices(args: &Args, mut scene: Scene, waits: bool) -> Result<()> {
         let begun = Instant::now();
         let report = if waits { scene.follow_to_the_end(view)? } else { scene.follow(view)? };
         let mut report = Report { frame: number, ..report };
-        let picture = devices.draw(&Shot::of(&scene, *view, &args.overlay, args.unlit), &mut report)?;
+        let picture = devices.draw(&Shot::of(&scene.first, *view, &args.overlay, args.unlit), &mut report)?;
         let problems = scene.take_problems().into_iter().chain(devices.take_problems());
         problems.for_each(|problem| eprintln!("lodpack-view: {problem}"));
         report.frame_ms = milliseconds(begun.elapsed());

@@ -1,7 +1,7 @@
 //! A minimal viewer of lodpack files: a window, pictures without one, and checks of the drawing.
 //!
-//! [`scene::Scene`] follows a camera through the reader's session and decides what to draw; a renderer draws it in one
-//! of two ways; [`check`] compares the pictures with each other and with the original mesh.
+//! [`scene::Scene`] follows a camera through the sessions of its [`surface::Surface`]s, which decide what to draw; a
+//! renderer draws it in one of two ways; [`check`] compares the pictures with each other and with the original mesh.
 #![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 #![forbid(unsafe_code)]
 
@@ -22,9 +22,11 @@ mod overlay;
 pub mod picture;
 mod pool;
 mod present;
+pub mod report;
 mod root_data;
 pub mod scene;
 mod shot;
+pub mod surface;
 mod texels;
 mod wall;
 mod window;

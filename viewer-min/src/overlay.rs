@@ -6,11 +6,7 @@ use font8x8::UnicodeFonts;
 use image::{Rgba, RgbaImage, imageops};
 use lodpack::{View, stream::Counters};
 
-use crate::{
-    args::Way,
-    channel::ShownChannel,
-    scene::{Report, Scene},
-};
+use crate::{args::Way, channel::ShownChannel, report::Report, scene::Scene};
 
 /// Height of a line of text, pixels.
 const LINE: u32 = 10;
@@ -87,8 +83,8 @@ impl Panel {
 
     pub fn draw(&self, canvas: &mut RgbaImage, scene: &Scene, look: (&View, Way), report: &Report, notes: &str) {
         let (view, way) = look;
-        let [pages, surfaces, images] = scene.cached_bytes().map(|bytes| bytes / 1024);
-        let [counters, of_texels] = scene.counters();
+        let [pages, surfaces, images] = scene.first.cached_bytes().map(|bytes| bytes / 1024);
+        let [counters, of_texels] = scene.first.counters();
         let Counters { requests, bytes_read, stalls, hits, misses, evictions, .. } = counters;
         let (requests, bytes_read) = (requests + of_texels.requests, bytes_read + of_texels.bytes_read);
         let Report { triangles, nodes, error_px, select_ms, upload_ms, draw_ms, late, .. } = *report;
@@ -99,16 +95,16 @@ impl Panel {
              select {select_ms:.1} upload {upload_ms:.1} draw {draw_ms:.1} ms, {way:?}\n\
              {requests} requests, {} KiB read, {stalls} stalls\n\
              cache {pages} KiB pages, {surfaces} KiB surfaces\n{hits} hits, {misses} misses, {evictions} evictions\n",
-            limit(scene.query.max_triangles),
-            scene.root_count(),
-            limit(scene.query.max_nodes),
+            limit(scene.first.query.max_triangles),
+            scene.first.root_count(),
+            limit(scene.first.query.max_nodes),
             view.pixel_tolerance,
             bytes_read / 1024,
         );
         if !report.is_complete {
             text += &format!("loading: {late} nodes are coarser than wanted\n");
         }
-        if let Some(channel) = &scene.channel {
+        if let Some(channel) = &scene.first.channel {
             text += &channel_text(channel, images, report);
         }
         text += notes;

@@ -227,7 +227,7 @@ mod tests {
             let view = View { pixel_tolerance, viewport: [64; 2], ..whole(scene.bounds, [0.0, 1.0, 0.0], 1.0) };
             counts.push(scene.follow_to_the_end(&view).unwrap().nodes);
             let pictures = renderers.each_mut().map(|(targets, renderer)| {
-                renderer.update(scene.picture());
+                renderer.update(scene.first.picture());
                 renderer.picture(targets, &view).unwrap()
             });
             assert!(pictures[0].roots.iter().any(Option::is_some));

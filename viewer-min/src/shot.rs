@@ -13,7 +13,9 @@ use crate::{
     camera::vertices,
     draw::{Renderer, Shown, Turn},
     gpu::Targets,
-    scene::{GroundScene, Report, Scene, milliseconds},
+    report::{Report, milliseconds},
+    scene::{Beside, Scene},
+    surface::Surface,
 };
 
 /// What a renderer has to know of a scene to draw it from a view, also on another thread.
@@ -36,9 +38,9 @@ enum Drawn<'s> {
 }
 
 impl<'s> Shot<'s> {
-    /// Without the scene's ground.
-    pub fn of(scene: &'s Scene, view: View, overlays: &'s [Overlay], is_unlit: bool) -> Self {
-        let shown = scene.channel.as_ref().map(|channel| Shown {
+    /// Of one surface.
+    pub fn of(surface: &'s Surface, view: View, overlays: &'s [Overlay], is_unlit: bool) -> Self {
+        let shown = surface.channel.as_ref().map(|channel| Shown {
             number: channel.number,
             appearance: channel.appearance,
             is_unlit,
@@ -46,13 +48,13 @@ impl<'s> Shot<'s> {
         Self {
             view,
             overlays,
-            level_count: scene.level_count(),
-            index: scene.mesh().ok().map(|mesh| Arc::clone(mesh.file.index())),
-            lattice: scene.lattice(),
+            level_count: surface.level_count(),
+            index: surface.mesh().ok().map(|mesh| Arc::clone(mesh.file.index())),
+            lattice: surface.lattice(),
             shown,
-            surfaces: match scene.overview() {
-                Some(mesh) => Drawn::Overview(mesh, scene.has_light),
-                None => Drawn::Picture(scene.picture()),
+            surfaces: match surface.overview() {
+                Some(mesh) => Drawn::Overview(mesh, surface.has_light),
+                None => Drawn::Picture(surface.picture()),
             },
         }
     }
@@ -73,7 +75,7 @@ impl<'s> Shot<'s> {
 }
 
 impl Renderer {
-    /// Uploads and hands over the current surfaces of a scene and of its ground, and adds times and bytes to a report.
+    /// Uploads and hands over the current surfaces of all that a scene has, and adds times and bytes to a report.
     pub fn draw_scene(
         &mut self,
         targets: &Targets,
@@ -81,19 +83,22 @@ impl Renderer {
         (view, overlays, is_unlit): (&View, &[Overlay], bool),
         report: &mut Report,
     ) -> Result<()> {
-        let shot = Shot::of(scene, *view, overlays, is_unlit);
-        let Some(GroundScene { scene: below, frame, .. }) = scene.ground() else {
-            self.ground = None;
-            return self.draw_shot(targets, &shot, Turn::Only, report);
-        };
-        self.draw_shot(targets, &shot, Turn::First, report)?;
-        let mut ground = self.ground.take().unwrap_or_else(|| Box::new(Self::new(&self.gpu, self.way)));
-        ground.images_per_frame = self.images_per_frame;
-        let of_ground = Shot::of(below, frame.view_of_ground(view), overlays, is_unlit);
-        let drawn = ground.draw_shot(targets, &of_ground, Turn::Last, report);
-        self.problems.extend(ground.take_problems());
-        self.ground = Some(ground);
-        drawn
+        let count = scene.beside().len();
+        while self.beside.len() < count {
+            self.beside.push(Self::new(&self.gpu, self.way));
+        }
+        self.beside.truncate(count);
+        let first = if count == 0 { Turn::Only } else { Turn::First };
+        self.draw_shot(targets, &Shot::of(&scene.first, *view, overlays, is_unlit), first, report)?;
+        for (number, (renderer, Beside { surface, frame })) in (1..).zip(self.beside.iter_mut().zip(scene.beside())) {
+            renderer.images_per_frame = self.images_per_frame;
+            let shot = Shot::of(surface, frame.view_of_ground(view), overlays, is_unlit);
+            let turn = if number == count { Turn::Last } else { Turn::Next };
+            let drawn = renderer.draw_shot(targets, &shot, turn, report);
+            self.problems.extend(renderer.take_problems());
+            drawn?;
+        }
+        Ok(())
     }
 
     /// Uploads and hands over what a shot shows.

@@ -25,7 +25,8 @@ use crate::{
     overlay::{INK, Panel, WARNING, write_above},
     picture::save,
     present::Present,
-    scene::{Report, Scene, milliseconds, open_source},
+    report::{Report, milliseconds},
+    scene::{Scene, open_source},
     wall::{Role, Wanted},
 };
 
@@ -40,21 +41,23 @@ const MOST_LOSSES: u32 = 3;
 pub fn show_window(args: &Args) -> Result<()> {
     let event_loop = EventLoop::new().or_else(|error| {
         // A file that is not there is worth more words than a display that is not there.
-        args.file.as_deref().map(open_source).transpose()?;
+        args.files.first().map(|address| open_source(address)).transpose()?;
         Err(error).context("no display; --screenshot works without one")
     })?;
     let mut app = App::default();
     app.controls.args = args.clone();
-    match &args.file {
-        Some(address) => app.open(address.clone()),
-        None => app.say("drop a .lodpack file here".into()),
+    if args.files.is_empty() {
+        app.say("drop a .lodpack file here".into());
+    } else {
+        app.open(args.files.clone());
     }
     event_loop.run_app(&mut app)?;
     app.fatal.map_or(Ok(()), Err)
 }
 
-/// A file that is being viewed.
+/// What is being viewed.
 struct Looked {
+    /// The first file.
     address: String,
     scene: Scene,
     camera: View,
@@ -68,7 +71,7 @@ struct App {
     canvas: RgbaImage,
     looked: Option<Looked>,
     role: Option<Role>,
-    /// The file that is being opened.
+    /// The files that are being opened.
     opening: Option<(String, JoinHandle<Result<Looked>>)>,
     controls: Controls,
     panel: Panel,
@@ -90,17 +93,17 @@ impl App {
         self.messages.push((Instant::now(), text));
     }
 
-    /// Opens a file in the background. The current one stays until the new one is ready.
-    fn open(&mut self, address: String) {
-        let args = self.controls.args.clone();
-        let named = address.clone();
+    /// Opens files in the background. The current ones stay until the new ones are ready.
+    fn open(&mut self, addresses: Vec<String>) {
+        let (args, named) = (self.controls.args.clone(), addresses.join(" "));
+        let address = addresses.first().cloned().unwrap_or_default();
         let open = move || -> Result<Looked> {
-            let scene = open_at(&named, &args, Mode::AsynchronousWithPrefetch)?;
+            let scene = open_at(&addresses, &args, Mode::AsynchronousWithPrefetch)?;
             let camera = scene.first_extent().and_then(|extent| args.first_view(extent));
-            Ok(Looked { camera: camera.with_context(|| named.clone())?, address: named, scene })
+            Ok(Looked { camera: camera.with_context(|| address.clone())?, address, scene })
         };
         let thread = std::thread::spawn(open);
-        self.opening = Some((address, thread));
+        self.opening = Some((named, thread));
     }
 
     fn take_opened(&mut self) {
@@ -187,7 +190,7 @@ impl App {
                 Err(error) => result = Err(error),
             }
             if let Some(Role::Controls(wall)) = &mut self.role {
-                let query = Query { view: Some(chosen), ..scene.query.clone() };
+                let query = Query { view: Some(chosen), ..scene.first.query.clone() };
                 result = wall.follow(&query).and(result);
             }
             let look = (&view, &*self.controls.args.overlay, self.controls.args.unlit);
@@ -213,7 +216,7 @@ impl App {
         let mut texts: Vec<(&str, _)> = self.messages.iter().rev().map(|(_, text)| (text.as_str(), WARNING)).collect();
         let opening = self.opening.as_ref().map(|(address, _)| format!("opening {address} ..."));
         texts.extend(opening.as_deref().map(|text| (text, INK)));
-        let selected = self.looked.as_ref().and_then(|looked| looked.scene.objects.selected.as_ref());
+        let selected = self.looked.as_ref().and_then(|looked| looked.scene.selected());
         texts.extend(selected.map(|selected| (selected.text.as_str(), INK)));
         texts.extend(self.controls.args.has(Overlay::Keys).then_some((KEY_CARD, INK)));
         texts.iter().fold(size[1], |bottom, &(text, ink)| write_above(&mut canvas, bottom, text, ink));
@@ -273,7 +276,7 @@ impl App {
 
     /// Carries out what a key asks of the window.
     fn obey(&mut self, letter: &str, event_loop: &ActiveEventLoop) -> Result<()> {
-        let has_selected = self.looked.as_ref().is_some_and(|looked| looked.scene.objects.selected.is_some());
+        let has_selected = self.looked.as_ref().is_some_and(|looked| looked.scene.selected().is_some());
         if letter == "escape" && !has_selected {
             event_loop.exit();
         }
@@ -304,12 +307,12 @@ impl App {
             },
             "o" => looked.camera = self.controls.args.whole_model(looked.scene.extent()),
             "g" => {
-                looked.scene.next_channel()?;
-                let name = looked.scene.channel.as_ref().map(|channel| channel.info.name.clone());
+                looked.scene.first.next_channel()?;
+                let name = looked.scene.first.channel.as_ref().map(|channel| channel.info.name.clone());
                 self.say(name.map_or("no channel".into(), |name| format!("channel {name}")));
             }
             "h" | "i" | "j" => looked.scene.obey_objects(letter)?,
-            "escape" => looked.scene.objects.selected = None,
+            "escape" => looked.scene.deselect(),
             "y" => looked.scene.retry_failed(),
             "f" => self.controls.frozen = self.controls.frozen.xor(Some(looked.camera)),
             _ => (),
@@ -323,7 +326,7 @@ impl ApplicationHandler for App {
         if self.window.is_some() {
             return;
         }
-        let title = format!("lodpack-view {}", self.controls.args.file.as_deref().unwrap_or_default());
+        let title = format!("lodpack-view {}", self.controls.args.files.join(" "));
         let [width, height] = self.controls.args.size;
         let attributes = Window::default_attributes().with_title(title);
         let is_full = self.controls.args.full_screen;
@@ -337,10 +340,10 @@ impl ApplicationHandler for App {
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         match event {
             WindowEvent::CloseRequested => event_loop.exit(),
-            WindowEvent::DroppedFile(path) => self.open(path.to_string_lossy().into_owned()),
+            WindowEvent::DroppedFile(path) => self.open(vec![path.to_string_lossy().into_owned()]),
             WindowEvent::RedrawRequested => self.frame(event_loop),
             WindowEvent::KeyboardInput { event, .. } => {
-                let has_selected = self.looked.as_ref().is_some_and(|looked| looked.scene.objects.selected.is_some());
+                let has_selected = self.looked.as_ref().is_some_and(|looked| looked.scene.selected().is_some());
                 if let Some(letter) = self.controls.key(&event, has_selected)
                     && let Err(error) = self.obey(&letter, event_loop)
                 {

@@ -52,9 +52,9 @@ export class Surface {
     return { min: by(Math.min), max: by(Math.max) };
   }
 
-  /** Asks for what a view of the picture needs. */
-  ask(view) {
-    return this.stream.frame({ view: this.file.frame?.view(view) ?? view });
+  /** Asks for what a view of the picture needs, of so many triangles at most. */
+  ask(view, maxTriangles) {
+    return this.stream.frame({ view: this.file.frame?.view(view) ?? view, ...(maxTriangles === undefined ? {} : { maxTriangles }) });
   }
 
   /** Shows a channel if it has one of this name; another surface has, if not. */

@@ -1,6 +1,6 @@
 // The page: opens a file by its address or from the disk, streams it for a camera, and draws it.
 
-import { EtagMismatch, open } from 'lodpack';
+import { EtagMismatch, SharedBudget, open } from 'lodpack';
 import { Camera, VERTICAL_FOV } from './camera.js';
 import { Controls } from './controls.js';
 import { Measure } from './measure.js';
@@ -20,6 +20,8 @@ let isDirty = true; // Whether something has to be drawn.
 let wantsFrame = true; // Whether the stream has to be asked.
 let isAsking = false;
 let last = null; // The last frame of all surfaces.
+let budget = new SharedBudget();
+let lastTolerance;
 let times = { frame: 0, update: 0 };
 
 /** Opens a file, in place of the one that is open. */
@@ -118,7 +120,10 @@ async function follow() {
     const { marked } = objects;
     const asked = marked ? [...surfaces, marked] : surfaces;
     // What is selected may end meanwhile.
-    const frames = await Promise.all(asked.map((surface) => surface.ask(seen).catch((error) => {
+    const most = Number($('triangles').value);
+    const limits = most > 0 ? budget.limits(most, seen.pixelTolerance, surfaces.length) : undefined;
+    if (limits) seen.pixelTolerance = limits.pixelTolerance;
+    const frames = await Promise.all(asked.map((surface, k) => surface.ask(seen, limits?.maxTriangles[k]).catch((error) => {
       if (surface !== marked) throw error;
       return null;
     })));
@@ -130,6 +135,10 @@ async function follow() {
       if (ofMarked?.uploads.length + ofMarked?.drops.length > 0) isDirty = true;
     }
     times.update = performance.now() - begun;
+    if (limits) budget.record(frames);
+    // Triangles are shared out anew until all surfaces have about the same error.
+    if (limits && limits.pixelTolerance !== lastTolerance) wantsFrame = true;
+    lastTolerance = limits?.pixelTolerance;
     last = joinedFrames(frames);
     if (last.hasChanges) isDirty = true;
     if (last.problems.length > 0) {
@@ -246,6 +255,7 @@ function address() {
   if (shown) settings.set('camera', camera.toString());
   if ($('colour').value !== 'shading') settings.set('colour', $('colour').value);
   if ($('tolerance').value !== '0') settings.set('px', String(2 ** Number($('tolerance').value)));
+  if ($('triangles').value) settings.set('triangles', $('triangles').value);
   if ($('wireframe').checked) settings.set('wire', '1');
   if (!$('channel-row').hidden && $('channel').selectedIndex >= 0) {
     if ($('channel').value !== firstChannel()) settings.set('channel', chosenChannel());
@@ -263,6 +273,8 @@ function applyAddress() {
   if ([...$('colour').options].some(({ value }) => value === settings.get('colour'))) $('colour').value = settings.get('colour');
   const pixels = Number(settings.get('px'));
   if (pixels > 0 && Number.isFinite(pixels)) $('tolerance').value = Math.log2(pixels);
+  const most = Math.floor(Number(settings.get('triangles')));
+  $('triangles').value = most > 0 && Number.isFinite(most) ? most : '';
   $('wireframe').checked = settings.get('wire') === '1';
   const options = [...$('channel').options].map(({ value }) => value);
   const channel = settings.get('channel');
@@ -309,7 +321,7 @@ $('panel').open = innerWidth > 900;
 const controls = new Controls(canvas, camera, { changed: moved, pick: pickPoint, click });
 
 $('channel').addEventListener('input', () => { [$('low').value, $('high').value] = ['', '']; });
-for (const id of ['colour', 'tolerance', 'wireframe', 'channel', 'light', 'low', 'high']) {
+for (const id of ['colour', 'tolerance', 'triangles', 'wireframe', 'channel', 'light', 'low', 'high']) {
   $(id).addEventListener('input', () => {
     settingsChanged();
     moved();

@@ -11,6 +11,7 @@
 //! | `mesh` | decoding, and copies into the caller's memory |
 //! | `pages` | meshes of which each vertex has a place in an image |
 //! | `stream` | frames of a moving camera |
+//! | `shared_budget` | one budget of triangles for several streams |
 //! | `source` | files that the caller reads |
 //! | `status` | statuses, messages, and panics, none of which gets out |
 //! | `pointer` | the only place that follows a caller's pointers |
@@ -24,6 +25,7 @@ mod objects;
 mod pages;
 mod pointer;
 mod query;
+mod shared_budget;
 mod source;
 mod status;
 mod stream;

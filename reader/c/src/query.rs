@@ -192,7 +192,8 @@ pub fn checked(query: &Query) -> Result<lodpack::Query, Failure> {
     })
 }
 
-fn limiter(limiter: lodpack::Limiter) -> Limiter {
+/// The limiter in C.
+pub fn limiter(limiter: lodpack::Limiter) -> Limiter {
     match limiter {
         lodpack::Limiter::Tolerance => Limiter::Tolerance,
         lodpack::Limiter::Finest => Limiter::Finest,

@@ -13,8 +13,7 @@ use lodpack::{
     heights::SIDE,
     index::ChannelInfo,
     stream::{
-        ByPiece, Changes, DrawnRoot, DrawnTexture, HeightsStreamer, Mode, Options, Picture, Problem, Shows, Streamed,
-        Streamer, StreamerOptions, TileImages,
+        ByPiece, Changes, DrawnRoot, DrawnTexture, Mode, Options, Problem, Shows, Streamer, StreamerOptions, TileImages,
     },
 };
 
@@ -23,7 +22,7 @@ use crate::{
     mesh::{Lit, Mesh},
     pages::{Images, Page, Paged},
     pointer::{borrow, borrow_mut, give, release, slice, write},
-    query::{Query, checked},
+    query::{Query, checked, limiter},
     status::{Failure, Status, guard},
 };
 
@@ -86,6 +85,10 @@ pub struct Frame {
     pub triangle_count: u64,
     /// Bytes read since the last frame.
     pub byte_count: u64,
+    /// Triangles that it would have if everything were there.
+    pub wanted_triangle_count: u64,
+    /// A lodpack_limiter: why that is not finer.
+    pub limited_by: i32,
 }
 
 /// A root to upload.
@@ -102,7 +105,7 @@ pub struct Upload {
 
 /// Frames of a moving camera, and threads that load for them.
 pub struct Stream {
-    streamer: AnyStreamer,
+    streamer: Box<Streamer>,
     channels: Arc<[(ChannelInfo, Appearance)]>,
     uploads: Vec<u32>,
     drops: Vec<u32>,
@@ -110,39 +113,11 @@ pub struct Stream {
     problem: CString,
 }
 
-enum AnyStreamer {
-    Mesh(Box<Streamer>),
-    Heights(Box<HeightsStreamer>),
-}
-
 /// The header promises that a stream may go from thread to thread.
 const _: fn() = || {
     fn movable<T: Send>() {}
     movable::<Stream>();
 };
-
-impl AnyStreamer {
-    fn frame(&mut self, query: &lodpack::Query) -> lodpack::Result<Streamed> {
-        match self {
-            Self::Mesh(streamer) => streamer.frame(query),
-            Self::Heights(streamer) => streamer.frame(query),
-        }
-    }
-
-    fn picture(&self) -> &Picture {
-        match self {
-            Self::Mesh(streamer) => streamer.picture(),
-            Self::Heights(streamer) => streamer.picture(),
-        }
-    }
-
-    fn take_problems(&self) -> Vec<Problem> {
-        match self {
-            Self::Mesh(streamer) => streamer.session().take_problems(),
-            Self::Heights(streamer) => streamer.session().take_problems(),
-        }
-    }
-}
 
 /// Options that suit most programs: 64 MiB of the file, 256 MiB of triangles and of images, four threads.
 #[unsafe(no_mangle)]
@@ -201,17 +176,13 @@ fn open(file: &File, options: &StreamOptions, channels: &[u32]) -> Result<Stream
             let mut streamer = mesh.streamer(streamer_options).map_err(|error| file.blame(error))?;
             let known = known_channels(mesh, channels).map_err(|error| file.blame(error))?;
             let numbers: Vec<u8> = channels.iter().map(|&channel| channel as u8).collect();
-            streamer.session_mut().show_channels(&numbers).map_err(|error| file.blame(error))?;
-            (AnyStreamer::Mesh(Box::new(streamer)), known)
+            streamer.show_channels(&numbers).map_err(|error| file.blame(error))?;
+            (streamer, known)
         }
-        Opened::Heights(heights) => {
-            let source = Arc::new(Arc::clone(heights.source()));
-            let streamer = HeightsStreamer::new(Arc::clone(heights.index()), source, streamer_options);
-            (AnyStreamer::Heights(Box::new(streamer.map_err(|error| file.blame(error))?)), vec![])
-        }
+        Opened::Heights(heights) => (heights.streamer(streamer_options).map_err(|error| file.blame(error))?, vec![]),
     };
     let (uploads, drops, problems, problem) = Default::default();
-    Ok(Stream { streamer, channels: channels.into(), uploads, drops, problems, problem })
+    Ok(Stream { streamer: Box::new(streamer), channels: channels.into(), uploads, drops, problems, problem })
 }
 
 /// Channels by number, and their colours: ramps go from the smallest to the largest number of the coarsest level.
@@ -243,6 +214,7 @@ pub extern "C" fn lodpack_draw_frame(stream: *mut Stream, query: *const Query, f
         let stream = borrow_mut(stream, "stream")?;
         let query = checked(borrow(query, "query")?)?;
         let streamed = stream.streamer.frame(&query)?;
+        let (wanted_triangle_count, limited_by) = (streamed.wanted_triangle_count, limiter(streamed.limited_by));
         let Changes { surfaces, strips, removed, textures, .. } = streamed.frame.changes;
         let changed: BTreeSet<u32> =
             surfaces.into_iter().chain(strips.into_iter().map(|(root, _)| root)).chain(textures).collect();
@@ -263,6 +235,8 @@ pub extern "C" fn lodpack_draw_frame(stream: *mut Stream, query: *const Query, f
             root_count: picture.roots().len() as u64,
             triangle_count: picture.triangle_count(),
             byte_count: streamed.bytes_read,
+            wanted_triangle_count,
+            limited_by: limited_by as i32,
         };
         stream.problems.extend(stream.streamer.take_problems());
         write(frame, value, "frame")
@@ -297,8 +271,8 @@ fn mesh_of(drawn: &DrawnRoot, stream: &Stream) -> Mesh {
         let (positions, triangles) = drawn.joined();
         return Mesh::Heights(lit(drawn, images, positions, triangles));
     }
-    let AnyStreamer::Mesh(streamer) = &stream.streamer else { return bare(drawn) };
-    let lattice = streamer.session().index().lattice();
+    let Some(session) = stream.streamer.session() else { return bare(drawn) };
+    let lattice = session.index().lattice();
     let Some((texture, ByPiece { positions, triangles, pieces, .. })) = drawn.texture().zip(drawn.by_piece()) else {
         return bare(drawn);
     };
@@ -362,10 +336,7 @@ pub extern "C" fn lodpack_get_drop(stream: *const Stream, number: usize, root: *
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_settle(stream: *const Stream) -> Status {
     guard(|| {
-        match &borrow(stream, "stream")?.streamer {
-            AnyStreamer::Mesh(streamer) => streamer.settle(),
-            AnyStreamer::Heights(streamer) => streamer.settle(),
-        }
+        borrow(stream, "stream")?.streamer.settle();
         Ok(())
     })
 }
@@ -385,10 +356,7 @@ pub extern "C" fn lodpack_next_problem(stream: *mut Stream) -> *const c_char {
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_retry(stream: *mut Stream) -> Status {
     guard(|| {
-        match &mut borrow_mut(stream, "stream")?.streamer {
-            AnyStreamer::Mesh(streamer) => streamer.session_mut().retry_failed(),
-            AnyStreamer::Heights(streamer) => streamer.session_mut().retry_failed(),
-        }
+        borrow_mut(stream, "stream")?.streamer.retry_failed();
         Ok(())
     })
 }

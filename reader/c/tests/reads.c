@@ -275,6 +275,58 @@ static void pace(const lodpack_file *file) {
     lodpack_close_stream(stream);
 }
 
+/* Two streams keep one budget of triangles in every frame, one near and one far. */
+static void share(const lodpack_file *file, const lodpack_info *info) {
+    lodpack_stream_options options = lodpack_stream_options_default();
+    options.waits = 1;
+    lodpack_stream *streams[2];
+    lodpack_view view = lodpack_view_default();
+    lodpack_query query = lodpack_query_default();
+    query.view = &view;
+    for (int axis = 0; axis < 3; axis++) {
+        view.position[axis] = (info->bounds_low[axis] + info->bounds_high[axis]) / 2;
+    }
+    double size = info->bounds_high[0] - info->bounds_low[0];
+    view.near_plane = fmax(size / 1e6, 1e-12);
+    lodpack_frame frames[2];
+    uint64_t shares[2], least = 0, most = 0;
+    double tolerance;
+    for (int k = 0; k < 2; k++) {
+        EXPECT(lodpack_open_stream(file, &options, &streams[k]) == LODPACK_STATUS_OK);
+        view.position[2] = info->bounds_high[2] + size * (k ? 8 : .5);
+        for (view.pixel_tolerance = 1e9; view.pixel_tolerance > 0; view.pixel_tolerance = view.pixel_tolerance > 1 ? 1e-9 : 0) {
+            EXPECT(lodpack_draw_frame(streams[k], &query, &frames[k]) == LODPACK_STATUS_OK);
+            EXPECT(frames[k].limited_by != LODPACK_LIMITER_TRIANGLES);
+            *(view.pixel_tolerance > 1 ? &least : &most) += frames[k].wanted_triangle_count;
+        }
+    }
+    lodpack_budget *budget;
+    EXPECT(lodpack_open_budget(&budget) == LODPACK_STATUS_OK);
+    uint64_t whole = least * 2 + (most - least) / 4;
+    for (int number = 0; number < 30; number++) {
+        EXPECT(lodpack_share_budget(budget, whole, .001, &tolerance, shares, 2) == LODPACK_STATUS_OK);
+        EXPECT(shares[0] + shares[1] == whole && tolerance >= .001);
+        for (int k = 0; k < 2; k++) {
+            view.position[2] = info->bounds_high[2] + size * (k ? 8 : .5);
+            view.pixel_tolerance = tolerance;
+            query.max_triangles = shares[k];
+            EXPECT(lodpack_draw_frame(streams[k], &query, &frames[k]) == LODPACK_STATUS_OK);
+        }
+        /* A share may be smaller than the coarsest cut. */
+        EXPECT(frames[0].wanted_triangle_count + frames[1].wanted_triangle_count <= whole + least);
+        EXPECT(lodpack_record_frames(budget, frames, 2) == LODPACK_STATUS_OK);
+    }
+    EXPECT(frames[0].wanted_triangle_count + frames[1].wanted_triangle_count <= whole);
+    EXPECT(frames[0].wanted_triangle_count >= frames[1].wanted_triangle_count);
+    EXPECT(lodpack_share_budget(NULL, 1, 1, &tolerance, shares, 2) == LODPACK_STATUS_ARGUMENT);
+    EXPECT(lodpack_share_budget(budget, 1, 1, &tolerance, NULL, 2) == LODPACK_STATUS_ARGUMENT);
+    EXPECT(lodpack_record_frames(budget, NULL, 2) == LODPACK_STATUS_ARGUMENT);
+    lodpack_close_budget(budget);
+    lodpack_close_budget(NULL);
+    lodpack_close_stream(streams[0]);
+    lodpack_close_stream(streams[1]);
+}
+
 /* Flies past a file, and counts the roots that a viewer would have. */
 static void fly(const lodpack_file *file, const lodpack_info *info, int is_sound) {
     uint32_t channel = 0;
@@ -579,6 +631,9 @@ static void read_file(const char *path, nature kind) {
             fly(files[i], &info, is_sound);
             if (is_sound && info.kind == LODPACK_KIND_MESH) {
                 pace(files[i]);
+            }
+            if (is_sound) {
+                share(files[i], &info);
             }
         }
         lodpack_status verified = lodpack_verify(files[i]);

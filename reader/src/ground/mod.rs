@@ -32,16 +32,17 @@ pub struct Ground<S> {
     pub frame: GroundFrame,
 }
 
-/// Takes coordinates of a ground to those of the surface that stands on it. Both say where they are in the world in
-/// metres with z up, and this compares what they say. It turns, scales and moves; an error of the ground grows by
-/// [`GroundFrame::scale`].
+/// Takes coordinates of a ground to those of the surface that stands on it, or those of one file to those of another in
+/// the same picture ([`GroundFrame::between`]). Both say where they are in the world in metres with z up, and this
+/// compares what they say. It turns, scales and moves; an error of the ground grows by [`GroundFrame::scale`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GroundFrame {
     /// Metres in a unit: of the ground, of the surface.
     units: [f64; 2],
     /// What is added to coordinates in metres: of the ground, of the surface.
     origins: [[f64; 3]; 2],
-    is_y_up: bool,
+    /// Whether y is up: in the ground, in the surface.
+    is_y_up: [bool; 2],
 }
 
 impl<S: ReadAt> Ground<S> {
@@ -92,15 +93,29 @@ impl Index {
 }
 
 impl GroundFrame {
-    /// The frame of a ground and a surface with these placements.
+    /// The frame of a ground, which has z up, and a surface with these placements.
     ///
     /// # Errors
     /// [`Error::Format`] if they are in different coordinate reference systems (one that is not said is no other one),
     /// or a unit or an origin is beyond what is measured.
     pub fn new(ground: Option<&Placement>, surface: Option<&Placement>) -> Result<Self> {
-        let [ground, surface] = [ground, surface].map(|placement| placement.cloned().unwrap_or_default());
-        if !ground.crs.is_empty() && !surface.crs.is_empty() && ground.crs != surface.crs {
+        let ground = Placement { up: UpAxis::Z, ..ground.cloned().unwrap_or_default() };
+        let [of_ground, of_surface] = [&ground.crs, &surface.cloned().unwrap_or_default().crs];
+        if !of_ground.is_empty() && !of_surface.is_empty() && of_ground != of_surface {
             return Err(Error::format("the ground is in another coordinate reference system than the surface on it"));
+        }
+        Self::between(Some(&ground), surface)
+    }
+
+    /// What takes coordinates of a file with the first placement to those of a file with the second one. A file that
+    /// does not say what is up has the same up as the other.
+    ///
+    /// # Errors
+    /// As [`GroundFrame::new`].
+    pub fn between(file: Option<&Placement>, other: Option<&Placement>) -> Result<Self> {
+        let [ground, surface] = [file, other].map(|placement| placement.cloned().unwrap_or_default());
+        if !ground.crs.is_empty() && !surface.crs.is_empty() && ground.crs != surface.crs {
+            return Err(Error::format("the files are in different coordinate reference systems"));
         }
         let is_near = |x: f64| x.abs() <= LARGEST;
         let has_place = |place: &Placement| {
@@ -108,12 +123,15 @@ impl GroundFrame {
                 && place.unit.is_none_or(|unit| is_near(unit) && is_near(1.0 / unit))
         };
         if !has_place(&ground) || !has_place(&surface) {
-            return Err(Error::format("a ground or the surface on it has a unit or an origin beyond 10^15"));
+            return Err(Error::format("a file has a unit or an origin beyond 10^15"));
         }
         Ok(Self {
             units: [ground.unit, surface.unit].map(|unit| unit.unwrap_or(1.0)),
             origins: [ground.origin, surface.origin],
-            is_y_up: surface.up == UpAxis::Y,
+            is_y_up: match [ground.up, surface.up] {
+                [UpAxis::Unknown, up] | [up, UpAxis::Unknown] => [up == UpAxis::Y; 2],
+                ups => ups.map(|up| up == UpAxis::Y),
+            },
         })
     }
 
@@ -130,7 +148,7 @@ impl GroundFrame {
 
     /// Whether coordinates stay as they are.
     pub fn is_identity(&self) -> bool {
-        self.is_in_place() && !self.is_y_up
+        self.is_in_place() && self.is_y_up[0] == self.is_y_up[1]
     }
 
     /// How long a unit of the ground is in units of the surface.
@@ -151,32 +169,34 @@ impl GroundFrame {
 
     /// A point of the ground in the space of the surface.
     pub fn point(&self, point: [f64; 3]) -> [f64; 3] {
-        let moved = match self.is_in_place() {
-            true => point,
-            false => [0, 1, 2]
-                .map(|k| ((point[k] * self.units[0] + self.origins[0][k]) - self.origins[1][k]) / self.units[1]),
-        };
-        self.direction(moved)
+        moved(self.is_y_up, point, |p| match self.is_in_place() {
+            true => p,
+            false => {
+                [0, 1, 2].map(|k| ((p[k] * self.units[0] + self.origins[0][k]) - self.origins[1][k]) / self.units[1])
+            }
+        })
     }
 
     /// A point of the surface's space in that of the ground: the way back, but for rounding.
     pub fn point_of_ground(&self, point: [f64; 3]) -> [f64; 3] {
-        let turned = self.direction_of_ground(point);
-        match self.is_in_place() {
-            true => turned,
-            false => [0, 1, 2]
-                .map(|k| ((turned[k] * self.units[1] + self.origins[1][k]) - self.origins[0][k]) / self.units[0]),
-        }
+        let [ground, surface] = self.is_y_up;
+        moved([surface, ground], point, |p| match self.is_in_place() {
+            true => p,
+            false => {
+                [0, 1, 2].map(|k| ((p[k] * self.units[1] + self.origins[1][k]) - self.origins[0][k]) / self.units[0])
+            }
+        })
     }
 
     /// A direction of the ground in the space of the surface.
-    pub fn direction<T: Copy + std::ops::Neg<Output = T>>(&self, [x, y, z]: [T; 3]) -> [T; 3] {
-        if self.is_y_up { [x, z, -y] } else { [x, y, z] }
+    pub fn direction<T: Copy + std::ops::Neg<Output = T>>(&self, direction: [T; 3]) -> [T; 3] {
+        moved(self.is_y_up, direction, |direction| direction)
     }
 
     /// The way back: a direction of the surface in the space of the ground.
-    pub fn direction_of_ground<T: Copy + std::ops::Neg<Output = T>>(&self, [x, y, z]: [T; 3]) -> [T; 3] {
-        if self.is_y_up { [x, -z, y] } else { [x, y, z] }
+    pub fn direction_of_ground<T: Copy + std::ops::Neg<Output = T>>(&self, direction: [T; 3]) -> [T; 3] {
+        let [ground, surface] = self.is_y_up;
+        moved([surface, ground], direction, |direction| direction)
     }
 
     /// A view of the surface as a view of the ground: both fill the same pixels, and have the same depths in a depth
@@ -206,6 +226,16 @@ impl GroundFrame {
     fn is_in_place(&self) -> bool {
         self.units[0] == self.units[1] && self.origins[0] == self.origins[1]
     }
+}
+
+/// From one space to another, of which y may be up, with a way between them where z is.
+fn moved<T: Copy + std::ops::Neg<Output = T>>(
+    [from, to]: [bool; 2],
+    [x, y, z]: [T; 3],
+    way: impl Fn([T; 3]) -> [T; 3],
+) -> [T; 3] {
+    let [x, y, z] = way(if from { [x, -z, y] } else { [x, y, z] });
+    if to { [x, z, -y] } else { [x, y, z] }
 }
 
 /// The rows of a matrix, from what it makes of the origin and of an axis.
@@ -254,6 +284,25 @@ mod tests {
         let far = Placement { origin: [0.0, 2e15, 0.0], ..feet.clone() };
         assert!(GroundFrame::new(Some(&far), None).is_err());
         assert!(GroundFrame::new(None, Some(&Placement { unit: Some(1e-300), ..feet })).is_err());
+    }
+
+    #[test]
+    fn files_with_other_axes_up_meet_in_the_world() {
+        let map = placed(UpAxis::Z, 1.0, [100.0, 200.0, 0.0], "");
+        let model = placed(UpAxis::Y, 0.25, [110.0, 220.0, 3.0], "");
+        // The model's second axis is the map's third one, and its third one goes south.
+        let frame = GroundFrame::between(Some(&model), Some(&map)).unwrap();
+        assert_eq!(frame.point([4.0, 8.0, 12.0]), [11.0, 17.0, 5.0]);
+        assert_eq!(frame.point_of_ground([11.0, 17.0, 5.0]), [4.0, 8.0, 12.0]);
+        let back = GroundFrame::between(Some(&map), Some(&model)).unwrap();
+        assert_eq!(back.point([11.0, 17.0, 5.0]), [4.0, 8.0, 12.0]);
+        let other = placed(UpAxis::Y, 0.25, [111.0, 220.0, 3.0], "");
+        let frame = GroundFrame::between(Some(&other), Some(&model)).unwrap();
+        assert_eq!((frame.point([0.0, 1.0, 2.0]), frame.direction([1, 2, 3])), ([4.0, 1.0, 2.0], [1, 2, 3]));
+        let unsaid = Placement { up: UpAxis::Unknown, ..other };
+        assert_eq!(GroundFrame::between(Some(&unsaid), Some(&model)).unwrap(), frame);
+        let elsewhere = Placement { crs: "EPSG:1".into(), ..map.clone() };
+        assert!(GroundFrame::between(Some(&Placement { crs: "EPSG:2".into(), ..map }), Some(&elsewhere)).is_err());
     }
 
     #[test]

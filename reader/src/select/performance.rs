@@ -149,7 +149,13 @@ impl PerformanceMode {
         let is_first = self.model.costs() == [0.0; 4];
         self.model.record(&times);
         let mean = |before: f64, now: f64| if is_first { now } else { before + (now - before) / f64::from(WINDOW) };
-        self.adapt_cost = mean(self.adapt_cost, times.adapt / times.node_count.max(1) as f64);
+        // What adapting costs a node is known where it takes long. Of a file that is only beginning to load, a few nodes
+        // may take long as well: that is soon forgotten.
+        self.adapt_cost = if times.adapt > self.target.adapt_time / 2.0 {
+            mean(self.adapt_cost, times.adapt / times.node_count.max(1) as f64)
+        } else {
+            self.adapt_cost / 2.0
+        };
         self.upload_bytes = mean(self.upload_bytes, times.upload_bytes as f64);
         let [fixed, of_node, of_triangle, of_byte] = self.model.costs();
         let rest = fixed + of_node * times.node_count as f64 + of_byte * self.upload_bytes;
@@ -281,6 +287,18 @@ mod tests {
         mode.target.adapt_time = 0.5;
         run(&mut mode, &mut renderer, 30);
         assert!((490..=510).contains(&mode.controls().max_nodes), "{:?}", mode.controls());
+    }
+
+    #[test]
+    fn a_few_slow_frames_of_a_few_nodes_are_soon_forgotten() {
+        let (mut mode, mut renderer) =
+            (mode(PerformanceGoal::FrameTime(1000.0 / 60.0)), Renderer { speed: 1.0, noise: 0.0, state: 1 });
+        for _ in 0..5 {
+            let controls = mode.record(FrameTimes { frame: 20.0, adapt: 20.0, node_count: 2, ..FrameTimes::default() });
+            assert_eq!(controls.max_nodes, 16);
+        }
+        run(&mut mode, &mut renderer, 12);
+        assert!(mode.controls().max_nodes >= 1000, "{:?}", mode.controls());
     }
 
     #[test]

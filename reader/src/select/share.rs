@@ -9,7 +9,7 @@ const STEPS: usize = 6;
 /// What each of several things gets of one budget.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shares {
-    /// The least tolerance found at which all together keep the budget, or the largest one if none does.
+    /// The tolerance of all: the least found at which all together keep the budget, or the largest one if none does.
     pub tolerance: f64,
     /// Triangles for each; together they are the budget.
     pub budgets: Vec<u64>,

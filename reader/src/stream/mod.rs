@@ -40,8 +40,9 @@
 //! [`Changes`] say what is new. [`Counters`] with their [`LatencyHistogram`] say
 //! what a session has done, and a [`Problem`] what it has given up.
 //!
-//! Files of heights have a [`HeightsSession`] and a [`HeightsStreamer`] of their own, whose jobs, frames and pictures
-//! are the same. An [`Expecter`] predicts the query of later frames.
+//! Files of heights have a [`HeightsSession`] of their own, whose jobs, frames and pictures are the same, and
+//! [`crate::heights::Heights::streamer`]. An [`Expecter`] predicts the query of later frames. Several streamers that draw into one
+//! picture keep one budget by a [`crate::select::SharedBudget`].
 //!
 //! # Memory and damage
 //!
@@ -96,8 +97,6 @@ pub use counters::{Counters, LatencyHistogram};
 pub use drawn_surface::{BorderEdge, DrawnSurface, Strip};
 pub use follower::Follower;
 pub use frame::{Frame, Shows};
-#[cfg(feature = "threads")]
-pub use heights::HeightsStreamer;
 pub use heights::{HeightsSession, TileImages};
 pub use job::Read;
 pub use lit::{Light, Lit};

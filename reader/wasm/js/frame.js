@@ -16,10 +16,10 @@ export const LIMITERS = [undefined, 'tolerance', 'finest', 'triangles', 'nodes',
 
 /** Reads what src/stream.rs packs. The arrays of all uploads share one buffer. */
 export function unpackFrame(buffer) {
-  const [shows, isComplete, lateRoots, lost, removed, changed, triangleCount, nodeCount, errorPx, limiter, exceeded, wanted,
-    requests, bytesRead, decoded, failures, lateImages, imageBytes] = new Float64Array(buffer, 0, 18);
-  const errors = new Float64Array(buffer, 144, changed);
-  let at = 144 + 8 * changed;
+  const [shows, isComplete, lateRoots, lost, removed, changed, triangleCount, nodeCount, errorPx, limiter, exceeded, wanted, wantedTriangles,
+    requests, bytesRead, decoded, failures, lateImages, imageBytes] = new Float64Array(buffer, 0, 19);
+  const errors = new Float64Array(buffer, 152, changed);
+  let at = 152 + 8 * changed;
   const take = (type, count) => {
     const array = new type(buffer, at, count);
     at += array.byteLength;
@@ -45,12 +45,12 @@ export function unpackFrame(buffer) {
   });
   return {
     shows: SHOWS[shows], isComplete: isComplete === 1, uploads, drops, lateRoots, lostRoots, lateImages, triangleCount, nodeCount,
-    wantedNodeCount: wanted, errorPx, limitedBy: LIMITERS[limiter], exceeded: LIMITERS[exceeded],
+    wantedNodeCount: wanted, wantedTriangleCount: wantedTriangles, errorPx, limitedBy: LIMITERS[limiter], exceeded: LIMITERS[exceeded],
     counters: { requests, bytesRead, decoded, failures, imageBytes, memoryBytes: 0 }, problems: [],
   };
 }
 
-export const emptyFrame = (shows) => ({ ...unpackFrame(new ArrayBuffer(144)), shows, errorPx: Infinity });
+export const emptyFrame = (shows) => ({ ...unpackFrame(new ArrayBuffer(152)), shows, errorPx: Infinity });
 
 export function transferOf({ uploads }) {
   return [...new Set(uploads.map(({ positions }) => positions.buffer))];

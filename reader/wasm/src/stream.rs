@@ -34,8 +34,8 @@ enum Following {
     Heights(Box<(Expecter, HeightsSession)>, HasHeights),
 }
 
-/// What a frame wants: why it is not finer, the budget that it exceeds, and how many roots it has.
-type WantedNumbers = [f64; 3];
+/// What a frame wants: why it is not finer, the budget that it exceeds, and how many roots and triangles it has.
+type WantedNumbers = [f64; 4];
 
 /// A session, and its reads in flight.
 pub struct Stream {
@@ -142,7 +142,8 @@ impl Stream {
                     None => 0.0,
                 };
                 let exceeded = wanted.exceeded.map_or(0, limiter);
-                (frame, [limiter(wanted.limited_by), exceeded, wanted.nodes.len() as u32].map(f64::from), error_px)
+                let [nodes, triangles] = [wanted.nodes.len() as f64, wanted.triangle_count as f64];
+                (frame, [f64::from(limiter(wanted.limited_by)), f64::from(exceeded), nodes, triangles], error_px)
             }
             Following::Heights(heights, _) => {
                 let (expecter, session) = &mut **heights;
@@ -150,8 +151,8 @@ impl Stream {
                 session.begin(&query, expected.as_ref(), now)?;
                 let frame = session.end(now).ok_or_else(waits)?;
                 let exceeded = session.exceeded().map_or(0, limiter);
-                let wanted =
-                    [f64::from(limiter(session.limiter())), f64::from(exceeded), session.wanted_count() as f64];
+                let [nodes, triangles] = [session.wanted_count(), session.wanted_triangle_count()].map(|n| n as f64);
+                let wanted = [f64::from(limiter(session.limiter())), f64::from(exceeded), nodes, triangles];
                 (frame, wanted, session.frame_error_px())
             }
         };

@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { readFile } from 'node:fs/promises';
 import { test } from 'node:test';
-import { BytesSource, Pool, SharedPromiseCache, open } from '../js/index.js';
+import { BytesSource, Pool, SharedBudget, SharedPromiseCache, open } from '../js/index.js';
 import { settle, viewOf } from './picture.js';
 
 const vectors = new URL('../../../format-spec/vectors/', import.meta.url);
@@ -14,6 +14,15 @@ const placed = (point) => {
   const [x, y, z] = point.map((value, axis) => (value - ORIGIN[axis]) / UNIT);
   return [x, z, -y];
 };
+// A budget and what three surfaces took, negative where they lacked triangles; and the limits before it: as in the reader's test.
+const RUN = [
+  [1000, -330, -200, 300], [1000, -500, -250, 240], [1000, -600, -150, 200], [1000, 300, 400, 200], [1000, 100, 50, 0],
+  [400, 300, 200, 100], [400, 200, -150, 20], [400, 150, -230, 18], [400, 150, 200, 18],
+];
+const SHARED = [
+  [0.5, 333, 333, 334], [0.525, 432, 261, 307], [0.578813, 506, 253, 241], [0.70355, 639, 159, 202], [0.677689, 333, 444, 223], [0.5, 254,
+  127, 19], [0.5, 200, 133, 67], [0.525, 202, 177, 21], [0.578813, 150, 231, 19],
+];
 const isNear = (a, b) => a.forEach((value, k) => assert.ok(Math.abs(value - b[k]) < 1e-9, `${a} is not ${b}`));
 
 test('a ground is an open file of heights with a frame', async () => {
@@ -34,6 +43,49 @@ test('a ground is an open file of heights with a frame', async () => {
   file.close();
   assert.ok((await ground.extract(await ground.select({ tolerance: 1e9 }))).triangles.length > 0);
   ground.close();
+});
+
+test('a mesh, its ground and another mesh keep one budget of triangles', async () => {
+  const file = await open(await vector('ground'));
+  const files = [file, await file.ground(), await open(await vector('ground'))];
+  const streams = await Promise.all(files.map((file) => file.stream()));
+  const view = { ...viewOf(file.bounds, 3), up: [0, 1, 0] };
+  const views = [view, files[1].frame.view(view), view];
+  const ask = (limits) => Promise.all(streams.map((stream, k) => stream.frame(
+    { view: { ...views[k], pixelTolerance: limits.pixelTolerance }, maxTriangles: limits.maxTriangles[k] },
+  )));
+  const sum = (frames) => frames.reduce((all, { wantedTriangleCount }) => all + wantedTriangleCount, 0);
+  const all = { maxTriangles: [1e9, 1e9, 1e9] };
+  let [coarsest, finest] = [0, 0];
+  for (let k = 0; k < 30; k += 1) {
+    coarsest = sum(await ask({ ...all, pixelTolerance: 1e9 }));
+    finest = sum(await ask({ ...all, pixelTolerance: 1e-6 }));
+    await new Promise((resolve) => { setTimeout(resolve, 10); });
+  }
+  assert.ok(finest > 2 * coarsest && coarsest > 0, `${coarsest} ${finest}`);
+  const budget = new SharedBudget();
+  const whole = Math.floor((coarsest + finest) / 2);
+  let frames;
+  for (let k = 0; k < 40; k += 1) {
+    const limits = budget.limits(whole, 1e-6, 3);
+    assert.equal(limits.maxTriangles.reduce((a, b) => a + b), whole);
+    frames = await ask(limits);
+    assert.ok(sum(frames) <= whole + coarsest);
+    budget.record(frames);
+  }
+  assert.ok(sum(frames) <= whole && sum(frames) > whole / 2, `${sum(frames)} of ${whole}`);
+  assert.equal(frames[0].wantedTriangleCount, frames[2].wantedTriangleCount);
+  files.forEach((file) => file.close());
+});
+
+test('budgets are shared out as the reader shares them', () => {
+  const budget = new SharedBudget();
+  const steps = RUN.map(([most, ...taken]) => {
+    const { pixelTolerance, maxTriangles } = budget.limits(most, 0.5, 3);
+    budget.record(taken.map((triangles) => ({ wantedTriangleCount: Math.abs(triangles), limitedBy: triangles < 0 ? 'triangles' : 'tolerance' })));
+    return [Number(pixelTolerance.toFixed(6)), ...maxTriangles];
+  });
+  assert.deepEqual(steps, SHARED);
 });
 
 test('a file without a ground has none, and neither have heights', async () => {

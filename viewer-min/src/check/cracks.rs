@@ -9,36 +9,37 @@ use crate::{
     camera::middle_of,
     draw::Renderer,
     gpu::{Gpu, Targets},
-    scene::Scene,
+    surface::Surface,
 };
 
 /// Triangles that close an open surface. They join each edge on arcs that only one half-arc of the finest surface uses
 /// with a single point. The file knows where the surface ends, and of heights the mesh of the same cut; an edge that is
 /// open anywhere else stays open.
-pub fn caps(scene: &Scene) -> Result<Mesh> {
-    let mut made = Mesh { positions: vec![middle_of(scene.bounds).0.into()], ..Mesh::default() };
+pub fn caps(surface: &Surface) -> Result<Mesh> {
+    let mut made = Mesh { positions: vec![middle_of(surface.bounds).0.into()], ..Mesh::default() };
     let mut close = |ends: [[f64; 3]; 2]| {
         let first = made.positions.len() as u32;
         made.positions.extend(ends);
         made.triangles.push([first, first + 1, 0]);
     };
-    if let Some(heights) = scene.heights() {
+    if let Some(heights) = surface.heights() {
         // What the reader joins from all tiles at once ends where the surface does, and where nothing is drawn.
-        let mesh = heights.file.mesh(&heights.streamer.session().cut())?;
+        let cut = surface.heights_cut().unwrap_or_default();
+        let mesh = heights.file.mesh(&cut)?;
         let edges: HashSet<[u32; 2]> = mesh.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
         for &[from, to] in edges.iter().filter(|[from, to]| !edges.contains(&[*to, *from])) {
             close([to, from].map(|vertex| mesh.positions[vertex as usize]));
         }
         return Ok(made);
     }
-    let content = scene.mesh()?;
+    let content = surface.mesh()?;
     // Roots without children use every arc.
     let mut uses: HashMap<u32, u32> = HashMap::new();
     let tree = content.tree()?;
     for &arc in tree.leaves.iter().flat_map(|&root| &tree.arcs[root as usize]) {
         *uses.entry(arc).or_default() += 1;
     }
-    for drawn in scene.picture().roots() {
+    for drawn in surface.picture().roots() {
         let surface = &drawn.surface;
         let arcs: Vec<u32> = surface.half_arcs().map(|half_arc| half_arc.arc).collect();
         for (corners, edges) in surface.border_triangles() {

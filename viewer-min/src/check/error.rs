@@ -13,7 +13,7 @@ use super::{
     Fault,
     reference::{Tree, depth_map, point},
 };
-use crate::{picture::Picture, scene::Scene};
+use crate::{picture::Picture, surface::Surface};
 
 /// Tolerated deviation of a pixel's point for reasons of its own, in pixels: the GPU snaps vertices to parts of a
 /// pixel.
@@ -39,7 +39,7 @@ impl<'m> ErrorCheck<'m> {
     }
 
     /// Pixels at which the drawing and the mesh are farther apart than certified.
-    pub fn check(&mut self, scene: &Scene, drawn: &Picture, view: &View) -> Vec<usize> {
+    pub fn check(&mut self, scene: &Surface, drawn: &Picture, view: &View) -> Vec<usize> {
         let map = depth_map(&self.mesh.positions, &self.mesh.triangles, view);
         let part = |root: u32| match self.fault {
             Some(Fault::LessError(which, part)) if which == root => part,
@@ -92,7 +92,7 @@ impl<'m> ErrorCheck<'m> {
 }
 
 /// A tree over everything that is drawn. The label of each triangle leads to its error.
-fn drawn_tree(scene: &Scene, error_of: &dyn Fn(u32) -> f64) -> (Tree, Vec<f64>) {
+fn drawn_tree(scene: &Surface, error_of: &dyn Fn(u32) -> f64) -> (Tree, Vec<f64>) {
     let mesh = scene.picture().mesh();
     let errors = scene.picture().roots().map(|drawn| error_of(drawn.surface.root)).collect();
     (Tree::new(&mesh.positions, &mesh.triangles, |triangle| mesh.triangle_nodes[triangle]), errors)

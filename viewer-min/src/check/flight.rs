@@ -10,7 +10,8 @@ use crate::{
     args::Way,
     draw::Renderer,
     gpu::{Gpu, Targets},
-    scene::{Scene, Source},
+    scene::Scene,
+    surface::Source,
 };
 
 /// What was seen during a flight.
@@ -58,13 +59,13 @@ pub fn fly(source: Source, path: &[View], ball: f64) -> Result<Flight> {
             flight.empty_frames += 1;
             continue;
         }
-        renderer.update(scene.picture());
+        renderer.update(scene.first.picture());
         let picture = renderer.picture(&targets, view)?;
         for pixel in (0..picture.roots.len()).filter(|&pixel| hits(view, pixel, ball)) {
             flight.covered += 1;
             flight.bare += usize::from(picture.roots[pixel].is_none());
         }
-        let caps = cracks::caps(&scene)?;
+        let caps = cracks::caps(&scene.first)?;
         other.set_mesh(&caps.positions, &caps.triangles);
         flight.cracks += cracks::uneven_pixels(&gpu, &targets, [&renderer, &other], view)?.len();
     }

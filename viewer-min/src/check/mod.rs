@@ -20,7 +20,7 @@ mod views;
 
 use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use lodpack::{
     Cut, Limits, Mesh, Node, Opened, Outside, Query, View,
@@ -34,7 +34,8 @@ use crate::{
     draw::Renderer,
     gpu::{Gpu, Targets},
     picture::{Picture, different_colours, marked, save},
-    scene::{HeightsContent, Looks, MeshContent, Scene, Source, open_source},
+    scene::{Scene, open_source},
+    surface::{HeightsContent, Looks, MeshContent, Source, Surface},
 };
 use error::ErrorCheck;
 pub use flight::{Flight, fly};
@@ -74,11 +75,11 @@ pub struct Outcome {
 
 /// Runs the check of the command line and prints its result. Returns whether everything is correct.
 pub fn check_file(args: &Args) -> Result<bool> {
-    let address = args.file.as_deref().context("--check needs a file")?;
+    let [address] = &*args.files else { bail!("--check needs one file") };
     let input = args.against.as_deref().map(read_mesh).transpose()?;
     let difference = Some(args.difference.clone());
     let options = Options { views: args.views, size_px: 320, difference, fault: None };
-    let outcome = check(open_source(address)?, input, &options).with_context(|| address.to_string())?;
+    let outcome = check(open_source(address)?, input, &options).with_context(|| address.clone())?;
     outcome.lines.iter().for_each(|line| println!("{line}"));
     Ok(outcome.failures.is_empty())
 }
@@ -115,7 +116,7 @@ fn check_alone(source: Source, input: Option<Mesh>, options: &Options) -> Result
     let mut error = ErrorCheck::new(&reference, slack, options.fault);
     let coarsest = check.coarsest()?;
     check.show(&coarsest)?;
-    let views = views(&check.scene, options.views, options.size_px);
+    let views = views(&check.surface, check.surface.bounds, options.views, options.size_px);
     for (number, view) in views.iter().enumerate() {
         check.look(number, view, &mut error)?;
         if number < 40 && number.is_multiple_of(4) {
@@ -191,7 +192,7 @@ enum Wanted {
 struct Check {
     gpu: Arc<Gpu>,
     targets: Targets,
-    scene: Scene,
+    surface: Surface,
     /// One for each way of drawing.
     renderers: [Renderer; 2],
     /// For meshes and for other cuts.
@@ -206,10 +207,9 @@ impl Check {
     fn new(source: Source, options: &Options) -> Result<Self> {
         let gpu = Arc::new(Gpu::headless()?);
         // What is checked is geometry, of tiles of all depths.
-        let mut scene =
-            Scene::open_with(source, Looks { mode: Mode::Synchronous, sample_px: f64::INFINITY, is_flat: true })?;
-        scene.take_ground();
-        scene.query.outside = Outside::Coarsest;
+        let looks = Looks { mode: Mode::Synchronous, sample_px: f64::INFINITY, is_flat: true };
+        let mut surface = Scene::open_with(source, looks)?.first;
+        surface.query.outside = Outside::Coarsest;
         let renderer = |way| Renderer::new(&gpu, way);
         let mut renderers = [Way::Stitched, Way::Pulled].map(renderer);
         if let Some(Fault::ShiftedBorder(root, by)) = options.fault {
@@ -219,22 +219,22 @@ impl Check {
         let targets = Targets::new(&gpu, [options.size_px; 2]);
         let findings = Findings { difference: options.difference.clone(), ..Findings::default() };
         let accuracy = [0.5, 1.0, 2.0, 4.0, 8.0].map(|tolerance| [tolerance, 0.0, 0.0]);
-        Ok(Self { gpu, targets, scene, renderers, other, findings, triangles: 0, accuracy })
+        Ok(Self { gpu, targets, surface, renderers, other, findings, triangles: 0, accuracy })
     }
 
     /// Everything at its finest.
     fn finest(&self) -> Result<Wanted> {
-        let Ok(MeshContent { file, .. }) = self.scene.mesh() else { return Ok(Wanted::Query(Box::default())) };
+        let Ok(MeshContent { file, .. }) = self.surface.mesh() else { return Ok(Wanted::Query(Box::default())) };
         Ok(Wanted::Nodes(file.uniform_cut(file.level_count().saturating_sub(1) as u8)?.nodes))
     }
 
     /// Its mesh, and the mesh's error.
     fn finest_mesh(&self) -> Result<(Mesh, f64)> {
-        if let Some(HeightsContent { file, .. }) = self.scene.heights() {
+        if let Some(HeightsContent { file, .. }) = self.surface.heights() {
             let cut = file.cut(&HeightsQuery::default())?;
             return Ok((mesh_of(file.mesh(&cut)?), cut.error));
         }
-        let file = &self.scene.mesh()?.file;
+        let file = &self.surface.mesh()?.file;
         let finest = file.uniform_cut(file.level_count().saturating_sub(1) as u8)?;
         let slack = finest.nodes.first().and_then(|node| file.level(usize::from(node.level)));
         Ok((file.extract(&finest)?, slack.map_or(0.0, |level| level.max_error)))
@@ -242,7 +242,7 @@ impl Check {
 
     /// Everything at its coarsest.
     fn coarsest(&self) -> Result<Wanted> {
-        Ok(match self.scene.mesh() {
+        Ok(match self.surface.mesh() {
             Ok(mesh) => Wanted::Nodes(mesh.file.uniform_cut(0)?.nodes),
             Err(_) => Wanted::Query(Box::new(Query { tolerance: Some(f64::MAX), ..Query::default() })),
         })
@@ -250,17 +250,17 @@ impl Check {
 
     /// What a view wants.
     fn seen(&self, view: &View) -> Result<Wanted> {
-        Ok(match self.scene.heights() {
-            None => Wanted::Nodes(self.scene.select(view)?.nodes),
-            Some(_) => Wanted::Query(Box::new(Query { view: Some(*view), ..self.scene.query.clone() })),
+        Ok(match self.surface.heights() {
+            None => Wanted::Nodes(self.surface.select(view)?.nodes),
+            Some(_) => Wanted::Query(Box::new(Query { view: Some(*view), ..self.surface.query.clone() })),
         })
     }
 
     /// Something that has to do with no view: neighbours differ by any number of levels, or tiles that are not shown
     /// are fine, too.
     fn mixed(&self, number: usize) -> Result<Wanted> {
-        let Some(heights) = self.scene.heights() else {
-            return Ok(Wanted::Nodes(mixed_levels(self.scene.mesh()?, number as u64)?));
+        let Some(heights) = self.surface.heights() else {
+            return Ok(Wanted::Nodes(mixed_levels(self.surface.mesh()?, number as u64)?));
         };
         // The larger the number, the finer.
         let records = heights.file.roots().first().map(|&root| heights.file.record(root)).transpose()?.flatten();
@@ -270,19 +270,19 @@ impl Check {
 
     /// The mesh of what is drawn, as the file extracts it.
     fn extracted(&self) -> Result<Mesh> {
-        if let Some(HeightsContent { file, streamer, .. }) = self.scene.heights() {
-            return Ok(mesh_of(file.mesh(&streamer.session().cut())?));
+        if let (Some(HeightsContent { file, .. }), Some(cut)) = (self.surface.heights(), self.surface.heights_cut()) {
+            return Ok(mesh_of(file.mesh(&cut)?));
         }
-        let nodes = self.scene.picture().nodes();
-        Ok(self.scene.mesh()?.file.extract(&Cut { nodes, ..Cut::default() })?)
+        let nodes = self.surface.picture().nodes();
+        Ok(self.surface.mesh()?.file.extract(&Cut { nodes, ..Cut::default() })?)
     }
 
     fn show(&mut self, wanted: &Wanted) -> Result<()> {
         let report = match wanted {
-            Wanted::Nodes(nodes) => self.scene.show(nodes)?,
-            Wanted::Query(query) => self.scene.ask(query)?,
+            Wanted::Nodes(nodes) => self.surface.show(nodes)?,
+            Wanted::Query(query) => self.surface.ask(query)?,
         };
-        let problems = self.scene.take_problems();
+        let problems = self.surface.take_problems();
         if !report.is_complete && problems.is_empty() {
             self.findings.failures.push("a cut is not complete".into());
         }
@@ -295,16 +295,16 @@ impl Check {
     fn look(&mut self, number: usize, view: &View, error: &mut ErrorCheck<'_>) -> Result<()> {
         let wanted = if number % 5 == 4 { self.mixed(number)? } else { self.seen(view)? };
         self.show(&wanted)?;
-        let Self { gpu, targets, scene, renderers, other, findings, .. } = self;
-        self.triangles += scene.picture().triangle_count();
+        let Self { gpu, targets, surface, renderers, other, findings, .. } = self;
+        self.triangles += surface.picture().triangle_count();
         for renderer in renderers.iter_mut() {
-            renderer.update(scene.picture());
+            renderer.update(surface.picture());
         }
         let [stitched, pulled] = &*renderers;
         let drawn = stitched.picture(targets, view)?;
         let again = pulled.picture(targets, view)?;
         findings.judge(WAY, number, &again, &drawn.different_depths(&again))?;
-        let caps = cracks::caps(scene)?;
+        let caps = cracks::caps(surface)?;
         other.set_mesh(&caps.positions, &caps.triangles);
         for (renderer, picture) in [(stitched, &drawn), (pulled, &again)] {
             let pixels = cracks::uneven_pixels(gpu, targets, [renderer, other], view)?;
@@ -319,7 +319,7 @@ impl Check {
         }
         // Close views serve to find cracks.
         if number % 4 < 2 {
-            let wrong = error.check(&self.scene, &drawn, view);
+            let wrong = error.check(&self.surface, &drawn, view);
             self.findings.judge(ERROR, number, &drawn, &wrong)?;
         }
         Ok(())
@@ -341,7 +341,7 @@ impl Check {
 
     fn picture(&mut self, view: &View, wanted: &Wanted) -> Result<Picture> {
         self.show(wanted)?;
-        self.other.update(self.scene.picture());
+        self.other.update(self.surface.picture());
         self.other.picture(&self.targets, view)
     }
 }

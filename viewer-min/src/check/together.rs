@@ -11,7 +11,8 @@ use crate::{
     draw::{Renderer, Turn},
     gpu::{Gpu, Targets},
     picture::Picture,
-    scene::{GroundScene, Scene, Source},
+    scene::{Beside, Scene},
+    surface::Source,
 };
 
 /// Depths that differ by less than this share are equal: those of the ground are computed in its own space, whose unit
@@ -24,14 +25,14 @@ pub fn check_together(source: Source, options: &Options) -> Result<Outcome> {
     let targets = Targets::new(&gpu, [options.size_px; 2]);
     let mut scene = Scene::open(source, Mode::Synchronous)?;
     let [mut of_mesh, mut of_ground] = [(); 2].map(|()| Renderer::new(&gpu, Way::Stitched));
-    let views = views(&scene, options.views, options.size_px);
+    let views = views(&scene.first, scene.bounds, options.views, options.size_px);
     let mut outcome = Outcome::default();
     let [mut in_front, mut behind, mut wrong_pixels] = [0_usize; 3];
     for (number, view) in views.iter().enumerate() {
         scene.follow_to_the_end(view)?;
-        let GroundScene { scene: ground, frame, .. } = scene.ground().context("the mesh stands on no ground")?;
+        let Beside { surface: ground, frame } = scene.beside().first().context("the mesh stands on no ground")?;
         let below = frame.view_of_ground(view);
-        of_mesh.update(scene.picture());
+        of_mesh.update(scene.first.picture());
         of_ground.update(ground.picture());
         let alone = [of_mesh.picture(&targets, view)?, of_ground.picture(&targets, &below)?];
         of_mesh.draw_in_turn(&targets, view, Turn::First);

@@ -4,19 +4,19 @@ use glam::DVec3;
 use lodpack::{Node, View};
 
 use crate::{
-    camera::middle_of,
-    scene::{MeshContent, Scene},
+    camera::{Bounds, middle_of},
+    surface::{MeshContent, Surface},
 };
 
 /// `count` views in directions spread evenly over the sphere. Of every four, one shows the whole model, one a part, and
 /// two look closely, with pixels of half a lattice step or of a few steps, so that a shift by one step is visible. All
 /// cameras are outside the model's bounding sphere. The close ones look at a point on the border of a root, as it is
 /// drawn now, if there is one.
-pub fn views(scene: &Scene, count: usize, size_px: u32) -> Vec<View> {
+pub fn views(surface: &Surface, bounds: Bounds, count: usize, size_px: u32) -> Vec<View> {
     const TOLERANCES: [f64; 7] = [0.5, 8.0, 1.0, 16.0, 2.0, 32.0, 4.0];
-    let (middle, radius) = middle_of(scene.bounds);
-    let step = scene.finest_step();
-    let with_border = scene.picture().roots().filter(|drawn| !drawn.surface.keys.is_empty());
+    let (middle, radius) = middle_of(bounds);
+    let step = surface.finest_step();
+    let with_border = surface.picture().roots().filter(|drawn| !drawn.surface.keys.is_empty());
     let aims: Vec<DVec3> =
         with_border.map(|drawn| drawn.surface.positions[drawn.surface.keys.len() / 2].into()).collect();
     let view = |number: usize| {

@@ -12,10 +12,7 @@ use anyhow::{Context, Result, bail};
 use lodpack::{Node, View};
 
 use super::{Answer, Drawn, Frame, Order, PROTOCOL, receive, send};
-use crate::{
-    args::Size,
-    scene::{Report, Scene},
-};
+use crate::{args::Size, report::Report, scene::Scene};
 
 /// A place in a wall.
 pub(crate) struct Display {
@@ -115,7 +112,7 @@ impl Display {
         for (root, level) in frame.nodes {
             match level {
                 Some(level) => {
-                    scene.know(root)?;
+                    scene.first.know(root)?;
                     self.nodes.insert(root, level)
                 }
                 None => self.nodes.remove(&root),

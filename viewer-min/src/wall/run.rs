@@ -15,7 +15,8 @@ use crate::{
     gpu::{Gpu, Targets},
     headless::{open_scene, write_table},
     picture::{numbered, save},
-    scene::{STILL, Scene},
+    scene::Scene,
+    surface::STILL,
 };
 
 /// How long the controller sleeps while displays are missing.
@@ -27,7 +28,7 @@ fn open(args: &Args) -> Result<Scene> {
 
 /// The controller of a wall that shows a scene, which listens already.
 pub(super) fn controller_of(args: &Args, scene: &Scene, counts: Size, address: &str) -> Result<Controller> {
-    let file = &scene.mesh().context("walls show meshes")?.file;
+    let file = &scene.first.mesh().context("walls show meshes")?.file;
     let known = (file.hierarchy()?, file.index().id().numbers());
     let (wall, at) = Controller::listen(address, known, counts, args.size)?;
     eprintln!("lodpack-view: listening at {at}");
@@ -36,7 +37,7 @@ pub(super) fn controller_of(args: &Args, scene: &Scene, counts: Size, address: &
 
 /// A display of the wall at an address, which shows the same.
 pub(super) fn display_of(args: &Args, scene: &Scene, address: &str) -> Result<Display> {
-    let file = scene.mesh().context("walls show meshes")?.file.index().id().numbers();
+    let file = scene.first.mesh().context("walls show meshes")?.file.index().id().numbers();
     Display::join(address, file, args.place)
 }
 
@@ -61,7 +62,7 @@ pub fn control_wall(args: &Args, counts: Size, address: &str) -> Result<()> {
             wall.draw(frame);
         }
         // Beside the displays, which draw the frame before.
-        let next = view.map(|view| wall.adapt(&Query { view: Some(*view), ..scene.query.clone() }, coherence));
+        let next = view.map(|view| wall.adapt(&Query { view: Some(*view), ..scene.first.query.clone() }, coherence));
         if adapted.is_some() {
             reports.push(wall.show());
         }

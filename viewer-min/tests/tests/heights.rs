@@ -69,7 +69,7 @@ fn terrain_with(name: &str, grid: &Grid, options: RasterOptions, is_there: impl 
     out
 }
 
-fn flat() -> PathBuf {
+pub(crate) fn flat() -> PathBuf {
     terrain("flat", &Grid::utm([300, 173]), SurfaceKind::Plane, |_, _| true)
 }
 
@@ -187,7 +187,7 @@ fn a_flight_around_the_globe_shows_no_crack_and_no_frame_without_a_surface() {
     let ball = 6_356_752.0 - 20_000.0;
     for (name, source) in [("near", None), ("far", Some(()))] {
         let bytes = std::fs::read(&path).unwrap();
-        let source: lodpack_view::scene::Source = match source {
+        let source: lodpack_view::surface::Source = match source {
             None => Arc::new(bytes),
             Some(()) => Arc::new(Far(bytes)),
         };
@@ -273,7 +273,7 @@ fn a_ramp_colours_the_picture() {
 }
 
 /// The file of a mesh that says where it is.
-fn placed(mesh: &Mesh, placement: Placement) -> Vec<u8> {
+pub(crate) fn placed(mesh: &Mesh, placement: Placement) -> Vec<u8> {
     let path = folder("heights-placed").join("mesh.ply");
     save_ply(mesh, &path).unwrap();
     let model = ModelOptions { placement: Some(placement), ..ModelOptions::default() };

@@ -7,11 +7,12 @@
 //! - [`heights`]: files of heights: checked, drawn
 //! - [`pictures`]: the program without a window: pictures, tiles, paths, exit codes
 //! - [`references`]: what pictures are compared with: PLY files, the rasteriser without a GPU, distances
+//! - [`scenes`]: several files in one picture, with one budget
 //! - [`sources`]: servers that fail while a file is being viewed
 //! - [`walls`]: displays in processes of their own show one picture, come, go, and are refused
 //! - [`window`]: the window under Xvfb: opens, takes keys, draws, closes
 //!
-//! [`channels`], [`checks`], [`drawings`], [`heights`], [`pictures`], [`walls`] and [`window`] need a graphics adapter
+//! [`channels`], [`checks`], [`drawings`], [`heights`], [`pictures`], [`scenes`], [`walls`] and [`window`] need a graphics adapter
 //! (Mesa's lavapipe is enough). Without one they report that they were skipped, and fail only if LODPACK_REQUIRE_GPU=1
 //! is set.
 #![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
@@ -23,6 +24,7 @@ mod drawings;
 mod heights;
 mod pictures;
 mod references;
+mod scenes;
 mod sources;
 mod walls;
 mod window;

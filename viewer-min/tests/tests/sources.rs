@@ -52,11 +52,11 @@ fn a_server_that_stops_leaves_the_picture_and_may_come_back() {
         std::thread::sleep(Duration::from_millis(20));
     };
     println!("{problems:?}");
-    let coarse = scene.picture().triangle_count();
+    let coarse = scene.first.picture().triangle_count();
     server.is_gone.store(false, Ordering::Relaxed);
     scene.retry_failed();
     let begun = Instant::now();
-    while scene.picture().triangle_count() == coarse || !scene.follow(&view).unwrap().is_complete {
+    while scene.first.picture().triangle_count() == coarse || !scene.follow(&view).unwrap().is_complete {
         assert!(begun.elapsed() < Duration::from_secs(40), "failed reads are not repeated");
         scene.follow(&view).unwrap();
         std::thread::sleep(Duration::from_millis(20));

@@ -11,12 +11,8 @@ mod content;
 mod images;
 mod seams;
 mod session;
-#[cfg(feature = "threads")]
-mod streamer;
 mod wanted;
 
 pub(crate) use content::HeightsContent;
 pub use images::TileImages;
 pub use session::HeightsSession;
-#[cfg(feature = "threads")]
-pub use streamer::HeightsStreamer;

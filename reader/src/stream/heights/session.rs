@@ -300,6 +300,11 @@ impl HeightsSession {
         self.wanted.exceeded
     }
 
+    /// How many triangles the running frame wants.
+    pub fn wanted_triangle_count(&self) -> u64 {
+        self.wanted.triangle_count
+    }
+
     /// How many tiles the running frame wants.
     pub fn wanted_count(&self) -> u64 {
         self.wanted.tile_count

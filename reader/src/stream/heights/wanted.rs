@@ -61,8 +61,9 @@ pub(super) struct WantedTiles {
     pub limiter: Limiter,
     /// The budget that even the coarsest tiles exceed.
     pub exceeded: Option<Limiter>,
-    /// Tiles that are drawn once all is there.
+    /// Tiles that are drawn once all is there, and their triangles.
     pub tile_count: u64,
+    pub triangle_count: u64,
 }
 
 /// A tile that may become finer.
@@ -237,7 +238,7 @@ impl Chooser {
                 wanted.tiles.insert(tile.record.id, tile);
             }
         }
-        wanted.tile_count = counts[1];
+        [wanted.triangle_count, wanted.tile_count] = counts;
         wanted
     }
 

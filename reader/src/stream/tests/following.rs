@@ -87,7 +87,7 @@ fn a_streamer_comes_to_draw_what_its_view_wants_as_exactly_as_that_asks() {
             let error_px = streamer.error_px(&view).unwrap();
             assert!(error_px > 0.0 && (error_px <= 4.0 || cut.nodes.iter().any(is_finest)), "{error_px}");
         }
-        let counters = streamer.session().counters();
+        let counters = streamer.counters()[0];
         assert!(bytes <= counters.bytes_read && stalls == counters.stalls);
         assert!(
             mode != Mode::Synchronous || (bytes == counters.bytes_read && stalls > 0),

@@ -70,5 +70,5 @@ fn a_streamer_walks_down_to_what_its_view_wants() {
         });
         assert!(complete, "{distance}");
     }
-    assert!(streamer.session().take_problems().is_empty());
+    assert!(streamer.take_problems().is_empty());
 }
