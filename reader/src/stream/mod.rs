@@ -40,6 +40,9 @@
 //! [`Changes`] say what is new. [`Counters`] with their [`LatencyHistogram`] say
 //! what a session has done, and a [`Problem`] what it has given up.
 //!
+//! With the feature `pool`, a `Pool` gives the roots of a picture places in a few large buffers of an engine, says what
+//! to copy there and which calls draw them.
+//!
 //! Files of heights have a [`HeightsSession`] of their own, whose jobs, frames and pictures are the same, and
 //! [`crate::heights::Heights::streamer`]. An [`Expecter`] predicts the query of later frames. Several streamers that draw into one
 //! picture keep one budget by a [`crate::select::SharedBudget`].
@@ -75,6 +78,8 @@ mod motion;
 mod octahedral;
 mod pace;
 mod picture;
+#[cfg(feature = "pool")]
+mod pool;
 mod prefetch;
 mod queue;
 mod simulation;
@@ -107,6 +112,8 @@ pub use loading::{Decoded, Decoding, Job};
 pub use motion::{Expecter, Motion, Pose};
 pub use octahedral::direction;
 pub use picture::{Changes, DrawnRoot, Picture};
+#[cfg(feature = "pool")]
+pub use pool::{Pool, PoolBuffer, PoolOptions, PoolPlace, PoolUpload, VERTEX_BYTES};
 pub use queue::Class;
 pub use simulation::Simulation;
 #[cfg(feature = "threads")]

@@ -12,8 +12,8 @@
 //! - [`walls`]: displays in processes of their own show one picture, come, go, and are refused
 //! - [`window`]: the window under Xvfb: opens, takes keys, draws, closes
 //!
-//! [`channels`], [`checks`], [`drawings`], [`heights`], [`pictures`], [`scenes`], [`walls`] and [`window`] need a graphics adapter
-//! (Mesa's lavapipe is enough). Without one they report that they were skipped, and fail only if LODPACK_REQUIRE_GPU=1
+//! [`channels`], [`checks`], [`drawings`], [`heights`], [`pictures`], [`scenes`], [`walls`] and [`window`] need a
+//! graphics adapter (Mesa's lavapipe is enough). Without one they report that they were skipped, and fail only if LODPACK_REQUIRE_GPU=1
 //! is set.
 #![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 

@@ -9,6 +9,8 @@ mod lists;
 mod loading;
 mod modes;
 mod pace;
+#[cfg(all(feature = "pool", feature = "threads"))]
+mod pool;
 mod textures;
 #[cfg(feature = "threads")]
 mod threads;
