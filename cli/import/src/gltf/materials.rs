@@ -18,7 +18,7 @@ use lodpack_mesh::images::ImageSource;
 /// The materials of a document among those of the input.
 #[derive(Default)]
 pub(super) struct Materials {
-    /// The number of each in the input; none where colours are not wanted. Those that differ in name alone are one: some
+    /// The number of each in the input; none where colours are not wanted. Those that differ in name alone are one:
     /// exporters write one for each of very many objects.
     numbers: Vec<usize>,
     /// The sets of texture coordinates that they use, ascending.

@@ -187,8 +187,8 @@ fn materials_that_look_the_same_are_one_whatever_their_names_are() {
         json!({"name": format!("of part {number}"), "pbrMetallicRoughness": {"baseColorFactor": colour}})
     };
     let primitives: Vec<Value> =
-        [0, 1, 1_999, 2_000].map(|number| json!({"attributes": {"POSITION": 0}, "material": number})).into();
-    let materials: Vec<Value> = (0..2_001).map(material).collect();
+        [0, 1, 19, 20].map(|number| json!({"attributes": {"POSITION": 0}, "material": number})).into();
+    let materials: Vec<Value> = (0..21).map(material).collect();
     let model = glb(&gltf(json!(primitives), json!({"materials": materials}), &[0; 4]));
     let (appearance, attributes, _) = Folder::new(&[("a.glb", &model)]).sound(&["a.glb"]);
     let red = |triangle: usize| appearance.materials[usize::from(attributes.materials[triangle])].base_colour[0];
