@@ -6,8 +6,8 @@ use glam::DVec3;
 use lodpack::{File, Limits, index::Ray};
 use lodpack_tests::scene::{Scene, Sharing, plant, write_glb};
 use serde_json::Value;
-use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::collections::{BTreeMap, HashSet};
+use std::path::{Path, PathBuf};
 
 /// A folder with `plant.glb`, and `plant.lodpack` of it within two millimetres.
 struct Folder(tempfile::TempDir, Scene);
@@ -70,6 +70,18 @@ fn of_scene(scene: &Scene) -> Counts {
     counts
 }
 
+/// How many different materials a GLB has, and how many of all are used.
+fn materials(path: &Path) -> (usize, usize) {
+    let bytes = std::fs::read(path).expect("written");
+    let length = u32::from_le_bytes(bytes[12..16].try_into().expect("four bytes")) as usize;
+    let document: Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
+    let list = |value: &Value| value.as_array().expect("a list").clone();
+    let different: HashSet<String> = list(&document["materials"]).iter().map(Value::to_string).collect();
+    let primitives = list(&document["meshes"]).into_iter().flat_map(|mesh| list(&mesh["primitives"]));
+    let used: HashSet<u64> = primitives.map(|primitive| primitive["material"].as_u64().expect("a number")).collect();
+    (different.len(), used.len())
+}
+
 #[test]
 fn what_a_plant_names_is_listed_and_comes_back_through_extracted_glb() {
     let folder = Folder::new(300);
@@ -99,6 +111,8 @@ fn what_a_plant_names_is_listed_and_comes_back_through_extracted_glb() {
             .sum::<u64>()
     };
     folder.run("extract plant.lodpack -o whole.glb");
+    let (looks, used) = materials(&folder.path("whole.glb"));
+    assert!((2..20).contains(&looks) && used == looks, "{looks} materials, {used} of them are used");
     for input in ["whole.glb", "plant.lodpack"] {
         folder.run(&format!("build {input} -o again.lodpack --tolerance 0.002 --force"));
         assert_eq!(listed(&folder.list("again.lodpack")), of_scene(&folder.1), "{input}");

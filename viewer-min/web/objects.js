@@ -4,6 +4,7 @@ import { objectsOf } from 'lodpack/objects';
 
 /** Rows that are added at once. */
 const MOST_ROWS = 200;
+const ORDER = new Intl.Collator(undefined, { numeric: true });
 const title = ({ name, id, number }) => name || id || `#${number}`;
 
 export class ObjectPanel {
@@ -13,6 +14,7 @@ export class ObjectPanel {
   #filter = null;
   #marked = null; // The surface of what is selected.
   #selected = null;
+  #selecting = Promise.resolve(); // What was asked for last.
   #turn = Promise.resolve(); // One change after the other.
 
   /** `changed()` hears when something looks different, `fly(box)` goes to a box, `failed(error)` hears of errors. */
@@ -76,25 +78,31 @@ export class ObjectPanel {
         const nodes = await objects.nodes(found.slice(0, MOST_ROWS));
         for (const node of nodes) {
           const row = this.#row(node);
-          row.querySelector('.name').title = (await objects.above(node.number)).map(title).join(' / ');
+          const path = (await objects.above(node.number)).map(title).join(' / ');
+          row.querySelector('.name').title = path;
+          row.append(Object.assign(document.createElement('small'), { textContent: path }));
           list.append(row);
         }
         if (nodes.length === 0) list.append(Object.assign(document.createElement('li'), { textContent: 'Nothing has this name or id.' }));
         if (nodes.length > 0) this.select(nodes[0].number);
       }
-      if (this.#objects === objects) this.tree.replaceChildren(...list.childNodes);
+      if (this.#objects !== objects) return;
+      this.tree.replaceChildren(...list.childNodes);
+      this.tree.scrollTop = 0;
     } catch (error) {
       this.failed(error);
     }
   }
 
-  /** Adds children to a list: some, and a button for more. */
+  /** Adds children to a list: all by their names, or, of very many, some as the file has them and a button for more. */
   async #fill(list, pages, waiting = []) {
-    while (waiting.length < MOST_ROWS) {
+    let isAll = false;
+    while (waiting.length < MOST_ROWS && !isAll) {
       const { value, done } = await pages.next();
-      if (done) break;
-      waiting.push(...value);
+      waiting.push(...(value ?? []));
+      isAll = done;
     }
+    if (isAll && list.children.length === 0) waiting.sort((a, b) => ORDER.compare(title(a), title(b)));
     list.append(...waiting.splice(0, MOST_ROWS).map((node) => this.#row(node)));
     if (waiting.length === 0) {
       // Whether more follows is known when it is asked for.
@@ -151,50 +159,57 @@ export class ObjectPanel {
   }
 
   /** Selects a node, or nothing. */
-  async select(number) {
-    const objects = this.#objects;
-    if (!objects) return;
-    try {
-      const node = number === null ? null : await objects.node(number);
-      const above = node ? await objects.above(number) : [];
-      if (this.#objects !== objects) return;
-      this.#selected = node;
-      this.name.hidden = !node;
-      if (node) {
-        const [path, own, id] = this.name.querySelectorAll('span');
-        path.textContent = above.map((each) => `${title(each)} / `).join('');
-        own.textContent = title(node);
-        id.textContent = node.id && node.id !== title(node) ? ` · ${node.id}` : '';
-      }
-      this.#apply({ marked: node ? [node.number] : [] });
-    } catch (error) {
-      this.failed(error);
-    }
+  select(number) {
+    return this.#next(() => number);
   }
 
   /** Selects what a ray meets first. */
-  async pick(origin, direction) {
-    try {
-      const hit = await this.#objects?.pick({ origin, direction }, this.#filter);
-      await this.select(hit?.number ?? null);
-    } catch (error) {
-      this.failed(error);
+  pick(origin, direction) {
+    return this.#next(async () => (await this.#objects?.pick({ origin, direction }, this.#filter))?.number ?? null);
+  }
+
+  /** Selects what is found, after all that was asked for before: reading names takes time. */
+  #next(find) {
+    this.#selecting = this.#selecting.then(() => this.#find(find)).catch(this.failed);
+    return this.#selecting;
+  }
+
+  async #find(find) {
+    const objects = this.#objects;
+    if (!objects) return;
+    const number = await find();
+    const node = number === null ? null : await objects.node(number);
+    const above = node ? await objects.above(number) : [];
+    if (this.#objects === objects) this.#tell(node, above);
+  }
+
+  #tell(node, above) {
+    this.#selected = node;
+    this.name.hidden = !node;
+    if (node) {
+      const [path, own, id] = this.name.querySelectorAll('span');
+      path.textContent = above.map((each) => `${title(each)} / `).join('');
+      own.textContent = title(node);
+      id.textContent = node.id && node.id !== title(node) ? ` · ${node.id}` : '';
     }
+    this.#apply({ marked: node ? [node.number] : [] });
   }
 
   /** `hide` or `isolate` what is selected, `all`: show everything again, `go` to it, `none`: select nothing. */
   async act(what) {
-    const number = this.#selected?.number;
     if (what === 'all') return this.#apply({ only: null, hidden: [] });
-    if (number === undefined) return undefined;
     if (what === 'none') return this.select(null);
+    await this.#selecting;
+    const number = this.#selected?.number;
+    if (number === undefined) return undefined;
     if (what === 'isolate') return this.#apply({ only: [number], hidden: this.#choice.hidden.filter((other) => other !== number) });
     if (what === 'go') {
       const box = await this.#objects.bounds([number]).catch(this.failed);
       return box && this.fly(box);
     }
     this.#choice = { ...this.#choice, hidden: [...new Set([...this.#choice.hidden, number])] };
-    return this.select(null);
+    this.#tell(null);
+    return this.#turn;
   }
 
   #apply(change) {

@@ -1,5 +1,6 @@
 //! Writes binary glTF 2.0 with pages of images inside: one mesh, or the levels of one (extension MSFT_lod).
 
+use std::collections::HashMap;
 use std::io::{self, Write};
 
 use glam::DVec3;
@@ -38,6 +39,8 @@ pub(super) struct Scene {
     accessors: Vec<Value>,
     meshes: Vec<Value>,
     materials: Vec<Value>,
+    /// The number of each material, by its text.
+    material_numbers: HashMap<String, usize>,
     textures: Vec<Value>,
     images: Vec<Value>,
     written: Written,
@@ -192,19 +195,25 @@ impl Scene {
                     // What has no light needs none.
                     own.remove("NORMAL");
                 }
-                primitive["material"] = self.materials.len().into();
                 let mut own = of_page.clone();
                 drawing.into_iter().for_each(|drawing| draw(&mut own, drawing));
-                self.materials.push(own);
+                primitive["material"] = self.material(own).into();
             } else {
                 // Without a material it would be of metal.
-                primitive["material"] = self.materials.len().into();
-                self.materials.push(plain());
+                primitive["material"] = self.material(plain()).into();
             }
             primitives.push(primitive);
         }
         self.meshes.push(json!({"primitives": primitives}));
         Ok(())
+    }
+
+    /// The number of a material: one for all that look the same, as of thousands of objects there are a few.
+    fn material(&mut self, material: Value) -> usize {
+        *self.material_numbers.entry(material.to_string()).or_insert_with(|| {
+            self.materials.push(material);
+            self.materials.len() - 1
+        })
     }
 
     /// Writes everything; the scene shows the nodes of these numbers.

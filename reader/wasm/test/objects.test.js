@@ -174,6 +174,18 @@ describe('objects', { skip }, () => {
       assert.deepEqual((await state()).hidden, [picked.selected]);
       await page.keyboard.press('j');
       await until(() => globalThis.lodpackViewer.objects.choice.hidden.length === 0);
+      // What is asked for while names are still on their way is of what was asked for before.
+      const quick = await page.evaluate(async () => {
+        const { objects } = globalThis.lodpackViewer;
+        const acts = [0, 1].flatMap((number) => [objects.select(number), objects.act('hide')]);
+        await Promise.all([...acts, objects.select(2)]);
+        const { hidden } = objects.choice;
+        const selected = objects.selected.number;
+        await objects.select(null);
+        await objects.act('all');
+        return { hidden, selected };
+      });
+      assert.deepEqual(quick, { hidden: [0, 1], selected: 2 });
       // Found by its name, and alone.
       const name = await page.evaluate(async (number) => {
         const { objects } = globalThis.lodpackViewer;

@@ -18,8 +18,9 @@ use lodpack_mesh::images::ImageSource;
 /// The materials of a document among those of the input.
 #[derive(Default)]
 pub(super) struct Materials {
-    /// The number of the first one; none where colours are not wanted.
-    first: Option<usize>,
+    /// The number of each in the input; none where colours are not wanted. Those that differ in name alone are one:
+    /// exporters write one for each of very many objects.
+    numbers: Vec<usize>,
     /// The sets of texture coordinates that they use, ascending.
     pub(super) uv_sets: Vec<u32>,
     /// Whether each has an image of normals.
@@ -59,7 +60,18 @@ impl Materials {
         let with_normals = materials.iter().map(|material| material.normal_texture.is_some()).collect();
         let sets_of = |material: &Material| material.textures().map(|of| uv_sets[usize::from(of.uv_set)]).collect();
         let needed_sets = materials.iter().map(sets_of).collect();
-        Ok(Self { first: Some(sink.add_materials(materials)?), uv_sets, with_normals, needed_sets })
+        let (mut different, mut places) = (vec![], HashMap::new());
+        let mut place_of = |material: Material| {
+            let material = Material { name: String::new(), ..material };
+            *places.entry(format!("{material:?}")).or_insert_with(|| {
+                different.push(material);
+                different.len() - 1
+            })
+        };
+        let places_in_input: Vec<usize> = materials.into_iter().map(&mut place_of).collect();
+        let first = sink.add_materials(different)?;
+        let numbers = places_in_input.into_iter().map(|place| first + place).collect();
+        Ok(Self { numbers, uv_sets, with_normals, needed_sets })
     }
 
     /// Whether one of them has an image of normals.
@@ -79,8 +91,7 @@ impl Materials {
 
     /// The number of a primitive's material; 0 where it has none, or one that is not there.
     pub(super) fn number_of(&self, material: Option<Index>) -> usize {
-        let index = material.map(usize::from).filter(|&index| index < self.with_normals.len());
-        self.first.zip(index).map_or(0, |(first, index)| first + index)
+        material.and_then(|index| self.numbers.get(usize::from(index))).copied().unwrap_or(0)
     }
 }
 

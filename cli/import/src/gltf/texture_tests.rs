@@ -179,3 +179,18 @@ fn coordinates_that_a_transform_names_count_for_every_map() {
         }
     }
 }
+
+#[test]
+fn materials_that_look_the_same_are_one_whatever_their_names_are() {
+    let material = |number: u32| {
+        let colour = [f64::from(number % 2), 0.5, 0.25, 1.0];
+        json!({"name": format!("of part {number}"), "pbrMetallicRoughness": {"baseColorFactor": colour}})
+    };
+    let primitives: Vec<Value> =
+        [0, 1, 19, 20].map(|number| json!({"attributes": {"POSITION": 0}, "material": number})).into();
+    let materials: Vec<Value> = (0..21).map(material).collect();
+    let model = glb(&gltf(json!(primitives), json!({"materials": materials}), &[0; 4]));
+    let (appearance, attributes, _) = Folder::new(&[("a.glb", &model)]).sound(&["a.glb"]);
+    let red = |triangle: usize| appearance.materials[usize::from(attributes.materials[triangle])].base_colour[0];
+    assert_eq!((appearance.materials.len(), [0, 1, 2, 3].map(red)), (3, [0.0, 1.0, 1.0, 0.0]));
+}
