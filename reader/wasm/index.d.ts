@@ -512,8 +512,8 @@ export interface Frame {
  */
 export class SharedBudget {
   /**
-   * What each of `count` streams may take in the next frame: a tolerance for all of them, at least the one that is worth
-   * having (pixels), and triangles for each, which together are the whole budget.
+   * What each of `count` streams may take in the next frame: a tolerance for all of them, at least the one that is
+   * worth having (pixels), and triangles for each, which together are the whole budget.
    */
   limits(maxTriangles: number, pixelTolerance: number, count: number): { pixelTolerance: number; maxTriangles: number[] };
   /** The frames of all streams, in the order of their shares. */

@@ -1,9 +1,11 @@
-//! How an engine draws a streamed file: a streamer says what changes, a pool says where it goes, and each buffer is drawn
-//! by one call. Everything here but the shader is what a program with an engine of its own has to write.
+//! How an engine draws a streamed file: a streamer says what changes, a pool says where it goes, and each buffer is
+//! drawn by one call. Everything here but the shader is what a program with an engine of its own has to write.
 //!
 //! ```sh
 //! cargo run --release -p lodpack-view --example engine -- model.lodpack
 //! ```
+
+#![allow(clippy::disallowed_methods, reason = "cameras; no file depends on them")]
 
 use std::{collections::HashMap, error::Error, sync::Arc, time::Instant};
 

@@ -1,5 +1,5 @@
-//! All that is drawn into one picture: a file, what its mesh stands on, and any number of further files, with one budget
-//! of triangles.
+//! All that is drawn into one picture: a file, what its mesh stands on, and any number of further files, with one
+//! budget of triangles.
 
 use std::sync::Arc;
 

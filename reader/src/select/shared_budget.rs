@@ -60,7 +60,7 @@ impl SharedBudget {
         let lacks = count > 1 && self.taken.iter().any(|taken| taken.is_limited);
         self.raises = if lacks && used > 0.75 { (2 * self.raises).clamp(1, MOST_RAISES) } else { 0 };
         self.tolerance = if self.raises > 0 {
-            before.max(LEAST) * RAISE.powi(self.raises)
+            (0..self.raises).fold(before.max(LEAST), |tolerance, _| tolerance * RAISE)
         } else if !lacks && used < TOO_FEW {
             before * (used / ENOUGH).sqrt().max(0.5)
         } else {

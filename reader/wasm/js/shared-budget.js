@@ -3,7 +3,7 @@
 
 /** The least tolerance that a budget raises, pixels. */
 const LEAST = 1 / 64;
-/** How much a tolerance rises in a frame in which triangles lack; the power doubles from frame to frame up to the other. */
+/** How much a tolerance rises in a frame in which triangles lack; the power doubles from frame to frame, up to 16. */
 const RAISE = 1.05;
 const MOST_RAISES = 16;
 /** A tolerance falls where less than this share of the budget is used, towards the other share. */

@@ -14,7 +14,8 @@ const placed = (point) => {
   const [x, y, z] = point.map((value, axis) => (value - ORIGIN[axis]) / UNIT);
   return [x, z, -y];
 };
-// A budget and what three surfaces took, negative where they lacked triangles; and the limits before it: as in the reader's test.
+// A budget and what three surfaces took, negative where they lacked triangles; and the limits before it. The reader's
+// test has the same.
 const RUN = [
   [1000, -330, -200, 300], [1000, -500, -250, 240], [1000, -600, -150, 200], [1000, 300, 400, 200], [1000, 100, 50, 0],
   [400, 300, 200, 100], [400, 200, -150, 20], [400, 150, -230, 18], [400, 150, 200, 18],

@@ -13,8 +13,8 @@
 //! - [`window`]: the window under Xvfb: opens, takes keys, draws, closes
 //!
 //! [`channels`], [`checks`], [`drawings`], [`heights`], [`pictures`], [`scenes`], [`walls`] and [`window`] need a
-//! graphics adapter (Mesa's lavapipe is enough). Without one they report that they were skipped, and fail only if LODPACK_REQUIRE_GPU=1
-//! is set.
+//! graphics adapter (Mesa's lavapipe is enough). Without one they report that they were skipped, and fail only if
+//! LODPACK_REQUIRE_GPU=1 is set.
 #![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 
 mod cameras;
