@@ -108,8 +108,8 @@ impl Buffer {
 /// Places of the roots of a picture in buffers of an engine.
 ///
 /// After each frame call [`Pool::update`]; drop the buffers that [`Pool::buffers`] has no longer, make those that are
-/// new, copy what the uploads have, and draw [`Pool::places`]. What an engine has copied is valid for the frame that was
-/// updated; where the device still draws the frame before, copies have to wait for it, as those of a queue do.
+/// new, copy what the uploads have, and draw [`Pool::places`]. Where the device still draws the frame before, copies
+/// have to wait for it, as those of a queue do.
 pub struct Pool {
     options: PoolOptions,
     origin: [f64; 3],
