@@ -1,5 +1,5 @@
-//! Places for the roots of a picture in a few large buffers of an engine, so that a frame of 10,000 roots takes few calls
-//! of the device. Nothing here knows the engine: what has to be copied comes as bytes, and a call as five numbers.
+//! Places for the roots of a picture in a few large buffers of an engine, so that a frame of 10,000 roots takes few
+//! calls of the device. Nothing here knows the engine: what to copy comes as bytes, and a call as five numbers.
 
 use std::collections::HashMap;
 
@@ -8,8 +8,8 @@ use range_alloc::RangeAllocator;
 use super::{Changes, DrawnRoot, Picture};
 use crate::sorted::{SortedMap, SortedSet};
 
-/// Bytes of a vertex: three floats for where it is, relative to an origin, and two signed 16-bit integers for its normal
-/// ([`super::direction`] has their meaning; zeros in a session without light). Little-endian.
+/// Bytes of a vertex: three floats for where it is, relative to an origin, and two signed 16-bit integers for its
+/// normal ([`super::direction`] has their meaning; zeros in a session without light). Little-endian.
 pub const VERTEX_BYTES: usize = 16;
 
 /// How large the buffers of a [`Pool`] are, unless a single root needs more.
