@@ -149,8 +149,8 @@ impl PerformanceMode {
         let is_first = self.model.costs() == [0.0; 4];
         self.model.record(&times);
         let mean = |before: f64, now: f64| if is_first { now } else { before + (now - before) / f64::from(WINDOW) };
-        // What adapting costs a node is known where it takes long. Of a file that is only beginning to load, a few nodes
-        // may take long as well: that is soon forgotten.
+        // What adapting costs a node is known where it takes long. Of a file that is beginning to load, a few nodes may
+        // take long as well: that is soon forgotten.
         self.adapt_cost = if times.adapt > self.target.adapt_time / 2.0 {
             mean(self.adapt_cost, times.adapt / times.node_count.max(1) as f64)
         } else {

@@ -44,8 +44,8 @@
 //! to copy there and which calls draw them.
 //!
 //! Files of heights have a [`HeightsSession`] of their own, whose jobs, frames and pictures are the same, and
-//! [`crate::heights::Heights::streamer`]. An [`Expecter`] predicts the query of later frames. Several streamers that draw into one
-//! picture keep one budget by a [`crate::select::SharedBudget`].
+//! [`crate::heights::Heights::streamer`]. An [`Expecter`] predicts the query of later frames. Several streamers that
+//! draw into one picture keep one budget by a [`crate::select::SharedBudget`].
 //!
 //! # Memory and damage
 //!
