@@ -117,6 +117,9 @@ typedef enum {
   LODPACK_SHOWN_PICTURE = 2,
 } lodpack_shown;
 
+// What several streams share: a mesh, the ground that it stands on, and other files in the same picture.
+typedef struct lodpack_budget lodpack_budget;
+
 // A level for each root that is drawn; of heights a resolution for each tile.
 typedef struct lodpack_cut lodpack_cut;
 
@@ -358,6 +361,30 @@ typedef struct {
   int32_t limited_by;
 } lodpack_cut_info;
 
+// What is new in a frame.
+typedef struct {
+  // A lodpack_shown: what to draw.
+  int32_t shows;
+  // Whether everything is drawn as wanted.
+  int32_t is_complete;
+  // Roots to upload, instead of what they had: see lodpack_get_upload().
+  size_t upload_count;
+  // Roots to draw no longer: see lodpack_get_drop().
+  size_t drop_count;
+  // Roots that are drawn coarser than wanted, since they are not there yet.
+  uint64_t late_root_count;
+  // Roots to draw.
+  uint64_t root_count;
+  // Their triangles.
+  uint64_t triangle_count;
+  // Bytes read since the last frame.
+  uint64_t byte_count;
+  // Triangles that it would have if everything were there.
+  uint64_t wanted_triangle_count;
+  // A lodpack_limiter: why that is not finer.
+  int32_t limited_by;
+} lodpack_frame;
+
 // How a stream behaves. lodpack_stream_options_default() fills all of it.
 typedef struct {
   // Most bytes of the file that are kept in memory.
@@ -382,26 +409,6 @@ typedef struct {
   // How many these are.
   size_t channel_count;
 } lodpack_stream_options;
-
-// What is new in a frame.
-typedef struct {
-  // A lodpack_shown: what to draw.
-  int32_t shows;
-  // Whether everything is drawn as wanted.
-  int32_t is_complete;
-  // Roots to upload, instead of what they had: see lodpack_get_upload().
-  size_t upload_count;
-  // Roots to draw no longer: see lodpack_get_drop().
-  size_t drop_count;
-  // Roots that are drawn coarser than wanted, since they are not there yet.
-  uint64_t late_root_count;
-  // Roots to draw.
-  uint64_t root_count;
-  // Their triangles.
-  uint64_t triangle_count;
-  // Bytes read since the last frame.
-  uint64_t byte_count;
-} lodpack_frame;
 
 // A root to upload.
 typedef struct {
@@ -622,6 +629,26 @@ lodpack_status lodpack_get_cut_info(const lodpack_cut *cut, lodpack_cut_info *in
 
 // Frees a cut.
 void lodpack_free_cut(lodpack_cut *cut);
+
+// Makes a budget that streams share from frame to frame.
+lodpack_status lodpack_open_budget(lodpack_budget **budget);
+
+// Writes what each of `count` streams may take in the next frame, for `max_triangles` of all of them together and the
+// tolerance that is worth having, in pixels: a tolerance for the views of all of them, and a number for the
+// `max_triangles` of each one's query. Together these numbers are the budget, in every frame; which one gets how much
+// follows from what was recorded, so that all have about the same error after a few frames.
+lodpack_status lodpack_share_budget(lodpack_budget *budget,
+                                    uint64_t max_triangles,
+                                    double pixel_tolerance,
+                                    double *shared_tolerance,
+                                    uint64_t *shares,
+                                    size_t count);
+
+// Records the frames of all streams, in the order of the shares.
+lodpack_status lodpack_record_frames(lodpack_budget *budget, const lodpack_frame *frames, size_t count);
+
+// Ends a budget.
+void lodpack_close_budget(lodpack_budget *budget);
 
 // What went wrong in this thread's last call that returned a status: a text that is valid until the thread's next such
 // call, and empty if nothing went wrong.
