@@ -83,7 +83,7 @@ Exit status: 0 success; 1 --check found errors; 2 the request could not be carri
     format!("{examples}\n\n{KEY_CARD}")
 }
 
-/// Shows .lodpack files, writes pictures of it, and checks that it is drawn correctly.
+/// Shows .lodpack files, writes pictures of them, and checks that they are drawn correctly.
 #[derive(Clone, Debug, Parser)]
 #[command(version, args_override_self = true, after_help = more_help(), after_long_help = more_help())]
 pub struct Args {

@@ -1,5 +1,6 @@
 //! What a frame has taken: a row of the table of frames.
 
+use anyhow::Result;
 use lodpack::{Limiter, select::FrameTimes};
 
 /// Times and counters of a frame: a row of the table of frames. Times are in milliseconds; those of fetching and
@@ -71,7 +72,7 @@ impl Report {
     }
 
     /// Whether the picture is the same, as far as is known.
-    pub(crate) fn is_as(&self, other: &Self) -> bool {
+    fn is_as(&self, other: &Self) -> bool {
         let of = |report: &Self| (report.nodes, report.triangles, report.error_px.to_bits());
         of(self) == of(other)
     }
@@ -96,6 +97,23 @@ impl Report {
         };
         Some(format!("{what} is too small for this view: its coarsest cut takes more; raise it"))
     }
+}
+
+/// Frames for one picture, at most. A tree has fewer heights of lists, and budgets are shared out after fewer.
+const MOST_FRAMES: usize = 64;
+
+/// Draws until a frame is as the one before, and says itself that it stays: what could not be loaded by then does not
+/// come either.
+pub(crate) fn until_it_stays(mut draw: impl FnMut() -> Result<(Report, bool)>) -> Result<Report> {
+    let (mut report, _) = draw()?;
+    for _ in 0..MOST_FRAMES {
+        let (next, stays) = draw()?;
+        if stays && next.is_as(&report) {
+            break;
+        }
+        report = next;
+    }
+    Ok(report)
 }
 
 /// In milliseconds, as in tables.

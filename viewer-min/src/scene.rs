@@ -17,7 +17,7 @@ use crate::{
     args::Args,
     camera::{Bounds, Extent, Subject},
     objects::{Selected, ray_at},
-    report::Report,
+    report::{Report, until_it_stays},
     surface::{Looks, Source, Surface},
 };
 
@@ -28,9 +28,6 @@ pub(crate) fn open_source(address: &str) -> Result<Source> {
     }
     Ok(Arc::new(std::fs::File::open(address).with_context(|| format!("{address} cannot be opened"))?))
 }
-
-/// Frames for one picture, at most. A tree has fewer heights of lists, and budgets are shared out after fewer.
-const MOST_FRAMES: usize = 64;
 
 /// What is drawn into one picture.
 pub struct Scene {
@@ -234,18 +231,12 @@ impl Scene {
     /// Draws what the view shows, after everything for it is loaded: of a large file, more of the tree is known after
     /// each frame, and budgets are shared out anew.
     pub fn follow_to_the_end(&mut self, view: &View) -> Result<Report> {
-        let mut report = self.follow(view)?;
-        for _ in 0..MOST_FRAMES {
-            self.settle();
+        until_it_stays(|| {
             let before = self.budget.clone();
-            let next = self.follow(view)?;
-            // What could not be loaded does not come either.
-            if next.is_as(&report) && self.budget == before {
-                break;
-            }
-            report = next;
-        }
-        Ok(report)
+            let report = self.follow(view)?;
+            self.settle();
+            Ok((report, self.budget == before))
+        })
     }
 
     /// Draws these nodes of the first file for a tile of the picture that a view shows, as far as they are loaded, or
@@ -256,16 +247,14 @@ impl Scene {
             let Query { max_triangles, max_nodes, .. } = self.first.query;
             let view = Some(frame.view_of_ground(whole));
             let query = Query { view, max_triangles, max_nodes, ..Query::default() };
-            let (mut of_surface, _) = surface.follow(&query)?;
-            for _ in 0..MOST_FRAMES {
-                surface.settle();
-                let (next, _) = if waits { surface.follow(&query)? } else { break };
-                let is_same = next.is_as(&of_surface);
-                of_surface = next;
-                if is_same {
-                    break;
+            let mut follow = || {
+                let (report, _) = surface.follow(&query)?;
+                if waits {
+                    surface.settle();
                 }
-            }
+                Ok((report, true))
+            };
+            let of_surface = if waits { until_it_stays(follow)? } else { follow()?.0 };
             report = report.and(&of_surface);
         }
         Ok(report)

@@ -39,7 +39,7 @@ impl<'m> ErrorCheck<'m> {
     }
 
     /// Pixels at which the drawing and the mesh are farther apart than certified.
-    pub fn check(&mut self, scene: &Surface, drawn: &Picture, view: &View) -> Vec<usize> {
+    pub fn check(&mut self, surface: &Surface, drawn: &Picture, view: &View) -> Vec<usize> {
         let map = depth_map(&self.mesh.positions, &self.mesh.triangles, view);
         let part = |root: u32| match self.fault {
             Some(Fault::LessError(which, part)) if which == root => part,
@@ -47,7 +47,7 @@ impl<'m> ErrorCheck<'m> {
         };
         // Certified error of each drawn root.
         let certified = |drawn: &DrawnRoot| (drawn.surface.root, drawn.error() * part(drawn.surface.root));
-        let errors: BTreeMap<u32, f64> = scene.picture().roots().map(certified).collect();
+        let errors: BTreeMap<u32, f64> = surface.picture().roots().map(certified).collect();
         let largest = errors.values().copied().fold(0.0, f64::max);
         let error_of = |root: u32| errors.get(&root).copied().unwrap_or_default();
         let surfaces = OnceCell::new();
@@ -72,7 +72,7 @@ impl<'m> ErrorCheck<'m> {
             let is_drawn_right = root.is_none() || self.tree.is_near(own, reach, |_| reach);
             let is_shown = || {
                 let slack = slack_at(reference);
-                let (tree, labels): &(Tree, Vec<f64>) = surfaces.get_or_init(|| drawn_tree(scene, &error_of));
+                let (tree, labels): &(Tree, Vec<f64>) = surfaces.get_or_init(|| drawn_tree(surface, &error_of));
                 tree.is_near(other, largest + slack, |label| labels[label as usize] + slack)
             };
             if !is_drawn_right || (reference.is_finite() && !is_shown()) {
@@ -92,8 +92,8 @@ impl<'m> ErrorCheck<'m> {
 }
 
 /// A tree over everything that is drawn. The label of each triangle leads to its error.
-fn drawn_tree(scene: &Surface, error_of: &dyn Fn(u32) -> f64) -> (Tree, Vec<f64>) {
-    let mesh = scene.picture().mesh();
-    let errors = scene.picture().roots().map(|drawn| error_of(drawn.surface.root)).collect();
+fn drawn_tree(surface: &Surface, error_of: &dyn Fn(u32) -> f64) -> (Tree, Vec<f64>) {
+    let mesh = surface.picture().mesh();
+    let errors = surface.picture().roots().map(|drawn| error_of(drawn.surface.root)).collect();
     (Tree::new(&mesh.positions, &mesh.triangles, |triangle| mesh.triangle_nodes[triangle]), errors)
 }
